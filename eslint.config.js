@@ -5,6 +5,39 @@ import globals from "globals";
 
 const DELIVERED = ["static/js/**"];
 
+/** Folders of static/js, the lowest first: each imports from those before it alone. */
+const FOLDERS = [
+  ...["lib", "protocol", "input", "display", "video", "map", "study", "autonomy", "hud"],
+  ...[
+    "overlay",
+    "technical",
+    "check",
+    "audience",
+    "presence",
+    "waiting",
+    "drive",
+    "pages(?!/check)",
+  ],
+];
+
+/** @param {string} folder @param {number} place */
+const downwardImports = (folder, place) => ({
+  files: [`static/js/{,*/}${folder}/**`],
+  rules: {
+    "no-restricted-imports": [
+      "error",
+      {
+        patterns: [
+          {
+            regex: `(^|/)(${FOLDERS.slice(place + 1).join("|")})/`,
+            message: "Import downwards only: see FOLDERS in eslint.config.js.",
+          },
+        ],
+      },
+    ],
+  },
+});
+
 export default [
   {
     ignores: [
@@ -41,5 +74,6 @@ export default [
       "prefer-const": "error",
     },
   },
+  ...FOLDERS.slice(0, -1).map(downwardImports),
   { files: ["static/js/drive/load_retry.js"], languageOptions: { sourceType: "script" } },
 ];

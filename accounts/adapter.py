@@ -20,16 +20,14 @@ LIMITS_MET = frozenset({"too_many_login_attempts", "rate_limited"})
 
 
 class AccountAdapter(DefaultAccountAdapter):
-    """Keeps the shown name of the sign-up form, and closes sign-up where the site says so."""
+    """Adds the shown name to sign-up, and closes sign-up if the site does."""
 
     def is_open_for_signup(self, request: HttpRequest) -> bool:
-        """Tell whether visitors may make their own accounts; colleagues who were invited may."""
+        """Tell whether visitors may create accounts; invited colleagues always may."""
         return settings.SIGNUP_OPEN or bool(request.session.get(INVITED))
 
     def get_client_ip(self, request: HttpRequest) -> str:
-        """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy,
-        which would be everybody.
-        """
+        """Return the address that attempts are counted by, behind our proxies the visitor's."""
         return address_of(request)
 
     def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:
@@ -53,8 +51,8 @@ class AccountAdapter(DefaultAccountAdapter):
         return user
 
     def validation_error(self, code: str, *args: Any) -> ValidationError:
-        """Note that a limit was met, which allauth tells in the form alone: the answer's code says
-        so as well (accounts/rate_limits.py).
+        """Mark the request when a limit was reached: allauth reports it in the form only, and
+        accounts/rate_limits.py in the status code as well.
         """
         if code in LIMITS_MET and context.request is not None:
             context.request.limit_met = True
@@ -63,6 +61,5 @@ class AccountAdapter(DefaultAccountAdapter):
     def save_user(
         self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True
     ) -> User:
-        """Store a new account, with the name that others are to see."""
         user.display_name = form.cleaned_data.get("display_name", "")
         return super().save_user(request, user, form, commit=commit)

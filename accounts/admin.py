@@ -1,4 +1,4 @@
-"""People in the administration: who they are, when they came, and what they may do."""
+"""People and the audit log in the administration."""
 
 import uuid
 from typing import Any
@@ -15,13 +15,15 @@ from accounts.models import AuditEntry, User
 
 RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
 
-# allauth offers it to whoever may look at addresses.
+# allauth offers it to everyone who may view addresses.
 EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
 
 
 @admin.register(User)
 class PersonAdmin(ShownFilters, UserAdmin):
-    """Visitors, researchers and owners in one list; the newest first."""
+    """Visitors, researchers and owners. Only administrators may change an administrator's account,
+    its password or anyone's rights: permission to change people must not make administrators.
+    """
 
     list_display = (
         "username",
@@ -63,51 +65,32 @@ class PersonAdmin(ShownFilters, UserAdmin):
     )
     actions = ("close_accounts", "open_accounts")
 
-    # --- who may: whoever was allowed to change people is not thereby allowed to become an
-    # administrator ---------------
-
     def has_change_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
-        """An administrator's account, and with it their password, is changed by administrators
-        alone.
-        """
         return super().has_change_permission(request, obj) and _is_below(request, obj)
 
     def has_delete_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
-        """And deleted by them alone."""
         return super().has_delete_permission(request, obj) and _is_below(request, obj)
 
     def get_readonly_fields(
         self, request: HttpRequest, _obj: User | None = None
     ) -> tuple[str, ...]:
-        """Rights are given by administrators alone."""
-        return (
-            self.readonly_fields
-            if _user(request).is_superuser
-            else (*self.readonly_fields, *RIGHTS)
-        )
+        return (*self.readonly_fields, *(() if _user(request).is_superuser else RIGHTS))
 
     @admin.action(description=_("Close selected accounts"), permissions=["change"])
     def close_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
-        """Keep the chosen people from logging in; their records stay. Nobody closes their own
-        account by mistake.
-        """
+        """Close accounts, except the user's own; their records stay."""
         count = _of(request, queryset).exclude(pk=request.user.pk).update(is_active=False)
         self.message_user(request, _("Accounts closed: %(n)d.") % {"n": count})
 
     @admin.action(description=_("Reopen selected accounts"), permissions=["change"])
     def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
-        """Let the chosen people log in again."""
-        self.message_user(
-            request,
-            _("Accounts reopened: %(n)d.") % {"n": _of(request, queryset).update(is_active=True)},
-        )
+        count = _of(request, queryset).update(is_active=True)
+        self.message_user(request, _("Accounts reopened: %(n)d.") % {"n": count})
 
 
 @admin.register(AuditEntry)
 class AuditAdmin(admin.ModelAdmin):
-    """Who did what to whom: to look at and to filter, and for administrators alone, because it
-    tells of everybody.
-    """
+    """Read-only, and for administrators alone because it is about everyone."""
 
     list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
     list_filter = ("act", "at", "robot", "study")
@@ -118,38 +101,30 @@ class AuditAdmin(admin.ModelAdmin):
     show_full_result_count = False
 
     def has_module_permission(self, request: HttpRequest) -> bool:
-        """Administrators."""
         return bool(_user(request).is_active and _user(request).is_superuser)
 
     def has_view_permission(self, request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Administrators."""
         return self.has_module_permission(request)
 
-    def has_add_permission(self, _request: HttpRequest) -> bool:
-        """Nobody writes entries by hand."""
+    def has_add_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
         return False
 
-    def has_change_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Nor changes them."""
-        return False
-
-    def has_delete_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Nor deletes them."""
-        return False
+    has_change_permission = has_delete_permission = has_add_permission
 
     def get_search_results(
         self, _request: HttpRequest, queryset: "QuerySet[AuditEntry]", search_term: str
     ) -> tuple[Any, bool]:
-        """An id is sought among people, and anything among things; what is no id is no person's."""
+        """Search an id among people and items, any other text among items, robots and studies."""
+        words = search_term.strip()
         try:
-            key = uuid.UUID(search_term.strip())
+            key = uuid.UUID(words)
         except ValueError:
-            words = search_term.strip()
             found = (
                 Q(thing__icontains=words) | Q(robot__icontains=words) | Q(study__icontains=words)
             )
-            return (queryset.filter(found) if words else queryset), False
-        return queryset.filter(Q(actor=key) | Q(person=key) | Q(thing__icontains=str(key))), False
+        else:
+            found = Q(actor=key) | Q(person=key) | Q(thing__icontains=str(key))
+        return queryset.filter(found) if words else queryset, False
 
 
 def _user(request: HttpRequest) -> Any:

@@ -7,13 +7,10 @@ from django.utils.translation import gettext_lazy as _
 
 
 class AccountsConfig(AppConfig):
-    """People, and how they log in."""
-
     name = "accounts"
     verbose_name = _("People")
 
     def ready(self) -> None:
-        """Connect the audit log to the administration, and known devices to log-ins."""
         from allauth.account.signals import password_reset
 
         from accounts.audit import note_administration

@@ -1,7 +1,6 @@
-"""How often an address may try something in a while; counted in the cache, which several processes
-share when it is Redis.
-"""
+"""Limits on attempts, counted in the cache; with Redis, all processes count together."""
 
+import contextlib
 import math
 from dataclasses import dataclass
 from urllib.parse import quote
@@ -17,11 +16,11 @@ SLICES = 10  # of a window
 
 @dataclass(frozen=True)
 class Attempts:
-    """At most `limit` in any `seconds`, whenever they begin.
+    """A sliding window: at most `limit` in any `seconds`.
 
-    A window that begins anew every minute would let twice as many through around the full minute.
-    So attempts are counted by tenths of the window, and the present tenth and the ten before it,
-    which hold all of the last `seconds`, count together.
+    A window that restarts every minute would allow twice as many around the full minute. Attempts
+    are therefore counted by tenths of the window. The present tenth and the ten before it, which
+    contain all of the last `seconds`, count together.
     """
 
     name: str
@@ -29,8 +28,8 @@ class Attempts:
     seconds: int = 60
 
     def count(self, address: str, now: float) -> bool:
-        """Count one at `now` (Unix time in seconds) and tell whether it was still allowed; what was
-        not allowed does not count.
+        """Count one at `now` (Unix time in seconds) and tell whether it was allowed; a refused one
+        does not count.
         """
         newest = self._keys(address, now)[-1]
         cache.add(newest, 0, self.seconds * 2)
@@ -38,18 +37,16 @@ class Attempts:
             cache.incr(newest)
             if sum(self._found(address, now)) <= self.limit:
                 return True
-            # after looking: of several that come at once, no more than the limit pass
+            # counted first and looked at then: of simultaneous ones, at most `limit` are allowed
             cache.decr(newest)
-        except ValueError:  # thrown out of the cache between two lines
+        except ValueError:  # evicted from the cache between two lines
             return True
         return False
 
     def take_back(self, address: str, now: float) -> None:
-        """Make one that was counted at `now` count no longer."""
-        try:
+        """Undo `count` of one at `now`."""
+        with contextlib.suppress(ValueError):  # evicted from the cache
             cache.decr(self._keys(address, now)[-1])
-        except ValueError:  # thrown out of the cache
-            return
 
     def are_left(self, address: str, now: float) -> bool:
         """Tell whether one more would be allowed."""
@@ -71,7 +68,7 @@ class Attempts:
 
     def _keys(self, address: str, now: float) -> list[str]:
         """Return the keys of the tenths that count, oldest first."""
-        named = quote(address, safe=":/")[:200]  # whatever a proxy passes on
+        named = quote(address, safe=":/")[:200]  # a proxy may pass on any text
         newest = int(now // (self.seconds / SLICES))
         return [
             f"attempts:{self.name}:{named}:{part}" for part in range(newest - SLICES, newest + 1)
@@ -79,10 +76,10 @@ class Attempts:
 
 
 def address_of(request: HttpRequest) -> str:
-    """Return for whom a request counts: the last address in X-Forwarded-For that is not a proxy of
-    ours, when a proxy of ours says so.
+    """Return the address that a request is counted by: the last one in X-Forwarded-For that is not
+    one of our proxies, if one of our proxies sent it.
     """
-    told = request.META.get("HTTP_X_FORWARDED_FOR", "")
-    return counted(
-        visitor_address(told, str(request.META.get("REMOTE_ADDR", "")), settings.TRUSTED_PROXIES)
+    forwarded, sender = (
+        str(request.META.get(name, "")) for name in ("HTTP_X_FORWARDED_FOR", "REMOTE_ADDR")
     )
+    return counted(visitor_address(forwarded, sender, settings.TRUSTED_PROXIES))

@@ -1,11 +1,12 @@
-"""The audit log: who did what to whom, when. Entries are added and name people by their ids alone.
-Nothing changes them but `unlink`, when somebody leaves a study.
+"""The audit log: who did what to whom, and when. Entries name people by their ids alone, and only
+`unlink` changes them, when a person leaves.
 """
 
 import datetime
 from collections.abc import Iterable
 from typing import Any
 
+from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
@@ -27,12 +28,12 @@ def note(
 
     Args:
         act: what was done, in snake_case.
-        actor: the user who did it; None for a command, an agent, or nobody in particular.
+        actor: the user who did it; None for a command or an agent.
         person: the user to whom it was done.
         robot: the robot or its name.
         study: the study's name.
         thing: the id or name of what it was done to.
-        detail: a few words more, none of them about a person.
+        detail: a few more words, none of them about a person.
         at: when; now by default.
     """
     return AuditEntry.objects.create(
@@ -48,22 +49,20 @@ def note(
 
 
 def forget(before: datetime.datetime, *, dry_run: bool = False) -> int:
-    """Delete the entries that are older; the one way to lose some. Return how many there are, or
-    were.
-    """
+    """Delete the entries that are older, or count them. Nothing else deletes entries."""
     rows: QuerySet[AuditEntry] = QuerySet(AuditEntry).filter(at__lt=before)
     return rows.count() if dry_run else rows.delete()[0]
 
 
 def unlink(things: Iterable[str] = (), *, person: Any = None, study: str = "") -> int:
-    """Take out of entries what leads to somebody who has left: their id, the id of the item, and
-    the time of day. The day, the action, the study and who of the staff did it stay. Return how
-    many entries there were.
+    """Remove from entries what identifies a person who has left: their id, the id of the item, and
+    the time of day. The day, the action, the study and the id of staff stay. Return the number of
+    entries.
 
     Args:
-        things: the items that were theirs, as `note` was given them.
+        things: the person's items, as `note` was given them.
         person: the user, or the user's id.
-        study: the study that was left; empty when the whole account goes.
+        study: the study that was left; empty when the whole account is deleted.
     """
     key = _key(person)
     about = Q(thing__in=list(things))
@@ -72,28 +71,24 @@ def unlink(things: Iterable[str] = (), *, person: Any = None, study: str = "") -
         about |= own & Q(study=study) if study else own
     rows: QuerySet[AuditEntry] = QuerySet(AuditEntry)
     found = list(rows.filter(about).values_list("pk", "at", "actor", "person"))
-    for entry, at, actor, whom in found:
+    for entry, at, actor, affected in found:
         day = at.replace(hour=0, minute=0, second=0, microsecond=0)
-        staff = None if actor in {key, whom} else actor
+        staff = None if actor in {key, affected} else actor
         rows.filter(pk=entry).update(at=day, actor=staff, person=None, thing="")
     return len(found)
 
 
 def _key(user: Any) -> Any:
-    return (
-        None
-        if user is None or not getattr(user, "is_authenticated", True)
-        else getattr(user, "pk", user)
-    )
+    return getattr(user, "pk", user) if getattr(user, "is_authenticated", True) else None
 
 
 def note_administration(instance: Any, created: bool, **_more: Any) -> None:
-    """Note what the administration writes into its own log, whose words may name people."""
+    """Copy an entry of the administration's own log, without its text, which may name people."""
     if created:
-        kind = instance.content_type
-        act = {1: "admin_added", 2: "admin_changed", 3: "admin_deleted"}.get(
-            instance.action_flag, "admin_did"
-        )
+        acts = {ADDITION: "admin_added", CHANGE: "admin_changed", DELETION: "admin_deleted"}
+        kind = instance.content_type.model if instance.content_type else ""
         note(
-            act, actor=instance.user_id, thing=f"{kind.model if kind else ''}:{instance.object_id}"
+            acts.get(instance.action_flag, "admin_did"),
+            actor=instance.user_id,
+            thing=f"{kind}:{instance.object_id}",
         )

@@ -1,14 +1,14 @@
-"""Where a request comes from, as proxies of ours tell it, and for whom it counts."""
+"""The address that a request comes from, and the key that it is counted by."""
 
 import ipaddress
 from collections.abc import Iterable
 
-NETWORK_PREFIX = 64  # bits of an IPv6 address: whoever has one has all that begin so
+NETWORK_PREFIX = 64  # bits of an IPv6 address: a household has all addresses with this prefix
 
 
 def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
-    """Return the address that the nearest untrusted party had: what stands left of it in
-    X-Forwarded-For is only a claim.
+    """Return the address of the nearest untrusted sender; those left of it in X-Forwarded-For are
+    only its claim.
     """
     networks = [ipaddress.ip_network(proxy, strict=False) for proxy in trusted_proxies]
     current = address
@@ -27,10 +27,8 @@ def _within(address: str, networks: list[ipaddress.IPv4Network | ipaddress.IPv6N
     return any(parsed in network for network in networks)
 
 
-def parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return an address without its zone, one of IPv4 as such however it is written, or None for
-    what is none.
-    """
+def parse_address(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return an address without its zone, an IPv4-mapped one as IPv4; None for any other text."""
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -39,14 +37,10 @@ def parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None
 
 
 def counted(address: str) -> str:
-    """Return for whom an address counts: one of IPv4 for itself, one of IPv6 for its household;
-    what is none stays as it is.
-    """
-    found = parsed(address)
+    """Return an IPv4 address, the /64 prefix of an IPv6 address, or any other text unchanged."""
+    found = parse_address(address)
     if found is None:
         return address
-    return (
-        str(found)
-        if found.version == 4
-        else str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))
-    )
+    if found.version == 4:
+        return str(found)
+    return str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))

@@ -16,6 +16,6 @@ def problem(status: int, error: str, detail: str, **headers: str) -> JsonRespons
 def too_many(
     attempts: Attempts, name: str, now: float, error: str = "too_many_attempts"
 ) -> JsonResponse:
-    """Return the refusal of a client whose attempts are used up, with its wait in seconds."""
+    """Return the refusal of a client that has reached its limit, with the wait in seconds."""
     wait = str(attempts.wait(name, now))
     return problem(429, error, f"Try again in {wait} seconds.", **{"Retry-After": wait})

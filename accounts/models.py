@@ -7,19 +7,19 @@ from django.contrib.auth.models import AbstractUser
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-# What a guest is called, who has chosen no name: in a message, and to its reader. A user name has
-# no parentheses.
+# What a guest without a chosen name is called: in a message, and on a page. A user name cannot have
+# parentheses.
 GUEST_NAMES = {"(participant)": _("Participant"), "(visitor)": _("Guest")}
 
 
 class User(AbstractUser):
-    """Anybody who signs in. The key is a UUID, which every supported database can hold and which
-    tells nothing.
+    """Every person who signs in. The key is a UUID: all supported databases have them, and they
+    reveal nothing.
     """
 
     class Kind(models.TextChoices):
-        """What an account is for. Only a full one has a user name and a password that somebody
-        chose; what the others may do is in robots/access.py and accounts/passwordless.py.
+        """What an account is for. Only a full one has a user name and password chosen by a person;
+        robots/access.py and accounts/passwordless.py limit the others.
         """
 
         FULL = "full", _("full account")
@@ -38,28 +38,25 @@ class User(AbstractUser):
 
     @property
     def shown_name(self) -> str:
-        """What other visitors and people beside the robot see, in the language of whoever reads;
-        never the e-mail address.
+        """What other visitors and people at the robot see, in the reader's language; never the
+        e-mail address.
         """
         return str(GUEST_NAMES.get(self.sent_name, self.sent_name))
 
     @property
     def sent_name(self) -> str:
-        """The shown name in a message, which has readers of several languages: of a guest without
-        a chosen name the kind, which each page says in its own (static/js/lib/words.js).
+        """The shown name in a message, whose readers have different languages: for a guest without
+        a chosen name the kind, which each page translates (static/js/lib/words.js).
         """
         return self.display_name or (f"({self.kind})" if self.is_guest else self.username)
 
     @property
     def is_guest(self) -> bool:
-        """Whether the account was made without a user name and password."""
         return self.kind != self.Kind.FULL
 
 
 class EntryCode(models.Model):
-    """The code with which a guest enters again, as a keyed hash; accounts.passwordless alone makes
-    and reads it.
-    """
+    """A keyed hash of the code with which a guest enters again (accounts/passwordless.py)."""
 
     user = models.OneToOneField(
         User, models.CASCADE, primary_key=True, related_name="entry_code", verbose_name=_("user")
@@ -76,31 +73,29 @@ class EntryCode(models.Model):
 
 
 class AppendOnlyError(RuntimeError):
-    """An entry of the audit log was to be changed or deleted."""
+    """Code tried to change or delete an entry of the audit log."""
 
 
 class AuditEntries(models.QuerySet["AuditEntry"]):
-    """Entries, which are only ever added; `accounts.audit.forget` alone takes old ones away, and
-    `accounts.audit.unlink` takes people who left out of them.
+    """Entries, which are only added. `accounts.audit.forget` and `accounts.audit.unlink`, the only
+    exceptions, use a plain QuerySet.
     """
 
     def update(self, **_values: Any) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be changed")
 
     def delete(self) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be deleted")
 
 
 class AuditEntry(models.Model):
-    """Who did what to whom, when; nothing of a person but the id, which leads to nobody once the
+    """Who did what to whom, and when; of a person only the id, which means nothing after the
     account is deleted.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     at = models.DateTimeField(_("time"), db_index=True)
-    # Ids and names of things, not references: an entry outlives what it speaks of.
+    # Ids and names, not foreign keys: an entry outlives what it is about.
     actor = models.UUIDField(_("done by"), null=True, db_index=True)
     act = models.CharField(_("action"), max_length=40, db_index=True)
     person = models.UUIDField(_("person affected"), null=True, db_index=True)
@@ -120,15 +115,9 @@ class AuditEntry(models.Model):
         return self.act
 
     def save(self, **options: Any) -> None:
-        """Add the entry.
-
-        Raises:
-            AppendOnlyError: it is there already.
-        """
         if not self._state.adding:
             raise AppendOnlyError("an audit entry cannot be changed")
         super().save(**options)
 
     def delete(self, *_args: Any, **_options: Any) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be deleted")

@@ -1,10 +1,9 @@
 """Limits on wrong passwords.
 
-Each address may guess a few passwords for an account, and all addresses together a bounded number,
-so that an attacker with many addresses does not get far. A device that has logged in to the account
-before has an allowance of its own, which guesses from elsewhere do not use up: a signed cookie
-recognises it (OWASP, "Slow Down Online Guessing Attacks with Device Cookies"). The cookie allows
-nothing without the password.
+Each address may guess a few passwords for an account, and all addresses together a limited number,
+against attackers with many addresses. A device that has logged in to the account before, recognized
+by a signed cookie, has a limit of its own, which guesses from elsewhere do not use up (OWASP, "Slow
+Down Online Guessing Attacks with Device Cookies"). The cookie allows nothing without the password.
 """
 
 import secrets
@@ -25,7 +24,7 @@ SOURCE_GUESSES = Attempts("password-source", limit=5, seconds=300)  # account an
 ACCOUNT_GUESSES = Attempts("password-account", limit=30, seconds=3600)  # from unknown devices
 DEVICE_COOKIE = "device"
 DEVICE_SECONDS = 365 * 24 * 3600
-ACCOUNTS_PER_DEVICE = 8  # the last ones; a cookie has room for few
+ACCOUNTS_PER_DEVICE = 8  # the newest; a cookie has little room
 SALT = "accounts.password_guesses"
 
 
@@ -50,7 +49,7 @@ class PasswordGuess:
         self._counted: list[tuple[Attempts, str]] = []
 
     def count(self) -> int:
-        """Count the guess. Return 0, or the seconds to wait when it is one too many."""
+        """Count the guess. Return 0, or the seconds to wait if it is not allowed."""
         for attempts, key in self._limits:
             if not attempts.count(key, self._now):
                 self.take_back()
@@ -59,7 +58,7 @@ class PasswordGuess:
         return 0
 
     def take_back(self) -> None:
-        """Make the guess count no longer: the password was right, or was not checked."""
+        """Undo `count`: the password was right, or was not checked."""
         for attempts, key in self._counted:
             attempts.take_back(key, self._now)
         self._counted.clear()
@@ -72,7 +71,6 @@ class DeviceMiddleware:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Add the cookie to the answer if `remember_device` was called during the request."""
         response = self._get_response(request)
         user = getattr(request, "device_user", None)
         if user is not None:
@@ -81,7 +79,7 @@ class DeviceMiddleware:
 
 
 def remember_device(request: HttpRequest | None, user: User, **_more: Any) -> None:
-    """Note that the request logged the user in, or gave the user a new password."""
+    """Have DeviceMiddleware set the cookie: the user logged in, or set a new password."""
     if request is not None and not user.is_guest:
         request.device_user = user
 
@@ -101,8 +99,8 @@ def _set_cookie(request: HttpRequest, response: HttpResponseBase, account: str) 
 
 
 def _device(request: HttpRequest) -> tuple[str, list[str]]:
-    """Return the device's random id, new for a device without a cookie, and the accounts that
-    logged in on it.
+    """Return the device's random id, a new one without a cookie, and the accounts that logged in
+    on it.
     """
     try:
         device, *accounts = signing.loads(
@@ -114,7 +112,7 @@ def _device(request: HttpRequest) -> tuple[str, list[str]]:
 
 
 def _account(credentials: dict[str, Any]) -> str:
-    """Return one key for an account, whether its user name or an e-mail address was entered."""
+    """Return the same key for an account whether its user name or its e-mail was entered."""
     name, email = credentials.get("username") or "", credentials.get("email") or ""
     users = (
         filter_users_by_email(email) if email else list(User.objects.filter(username__iexact=name))

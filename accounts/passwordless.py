@@ -1,10 +1,10 @@
-"""Guests: accounts without a user name and password that somebody chose.
+"""Guests: accounts without a chosen user name and password.
 
-A guest is made by whatever lets them in (a link, a button), stays in the browser's session, and
-enters again with an *entry code*. The code has 40 random bits. Only a hash of it is stored, keyed
-with the site's secret key, because all codes could be tried against a plain hash within the hour.
-What a guest may do on the site is little: robots only by a rule for their kind
-(robots.access.register_guest_rule), and none of the pages about a password or an address.
+A link or a button creates a guest, who stays in the browser's session and enters again with an
+*entry code* of 40 random bits. Only a hash of it is stored, keyed with the site's secret key,
+because all codes could be tried against a plain hash within the hour. A guest may drive robots only
+by a rule for their kind (robots.access.register_guest_rule), and may not open the pages about a
+password or an address.
 """
 
 import functools
@@ -25,33 +25,24 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.models import EntryCode, User
 
-CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # nothing that is read as something else
+CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without letters that look alike
 CODE_LENGTH = 8  # of 32 letters: 40 bits
 BACKEND = "django.contrib.auth.backends.ModelBackend"
-# One address may be a whole class, so that many come at once; nobody makes accounts for hours.
+# A class behind one address creates many at once, but not for hours.
 NEW_GUESTS = Attempts("guests", limit=60, seconds=600)
-# Codes that nobody has; counted when they are refused.
+# Counted when a code is refused.
 WRONG_CODES = Attempts("entry-codes", limit=10, seconds=300)
-# Addresses that make sense for a user name and password alone.
-FULL_ACCOUNTS_ONLY = frozenset(
-    {
-        "account_change_password",
-        "account_email",
-        "account_reauthenticate",
-        "account_set_password",
-        "profile",
-    }
-)
-
-
-# --- making one, and letting one in ---------------------------------------------------------------
+# Names of pages for accounts with a user name and password.
+FULL_ACCOUNTS_ONLY = frozenset({"profile"}) | {
+    f"account_{page}" for page in ("change_password", "email", "reauthenticate", "set_password")
+}
 
 
 def create_guest(kind: str) -> User:
-    """Return a new account that nobody can log in to with a password.
+    """Return a new account without a password.
 
     Args:
-        kind: `User.Kind.PARTICIPANT` or `User.Kind.VISITOR`; others see it instead of a name.
+        kind: `User.Kind.PARTICIPANT` or `User.Kind.VISITOR`, shown to others instead of a name.
 
     Raises:
         ValueError: the kind is not that of a guest.
@@ -66,14 +57,18 @@ def create_guest(kind: str) -> User:
 
 
 def sign_in(request: HttpRequest, user: User) -> None:
-    """Make the browser's session that of a guest.
+    """Log a guest in.
 
     Raises:
-        ValueError: the account is a full one, which its password opens and nothing else.
+        ValueError: the account is a full one, which only its password opens.
     """
+    _require_guest(user)
+    login(request, user, backend=BACKEND)
+
+
+def _require_guest(user: User) -> None:
     if not user.is_guest:
         raise ValueError("a full account is entered with its password")
-    login(request, user, backend=BACKEND)
 
 
 def sign_out_everywhere(user: User) -> None:
@@ -87,13 +82,13 @@ def sign_out_everywhere(user: User) -> None:
 
 
 def new_entry_code(user: User) -> str:
-    """Give a guest a code, as in "K7QM-2XFD", instead of an earlier one; nobody can read it again.
+    """Return a guest's new code, such as "K7QM-2XFD", which replaces an earlier one and cannot be
+    read again.
 
     Raises:
         ValueError: the account is a full one.
     """
-    if not user.is_guest:
-        raise ValueError("a full account is entered with its password")
+    _require_guest(user)
     code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
     EntryCode.objects.update_or_create(
         user=user,
@@ -104,18 +99,13 @@ def new_entry_code(user: User) -> str:
 
 
 def guest_of(code: str) -> User | None:
-    """Return the guest who has a code, however it was typed; None when nobody has, or their account
-    was closed.
-    """
+    """Return the active guest with this code, however it was typed; None if there is none."""
     typed = "".join(letter for letter in code.upper() if letter in CODE_LETTERS)
+    if len(typed) != CODE_LENGTH:
+        return None
     keys = (settings.SECRET_KEY, *settings.SECRET_KEY_FALLBACKS)
-    row = (
-        EntryCode.objects.select_related("user")
-        .filter(code_hash__in=[_hash(typed, key) for key in keys], user__is_active=True)
-        .first()
-        if len(typed) == CODE_LENGTH
-        else None
-    )
+    rows = EntryCode.objects.select_related("user").filter(user__is_active=True)
+    row = rows.filter(code_hash__in=[_hash(typed, key) for key in keys]).first()
     return row.user if row is not None and row.user.is_guest else None
 
 
@@ -127,7 +117,7 @@ def _hash(code: str, key: str) -> str:
 
 
 def open_to_visitors(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:
-    """Let a view see who tries a simulated robot. To be the outermost decorator."""
+    """Show a view the users who try a simulated robot. Must be the outermost decorator."""
 
     @functools.wraps(view)
     def opened(*args: Any, **kwargs: Any) -> HttpResponseBase:
@@ -137,33 +127,30 @@ def open_to_visitors(view: Callable[..., HttpResponseBase]) -> Callable[..., Htt
     return opened
 
 
-def _tries_a_robot(user: Any) -> bool:
-    return bool(getattr(user, "kind", "") == User.Kind.VISITOR)
-
-
 class GuestMiddleware:
-    """Middleware: leads guests away from pages about a password, an address or a name of their own,
-    with which a study's participant would become a visitor of the whole site. Somebody who tries a
-    simulated robot is nobody to all views but those that are open to them.
+    """Middleware: redirects guests from pages about a password, an address or a name of their own,
+    with which a study's participant would become a visitor of the whole site. A user who tries a
+    simulated robot is anonymous to all views but those that are open to them.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer."""
         return self._get_response(request)
 
     def process_view(
         self, request: HttpRequest, view: Any, _args: Any, _kwargs: Any
     ) -> HttpResponseBase | None:
-        """Lead to what is kept of the guest instead."""
         if not getattr(view, "is_open_to_visitors", False):
-            # when it is asked for: a page that asks for no user may be kept by caches
             user = request.user
-            request.user = SimpleLazyObject(
-                lambda: AnonymousUser() if _tries_a_robot(user) else user
-            )
+
+            def as_seen() -> Any:
+                is_visitor = getattr(user, "kind", "") == User.Kind.VISITOR
+                return AnonymousUser() if is_visitor else user
+
+            # lazy: caches may keep a page that does not look at the user
+            request.user = SimpleLazyObject(as_seen)
         match = request.resolver_match
         if match is None or match.url_name not in FULL_ACCOUNTS_ONLY:
             return None

@@ -1,6 +1,4 @@
-"""Views that may be asked only so often; who asks more is told to wait, by a page or in JSON, with
-Retry-After.
-"""
+"""Rate limits of views. A client over its limit gets 429 as a page or JSON, with Retry-After."""
 
 import functools
 import time
@@ -15,7 +13,7 @@ from accounts.attempts import Attempts, address_of
 Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
 TOO_MANY = 429
-FORM_REFUSED = (200, 400)  # a page, and what a script is told
+FORM_REFUSED = (200, 400)  # as a page, and for a script
 ATTEMPTS_SECONDS = 60  # the longest window of ACCOUNT_RATE_LIMITS
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 
@@ -27,51 +25,46 @@ def limited(
     json: bool = False,
     refusals: Container[int] | None = None,
 ) -> Callable[[View[Given]], View[Given]]:
-    """Keep a view to so many requests of one person, or of one address while nobody is signed in.
+    """Limit the requests of a user, or of an address without a login, to a view.
 
     Args:
         attempts: how many in how long.
-        reading: also requests that change nothing are counted.
-        json: the answer is for a program.
-        refusals: count only requests that are answered with one of these codes: a class behind one
-            address that does all right has no limit.
+        reading: count also requests that change nothing.
+        json: refuse in JSON.
+        refusals: count only requests that are answered with one of these codes, so that a class
+            behind one address is not limited while it makes no errors.
     """
 
     def limit(view: View[Given]) -> View[Given]:
         @functools.wraps(view)
-        def kept(
+        def limited_view(
             request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs
         ) -> HttpResponseBase:
             if not (reading or request.method not in SAFE):
                 return view(request, *args, **kwargs)
             name, now = who(request), time.time()
-            if not (
-                attempts.count(name, now) if refusals is None else attempts.are_left(name, now)
-            ):
+            check = attempts.count if refusals is None else attempts.are_left
+            if not check(name, now):
                 return too_many(request, attempts.wait(name, now), json=json)
             answer = view(request, *args, **kwargs)
             if refusals is not None and answer.status_code in refusals:
                 attempts.count(name, now)
             return answer
 
-        return kept
+        return limited_view
 
     return limit
 
 
 class RetryAfterMiddleware:
-    """Middleware: whoever met a limit of django-allauth reads so in the answer's code, and when to
-    come again.
-
-    The page stays as it is: after too many wrong passwords it is the form, with a sentence above
-    it.
+    """Middleware: answers with 429 and Retry-After where django-allauth's limits were reached. The
+    page stays: after too many wrong passwords it is the form, with a sentence above it.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer, with 429 and Retry-After where a limit was met."""
         response = self._get_response(request)
         guessed = getattr(request, "limit_met", False)
         if guessed and response.status_code in FORM_REFUSED:
@@ -82,15 +75,12 @@ class RetryAfterMiddleware:
 
 
 def who(request: HttpRequest) -> str:
-    """Return by what requests are counted together: the user, or the address of who is not signed
-    in.
-    """
+    """Return the key that requests are counted by: the user, or the address without a login."""
     user: Any = getattr(request, "user", None)
     return f"user-{user.pk}" if user is not None and user.is_authenticated else address_of(request)
 
 
 def too_many(request: HttpRequest, seconds: int, *, json: bool = False) -> HttpResponse:
-    """Tell somebody to wait."""
     if json:
         detail = f"Try again in {seconds} seconds."
         return JsonResponse(

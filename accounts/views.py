@@ -1,4 +1,4 @@
-"""A visitor's own page; everything about logging in is django-allauth's, in this site's dress."""
+"""A visitor's own page. Logging in is django-allauth's, with this site's templates."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from accounts.models import User
 
 
 class ProfileView(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
-    """The shown name, and the ways to e-mail address and password. Always the visitor's own."""
+    """The visitor's shown name, with links to e-mail address and password."""
 
     form_class = ProfileForm
     template_name = "accounts/profile.html"
@@ -21,5 +21,5 @@ class ProfileView(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
     success_message = _("Saved.")
 
     def get_object(self, queryset: Any = None) -> User:
-        """Return a fresh copy, so that a refused change does not show in the page's header."""
+        """Return a copy, so that a refused change does not show in the page's header."""
         return User.objects.get(pk=self.request.user.pk)

@@ -8,37 +8,15 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 BENCHMARKS = (
-    "media",
-    "audience",
-    "control",
-    "page_floods",
-    "visits",
-    "relay",
-    "states",
-    "load",
-    "idle",
-    "crashes",
-    "floods",
-    "page",
-    "narrow",
-    "networks",
-    "cockpit",
-    "robot",
-    "camera",
-    "localization",
-    "navigation",
-    "docking",
-    "assist",
-    "autonomy",
-    "replay",
-    "analysis",
-    "export",
-    "markers",
+    *("media", "audience", "control", "page_floods", "visits", "relay", "states", "load", "idle"),
+    *("crashes", "floods", "page", "narrow", "networks", "cockpit", "robot", "camera"),
+    *("localization", "navigation", "docking", "assist", "autonomy", "replay", "analysis"),
+    *("export", "markers"),
 )
 
 
 def module_of(name: str) -> str:
-    """Return the module of a benchmark, in whichever folder it is; SystemExit if there is none."""
+    """Return the module of a benchmark; SystemExit if there is none."""
     path = next(FOLDER.rglob(f"{name}.py"), None)
     if path is None:
         raise SystemExit(f"There is no benchmark {name}.")
@@ -46,7 +24,6 @@ def module_of(name: str) -> str:
 
 
 def main() -> int:
-    """Run the benchmarks named on the command line, or all of them, and return how many failed."""
     modules = {name: module_of(name) for name in sys.argv[1:] or BENCHMARKS}
     failed = [
         name

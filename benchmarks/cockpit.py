@@ -133,7 +133,6 @@ async def drive(
 
 
 async def measure(seconds: float) -> list[Figure]:
-    """Return all figures."""
     from tests.support.browsers.chromium import CHROMIUM, FLAGS
     from tests.support.browsers.fake_robot_page import FakeRobotPage
 
@@ -156,7 +155,6 @@ async def measure(seconds: float) -> list[Figure]:
 def figures(
     spent: dict[str, float], profile: dict[str, Any], long_tasks: list[float], longest: float
 ) -> list[Figure]:
-    """Return the figures of what was measured."""
     shown, script = shares(profile)
     drawn = spent["ScriptDuration"] * (shown / script if script else 0.0)
     wall = (profile["endTime"] - profile["startTime"]) / 1e6
@@ -174,7 +172,6 @@ def figures(
 
 
 def main() -> int:
-    """Measure and keep."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     seconds = parser.parse_args().seconds

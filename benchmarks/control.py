@@ -60,7 +60,6 @@ def driver(browser: Browser, site: Site, way: str) -> Visitor:
 
 
 def applied(site: Site) -> Iterator[dict[str, Any]]:
-    """Yield every applied command of the newest session, in order."""
     for state in site.states(site.sessions()[-1][0]):
         yield from state.get("applied", [])
 
@@ -130,7 +129,6 @@ def _steady(giraff: Onlooker) -> bool:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--assist",
@@ -166,16 +164,15 @@ def main() -> int:
                     f"key press to applied velocity, {way}",
                     samples[way],
                     "ms",
-                    {"p50": bound, "p95": None, "max": None},
+                    p50=bound,
+                    p95=None,
+                    max=None,
                 )
                 if way == "datachannel":
                     samples["stop"] = stop_delays(site, giraff, someone)
                 someone.close()
     figures += quantiles(
-        "last accepted command to stop",
-        samples["stop"],
-        "ms",
-        {"p50": None, "p99": 350, "max": None},
+        "last accepted command to stop", samples["stop"], "ms", p50=None, p99=350, max=None
     )
     return keep("control", figures, assist=level, **samples)
 

@@ -79,7 +79,6 @@ class Crowd:
 
 
 def populate(place: RunningSite, crowd: Crowd, bases: Bases) -> list[str]:
-    """Let everybody come; return the robots' names when all are driven."""
     names = [
         *(f"agent-{number}" for number in range(AGENTS)),
         *(f"light-{number}" for number in range(ROBOTS - AGENTS)),
@@ -157,7 +156,6 @@ def calm() -> Crash:
 
 
 def everybody_leaves(place: RunningSite, crowd: Crowd) -> None:
-    """End every visit, and wait for the record."""
     robots = crowd.robots
     crowd.visitors.ask("leave")
     wait_for(
@@ -184,7 +182,6 @@ def _awaited(place: RunningSite, robots: Hands) -> dict[str, str]:
 
 
 def main() -> int:
-    """Crash everything, judge, print; return how much was wrong."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-crashes-") as folder,
         watched() as jitter,
@@ -244,7 +241,6 @@ def place_with_sfu(folder: Path) -> Iterator[RunningSite]:
 
 
 def parts_of(place: RunningSite) -> list[str]:
-    """Return what is killed or cut: everything of the server, and one agent."""
     server = [name for name in place.processes if not name.startswith("agent-")]
     return [*server, *place.cables, *(["agent-0"] if AGENTS else [])]
 
@@ -255,7 +251,6 @@ def report(
     states: int,
     wrong: dict[str, list[str]],
 ) -> int:
-    """Print and keep what was found; return how much was wrong."""
     print(f"{'':18}{'all well after':>16}{'no commands for':>17}{'no picture for':>16}")
     for figures in crashes:
         print(

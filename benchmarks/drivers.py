@@ -31,7 +31,6 @@ PLAYING = "#drive-page[data-playing][data-link=live]"
 
 
 def by_hand(hands: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
-    """Return what tours with hands that steer."""
     return lambda tour, _site: tour.steer(hands(tour.page), WITHIN)
 
 
@@ -43,9 +42,8 @@ def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
-    """Return each controller's kind of screen, and how one tours with it."""
-    from tests.support.browsers.first_time_user import Keys
-    from tests.support.browsers.scripted_visitor import Mouse, Pad, Thumb, Touch
+    from tests.support.browsers.first_time_user import Keys, Thumb, Touch
+    from tests.support.browsers.scripted_visitor import Mouse, Pad
 
     def fingers(page: Page) -> Touch:
         return Touch(page.context.new_cdp_session(page))
@@ -60,7 +58,6 @@ def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]
 
 
 def tour(browser: Browser, name: str) -> list[Figure]:
-    """Return the figures of one controller."""
     from robots.world.sites import load_plan
     from tests.support.browsers.fake_robot_page import FakeRobotPage
     from tests.support.browsers.scripted_visitor import Tour
@@ -79,7 +76,7 @@ def tour(browser: Browser, name: str) -> list[Figure]:
         drove, methods = site.simulation, {command.method for _, command in site.applied}
     print(
         f"{name}, recorded as {' and '.join(sorted(methods))}: {seconds:.0f} s; was told"
-        f" {person.answers}",
+        f" {person.alerts}",
         flush=True,
     )
     return [
@@ -98,7 +95,6 @@ def tour(browser: Browser, name: str) -> list[Figure]:
 
 
 def main() -> int:
-    """Drive, print, keep."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("controllers", nargs="*", metavar="controller")
     django.setup()

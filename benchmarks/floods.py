@@ -74,17 +74,15 @@ class Client:
         self.line = MqttLine(self, hello(name, user, token), filters)
 
     def opened(self) -> None:
-        """Be open."""
         self.is_open.set()
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """Note how long a message of ours took."""
         if f"/{HONEST}/" in topic and len(payload) == 8:
             (sent,) = struct.unpack("d", payload)
             self.arrived.append((sent, time.perf_counter() - sent))
 
     def acknowledged(self, packet_id: int) -> None:
-        """Need nothing of it."""
+        pass
 
     def closed(self) -> None:
         """Be closed, which no flood may do to us."""
@@ -106,7 +104,6 @@ class FloodedBroker:
         self._tls = ssl.create_default_context(cafile=ca) if ca else None
 
     async def enter(self, name: str, who: str, filters: list[tuple[str, int]]) -> Client:
-        """Return a client that is let in."""
         client = Client(name, *self.tokens[who], filters)
         await asyncio.get_running_loop().create_connection(
             lambda: client.line, HOST, self.port, ssl=self._tls
@@ -115,7 +112,6 @@ class FloodedBroker:
         return client
 
     async def measure(self, seconds: float) -> FloodDelays:
-        """Exchange messages for a time, and let newcomers in."""
         try:
             robot = await self.enter(
                 "the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)]
@@ -163,7 +159,6 @@ class FloodedBroker:
 
     @contextmanager
     def flooded(self, flood: str, connections: int) -> Iterator[None]:
-        """Have the attacker flood."""
         words = [
             sys.executable,
             "-m",
@@ -248,7 +243,6 @@ def p99(seconds: list[float]) -> float:
 def compare(
     place: FloodedBroker, flood: str, connections: int
 ) -> tuple[list[Figure], dict[str, Any]]:
-    """Measure in peace and under a flood; print both."""
     peace = asyncio.run(place.measure(SECONDS))
     process = {"broker": place.process.pid}
     before, logged = shares.memory(process)["broker"], place.log.seek(0, os.SEEK_END)
@@ -313,7 +307,6 @@ def plan(*, tls: bool) -> list[tuple[str, int]]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     gc.freeze()
     figures, samples = [], []
     with tempfile.TemporaryDirectory(prefix="telepresence-floods-") as name:

@@ -92,23 +92,20 @@ class BusListener:
         self.is_open = asyncio.Event()
 
     def opened(self) -> None:
-        """Be open."""
         self.is_open.set()
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """Count a message that was published while we listen."""
         if not retained:
             self.counts[topic.rpartition("/")[2]] += 1
 
     def acknowledged(self, packet_id: int) -> None:
-        """Need nothing of it."""
+        pass
 
     def closed(self) -> None:
-        """Need nothing of it either."""
+        pass
 
 
 async def listen(place: RunningSite, credentials: list[str]) -> tuple[BusListener, MqttLine]:
-    """Return a subscriber to everything, once what is retained has arrived."""
     listener = BusListener()
     line = MqttLine(
         listener, hello("bus-listener", *credentials), [(f"{topics.ROOT}/#", 0)], keep_alive=30
@@ -156,7 +153,6 @@ async def wake(place: RunningSite, credentials: list[str], names: list[str]) -> 
 
 
 def online(fleets: list[Hands]) -> int:
-    """Return how many robots are connected."""
     return sum(int(fleet.ask("online")) for fleet in fleets)
 
 
@@ -192,7 +188,6 @@ def restart(place: RunningSite, fleets: list[Hands], count: int) -> dict[str, fl
 
 
 def measure(place: RunningSite, fleets: list[Hands]) -> tuple[list[Figure], dict[str, Any]]:
-    """Do all of it; return figures, and what they were computed from."""
     empty = shares.memory(place.processes)
     made = json.loads(place.site.django(MAKE.format(robots=ROBOTS)))
     robots = made["robots"]
@@ -233,7 +228,6 @@ def measure(place: RunningSite, fleets: list[Hands]) -> tuple[list[Figure], dict
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))  # the broker inherits it
     print(f"{ROBOTS} robots; at most {hard} open files a process", flush=True)

@@ -58,7 +58,6 @@ class LoadStep:
 
     @property
     def breaks(self) -> str:
-        """Say what was not kept, in one word or two; empty when all was."""
         if self.driving < self.sessions:
             return f"only {self.driving} drive"
         if self.record_behind > RECORD_SECONDS:
@@ -69,7 +68,6 @@ class LoadStep:
 
     @property
     def full(self) -> str:
-        """Name what has no room left."""
         name, share = max(
             (
                 (name, share)
@@ -128,7 +126,6 @@ def grow(place: RunningSite, robots: Hands, visitors: Hands, have: int, wanted: 
 
 
 def measure(place: RunningSite, robots: Hands, visitors: Hands, sessions: int) -> LoadStep:
-    """Look on for a while."""
     processes = {**place.processes, "robots": robots.pid, "visitors": visitors.pid}
     robots.ask("measured"), visitors.ask("measured")
     before = shares.read(processes)
@@ -238,7 +235,6 @@ def run(kind: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Load every place; return how many did not carry what is demanded, or lost something."""
     found = {kind: run(kind) for kind in PLACES}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(

@@ -61,7 +61,6 @@ def receive(name: str) -> tuple[list[float], list[float]]:
 
 
 def main() -> int:
-    """Measure, print and keep the figures; return how many bounds were missed."""
     name = f"benchmark-{uuid4().hex}"
     with tempfile.TemporaryDirectory(prefix="telepresence-markers-") as folder:
         settings = Path(folder) / "lsl_api.cfg"
@@ -76,13 +75,8 @@ def main() -> int:
     return keep(
         "markers",
         [
-            *quantiles(
-                "error of a marker's time",
-                errors,
-                "ms",
-                {"p50": None, "p99": None, "max": ERROR_MS},
-            ),
-            *quantiles("transit of a marker", transits, "ms", {"p50": TRANSIT_MS, "p95": None}),
+            *quantiles("error of a marker's time", errors, "ms", p50=None, p99=None, max=ERROR_MS),
+            *quantiles("transit of a marker", transits, "ms", p50=TRANSIT_MS, p95=None),
         ],
     )
 

@@ -107,7 +107,6 @@ class NetworkPairResult:
 
     @property
     def met(self) -> bool:
-        """Tell whether the visitor saw the robot and turned it."""
         return self.way != NOTHING and self.drove
 
 
@@ -151,7 +150,6 @@ class NetworkedAgent:
         )
 
     def stop(self) -> None:
-        """Let it say goodbye."""
         self._process.send_signal(signal.SIGTERM)
         self._process.wait(60)
         self._log.close()
@@ -159,7 +157,6 @@ class NetworkedAgent:
 
 @contextlib.contextmanager
 def robot_in(server: Server, computer: Computer, address: str, folder: Path) -> Iterator[None]:
-    """A robot that is online; when the block ends it says goodbye."""
     robot = NetworkedAgent(server, computer, address, folder)
     try:
         wait_for(lambda: connection(server) == "ONLINE", 40, f"the robot in {computer.name}")
@@ -170,7 +167,6 @@ def robot_in(server: Server, computer: Computer, address: str, folder: Path) -> 
 
 
 def connection(server: Server) -> str:
-    """Return what the server knows of the robot's connection."""
     return server.site.django(
         "from robots.models import RobotPresence as Presence;"
         " print(Presence.objects.get(robot__name='giraff').connection)"
@@ -231,7 +227,6 @@ def look(visitor: Visitor) -> tuple[float, str]:
 
 
 def way_of(pair: dict[str, str]) -> str:
-    """Name both ends of the way that packets take."""
     mine = f"TURN/{pair['by'].upper()}" if pair["mine"] == "relay" else pair["mine"]
     return f"{mine} – {'TURN' if pair['theirs'] == 'relay' else pair['theirs']}"
 
@@ -306,7 +301,6 @@ class Matrix:
         self._stack.close()
 
     def fill(self, server: Server, *, relay: bool) -> None:
-        """Have every visitor visit every robot."""
         for robot in self.robots:
             with robot_in(server, self._computer(f"robot-{robot}", robot), SERVER, self._folder):
                 for visitor in self.visitors:
@@ -315,7 +309,6 @@ class Matrix:
                     )
 
     def add(self, cell: NetworkPairResult) -> None:
-        """Keep a cell, and print it."""
         self.cells.append(cell)
         print(row(cell), flush=True)
 
@@ -350,7 +343,6 @@ class Matrix:
 
 
 def row(cell: NetworkPairResult) -> str:
-    """Return a line of the table."""
     relay = "relay" if cell.relay else "no relay"
     verdict = "" if cell.met else "   MISSED"
     return (
@@ -360,7 +352,6 @@ def row(cell: NetworkPairResult) -> str:
 
 
 def main() -> int:
-    """Visit, print, keep; return how many cells did not meet."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -63,7 +63,6 @@ def cold_loads(browser: Browser, site: Site) -> list[dict[str, float]]:
 
 
 def tree(pid: int) -> list[psutil.Process]:
-    """Return a process and everything under it."""
     parent = psutil.Process(pid)
     return [parent, *parent.children(recursive=True)]
 
@@ -99,7 +98,6 @@ def loads_of(site: Site, page: Page) -> dict[str, float]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-page-") as folder,
         running_site(Path(folder)) as site,
@@ -114,27 +112,23 @@ def main() -> int:
             visitor.close()
     frames = [one["picture"] + one["robot"] + one["socket"] for one in loads]
     figures = quantiles(
-        "link to page ready to drive",
-        [one["ready"] for one in loads],
-        "s",
-        {"p50": 1.0, "max": None},
+        "link to page ready to drive", [one["ready"] for one in loads], "s", p50=1.0, max=None
     )
+    figures += quantiles("page ready to first frame", frames, "s", p50=None, p95=0.6, max=None)
     figures += quantiles(
-        "page ready to first frame", frames, "s", {"p50": None, "p95": 0.6, "max": None}
-    )
-    figures += quantiles(
-        "link to first frame", [one["whole"] for one in loads], "s", {"p50": None, "max": None}
+        "link to first frame", [one["whole"] for one in loads], "s", p50=None, max=None
     )
     figures += quantiles(
         "link to first frame, browser never here",
         [one["whole"] for one in cold],
         "s",
-        {"p50": None, "max": None},
+        p50=None,
+        max=None,
     )
     for name in PARTS:
-        figures += quantiles(f"of it {name}", [one[name] for one in loads], "s", {"p50": None})
+        figures += quantiles(f"of it {name}", [one[name] for one in loads], "s", p50=None)
         figures += quantiles(
-            f"of it {name}, browser never here", [one[name] for one in cold], "s", {"p50": None}
+            f"of it {name}, browser never here", [one[name] for one in cold], "s", p50=None
         )
     figures += [
         Figure(f"agent and simulator, one viewer, {doing}", share, "%", BOUNDS.get(doing))

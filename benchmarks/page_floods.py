@@ -134,10 +134,10 @@ async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> 
     numbers = [state.seq for state in rig.link.all("state")[states:]]
     lost = len(range(numbers[0], numbers[-1] + 1)) - len(set(numbers))
     title = "under a flood" if beside else "quiet"
-    bound = {"p50": None, "p99": 60.0 if beside else None}
+    bound = 60.0 if beside else None
     return [
-        *quantiles(f"{title}: tick late", late, "ms", {"p50": None, "p99": None}),
-        *quantiles(f"{title}: stop obeyed after", stops, "ms", bound),
+        *quantiles(f"{title}: tick late", late, "ms", p50=None, p99=None),
+        *quantiles(f"{title}: stop obeyed after", stops, "ms", p50=None, p99=bound),
         Figure(f"{title}: states lost", lost, "", 0),
         Figure(f"{title}: frames sent", sent, ""),
         Figure(f"{title}: connections ended", ended, ""),
@@ -145,14 +145,12 @@ async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> 
 
 
 async def measure(directory: Path) -> int:
-    """Print the figures and return how many missed their bound."""
     async with chromium() as (browser, address):
         set_nice(SECOND)  # as the agent does, and the browser beside it does not
         return await measure_beside(browser, address, directory)
 
 
 async def measure_beside(browser: Browser, address: str, directory: Path) -> int:
-    """Measure with pages of a browser, at an address where they may be."""
     exchange = Exchange(asyncio.get_running_loop())
     media = MediaSide(
         video=SyntheticCamera(),

@@ -45,7 +45,6 @@ class EchoRobot(RobotDouble):
 
 
 def pose(seq: int) -> m.PoseUpdate:
-    """Return the answer to command number `seq`."""
     return m.PoseUpdate(
         stamp=float(seq),
         pose=m.Pose(x=0.0, y=0.0, theta=0.0),
@@ -54,7 +53,6 @@ def pose(seq: int) -> m.PoseUpdate:
 
 
 def command(seq: int) -> m.VelocityCommand:
-    """Return command number `seq`."""
     return m.VelocityCommand(
         session="s", epoch=0, seq=seq, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard"
     )
@@ -69,13 +67,11 @@ class Stopwatch:
         self._next = 0
 
     def send(self) -> int:
-        """Start the next one and return its number."""
         self._next += 1
         self._sent[self._next] = time.perf_counter()
         return self._next
 
     def arrive(self, seq: int) -> None:
-        """Stop number `seq`."""
         began = self._sent.pop(seq, None)
         if began is not None:
             self.times.append((time.perf_counter() - began) * 1000.0)
@@ -133,7 +129,6 @@ async def measure(site: Rig, cookie: str) -> tuple[Stopwatch, Stopwatch, float]:
 
 
 async def read_page(page: SocketPage, watch: Stopwatch) -> None:
-    """Stop the watch for every pose that reaches the page."""
     while True:
         suffix, message = await page.next()
         if suffix == "pose":
@@ -141,7 +136,6 @@ async def read_page(page: SocketPage, watch: Stopwatch) -> None:
 
 
 async def read_direct(client: aiomqtt.Client, watch: Stopwatch) -> None:
-    """Stop the watch for every pose that reaches the MQTT client."""
     async for message in client.messages:
         watch.arrive(int(codec.decode("pose", message.payload).stamp))
 
@@ -164,7 +158,6 @@ def summary(watch: Stopwatch) -> dict[str, float]:
 
 
 def main() -> int:
-    """Measure, print a table, keep the numbers; 1 when the median misses its bound."""
     with tempfile.TemporaryDirectory() as folder:
         site = Rig(Path(folder))
         try:

@@ -82,7 +82,6 @@ def web_alone(var: Path) -> Iterator[Site]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-replay-") as folder,
         web_alone(Path(folder)) as site,
@@ -98,10 +97,8 @@ def main() -> int:
             visitor.close()
         answers = [answer(site, cookie, f"/studies/replay/{session}.json") for _ in range(LOADS)]
     figures = [Figure("from navigation to drawn, first load", times[0], "s", 1.0)]
-    figures += quantiles(
-        "from navigation to drawn, later loads", times[1:], "s", {"p50": None, "p95": 1.0}
-    )
-    figures += quantiles("the same page without a record", empty, "s", {"p50": None, "p95": None})
+    figures += quantiles("from navigation to drawn, later loads", times[1:], "s", p50=None, p95=1.0)
+    figures += quantiles("the same page without a record", empty, "s", p50=None, p95=None)
     figures.append(
         Figure(
             "so many times as long as without a record, p50",
@@ -110,10 +107,7 @@ def main() -> int:
         )
     )
     figures += quantiles(
-        "the record from the server",
-        [seconds for seconds, _ in answers],
-        "s",
-        {"p50": None, "p95": None},
+        "the record from the server", [seconds for seconds, _ in answers], "s", p50=None, p95=None
     )
     figures.append(Figure("the record, compressed", answers[0][1] / 1000, "kB"))
     return keep("replay", figures, opened=times)

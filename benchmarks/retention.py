@@ -33,7 +33,6 @@ DURABLE = ("-c fsync=on", "-c shared_buffers=512MB", "-c max_wal_size=4GB")
 
 
 def main() -> int:
-    """Measure, print and keep the figures; the number of bounds that were missed."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-retention-") as folder,
         running_postgres(*DURABLE) as server,
@@ -150,7 +149,6 @@ ORDER BY at
 
 
 def ask(sql: str, values: list[Any] | None = None) -> list[tuple[Any, ...]]:
-    """Return the rows of a statement."""
     from django.db import connection
 
     with connection.cursor() as cursor:
@@ -162,12 +160,10 @@ def ask(sql: str, values: list[Any] | None = None) -> list[tuple[Any, ...]]:
 
 
 def rows() -> float:
-    """Return how many rows PostgreSQL takes the table to have."""
     return float(ask(f"SELECT reltuples FROM pg_class WHERE relname = '{TABLE}'")[0][0])
 
 
 def room() -> Iterator[Figure]:
-    """Tell how large everything is."""
     for what, size in (
         ("table, indexes and TOAST", f"pg_total_relation_size('{TABLE}')"),
         ("of that the indexes", f"pg_indexes_size('{TABLE}')"),
@@ -189,10 +185,7 @@ def queries(now: datetime.datetime) -> Iterator[Figure]:
     ):
         drives = drives if "same" in what else drives[50:]
         yield from quantiles(
-            what,
-            [1e3 * seconds(read, one) for one in drives[:50]],
-            "ms",
-            {"p50": None, "p95": None},
+            what, [1e3 * seconds(read, one) for one in drives[:50]], "ms", p50=None, p95=None
         )
     if os.environ.get("PLANS"):
         key = drives[0].pk
@@ -218,7 +211,9 @@ def nights(now: datetime.datetime) -> Iterator[Figure]:
             f"a second's quarter of {DRIVES} drives stored, {what}",
             waits,
             "ms",
-            {"p50": None, "p99": None, "max": None},
+            p50=None,
+            p99=None,
+            max=None,
         )
     yield Figure("VACUUM after it", seconds(ask, f"VACUUM {TABLE}"), "s")
 
@@ -240,7 +235,6 @@ def forgetting(what: str, now: datetime.datetime, days: float) -> Iterator[Figur
 
 
 def seconds(act: Callable[[Any], Any], about: Any) -> float:
-    """Return how long something takes."""
     began = time.perf_counter()
     act(about)
     return time.perf_counter() - began

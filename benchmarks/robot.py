@@ -91,7 +91,6 @@ def travel(series: str, seconds: float, people: int, seed: int) -> float:
 
 
 def whole(seconds: float) -> list[Figure]:
-    """Return the figures of the whole robot, alone and in company."""
     figures = []
     for series in MODELS:
         for people in (0, PEOPLE):
@@ -113,7 +112,6 @@ def whole(seconds: float) -> list[Figure]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--seconds", type=float, default=60.0, help="simulated, in each run")
     seconds = words.parse_args().seconds

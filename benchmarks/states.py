@@ -36,9 +36,6 @@ LIMIT_SECONDS = 180.0
 
 
 def main() -> int:
-    """Measure both brokers, print a table, keep the numbers; the number of bounds
-    that were missed.
-    """
     with tempfile.TemporaryDirectory(prefix="telepresence-states-") as folder:
         os.environ |= {
             "VAR_DIR": folder,
@@ -122,7 +119,6 @@ def past_chunk(session: Any, first: int) -> Any:
 
 
 def state(seq: int, boot: str, session: str | None, epoch: int, *, commands: int = 5) -> bytes:
-    """Return the JSON of a state."""
     from robots.api import codec
     from robots.api import messages as m
 
@@ -245,14 +241,12 @@ def start(command: str, more: dict[str, str], *arguments: str) -> "subprocess.Po
 
 
 def start_broker(kind: str) -> tuple["subprocess.Popen[str]", int]:
-    """Start a broker and return it with its port."""
     broker = start("run_broker", {}, "--port", "0", "--engine", kind)
     said = wait_for_line(broker, "broker listening")
     return broker, int(said.rpartition(" (")[0].rpartition(":")[2])
 
 
 def wait_for_line(process: "subprocess.Popen[str]", words: str) -> str:
-    """Return the first line that holds `words`."""
     assert process.stdout is not None
     for line in process.stdout:
         if words in line:
@@ -261,7 +255,6 @@ def wait_for_line(process: "subprocess.Popen[str]", words: str) -> str:
 
 
 def counts(keys: list[str]) -> dict[str, int]:
-    """Return how many states are stored of each session."""
     from django.db.models import Sum
 
     from sessions.models import StateChunk
@@ -301,7 +294,6 @@ async def play(packets: list[tuple[str, str, list[bytes]]], port: int) -> float:
 
 
 async def robot(name: str, token: str, messages: list[bytes], port: int) -> None:
-    """Connect, publish with a window, and leave when all is acknowledged."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(hello(f"robot-{name}", name, token))
     answer = await reader.readexactly(4)
@@ -319,7 +311,6 @@ async def robot(name: str, token: str, messages: list[bytes], port: int) -> None
 
 
 async def read_acknowledgements(reader: asyncio.StreamReader) -> bytes:
-    """Return whole PUBACK packets, of four bytes each."""
     found = await reader.read(4 * WINDOW)
     if not found:
         raise RuntimeError("the broker hung up")
@@ -335,7 +326,6 @@ def packet(name: str, seq: int, payload: bytes) -> bytes:
 
 
 def report(stored: int, lines: dict[str, dict[str, float]]) -> int:
-    """Print and keep the numbers; return how many bounds were missed."""
     print(
         f"{'states/s end to end':22}{'committed':>11}{'published':>11}"
         f"{'bound':>8}{'states':>8}{'CPU µs/state':>14}"

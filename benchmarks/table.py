@@ -11,9 +11,7 @@ RESULTS = Path(__file__).parent / "results"
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number: what it is, its unit, and the bound it should not exceed, if there is
-    one.
-    """
+    """One measured number: what it is, its unit, and the bound it should not exceed, if any."""
 
     what: str
     value: float
@@ -22,21 +20,16 @@ class Figure:
 
     @property
     def missed(self) -> bool:
-        """Tell whether the bound was exceeded."""
         return self.bound is not None and self.value > self.bound
 
     def __str__(self) -> str:
-        verdict = (
-            ""
-            if self.bound is None
-            else f"   {'MISSED' if self.missed else 'kept'} (at most {self.bound:g})"
-        )
-        return f"  {self.what:<52} {self.value:9.2f} {self.unit:<4}{verdict}"
+        line = f"  {self.what:<52} {self.value:9.2f} {self.unit:<4}"
+        if self.bound is None:
+            return line
+        return f"{line}   {'MISSED' if self.missed else 'kept'} (at most {self.bound:g})"
 
 
-def quantiles(
-    what: str, values: list[float], unit: str, bounds: dict[str, float | None]
-) -> list[Figure]:
+def quantiles(what: str, values: list[float], unit: str, **bounds: float | None) -> list[Figure]:
     """Return the figures named in `bounds` (p50, p95, p99, max) of a sample."""
     found = {"p50": 50, "p95": 95, "p99": 99, "max": 100}
     return [
@@ -46,12 +39,10 @@ def quantiles(
 
 
 def keep(name: str, figures: list[Figure], **more: object) -> int:
-    """Print the figures, store them, and return how many missed their bound."""
     print(f"\n{name}")
     for figure in figures:
         print(figure)
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / f"{name}.json").write_text(
-        json.dumps({"figures": [asdict(figure) for figure in figures], **more}, indent=1)
-    )
+    kept = {"figures": [asdict(figure) for figure in figures], **more}
+    (RESULTS / f"{name}.json").write_text(json.dumps(kept, indent=1))
     return sum(figure.missed for figure in figures)

@@ -67,17 +67,13 @@ def for_role(least: Role) -> Callable[[View], View]:
 
 
 def drive_to_code(user: Any, session: uuid.UUID) -> Drive:
-    """Return a finished drive of a study for its coding.
-
-    Raises:
-        Http404: there is none, its participant has withdrawn, or the user may not code it.
+    """Return a finished drive of a study for its coding; Http404 when there is none, when its
+    participant has withdrawn, or when the user may not code it.
     """
-    drives = (
-        Drive.objects.exclude(participant__status=Participant.Status.WITHDRAWN)
-        .select_related("participant__study", "session__robot__floor_plan")
-        .defer("session__robot__floor_plan__image")
-    )
-    drive = get_object_or_404(drives, session=session, session__ended_at__isnull=False)
+    drives = Drive.objects.select_related("participant__study", "session__robot__floor_plan")
+    rows = drives.exclude(participant__status=Participant.Status.WITHDRAWN)
+    rows = rows.defer("session__robot__floor_plan__image")
+    drive = get_object_or_404(rows, session=session, session__ended_at__isnull=False)
     if not may_code(user, drive.participant.study.slug):
         raise Http404
     return drive
@@ -87,20 +83,17 @@ def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, b
     """Return a session for its replay, its drive in a study, and whether the user may see photos.
 
     Staff with the permission see every session; researchers of a study those of participants who
-    have not withdrawn; viewers, who see pseudonymous data only, these without photos.
-
-    Raises:
-        Http404: there is none, or the user may not see it.
+    have not withdrawn; viewers, who see pseudonymous data only, these without photos. Any other
+    session is an Http404.
     """
     rows = Session.objects.select_related("robot", "visitor", "robot__floor_plan")
     row = get_object_or_404(rows.defer("robot__floor_plan__image"), pk=session)
     drive = Drive.objects.filter(session=row).select_related("participant__study").first()
     if user.is_active and user.is_staff and user.has_perm(SEES_SESSIONS):
         return row, drive, True
-    if (
-        drive is None
-        or drive.participant.status == Participant.Status.WITHDRAWN
-        or not may(user, drive.participant.study.slug, "viewer")
-    ):
+    if drive is None or drive.participant.status == Participant.Status.WITHDRAWN:
         raise Http404
-    return row, drive, may(user, drive.participant.study.slug, "researcher")
+    slug = drive.participant.study.slug
+    if not may(user, slug, "viewer"):
+        raise Http404
+    return row, drive, may(user, slug, "researcher")

@@ -98,12 +98,9 @@ class StudyAdmin(
         return is_owner and publishing.may_delete(obj)
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Study]":
-        counts = {
-            f"n_{kind}": Count("participants", filter=Q(participants__kind=kind))
-            for kind in ParticipantKind
-        }
-        rows: QuerySet[Study] = super().get_queryset(request)
-        return rows.annotate(**counts, active_at=Max("participants__seen_at"))
+        rows = super().get_queryset(request).annotate(active_at=Max("participants__seen_at"))
+        of_kind = {f"n_{kind}": Q(participants__kind=kind) for kind in ParticipantKind}
+        return rows.annotate(**{n: Count("participants", filter=q) for n, q in of_kind.items()})
 
     @admin.display(description=_("name"), ordering="slug")
     def name_and_version(self, row: Study) -> str:
@@ -125,20 +122,17 @@ class StudyAdmin(
         links = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
         return format_html_join(" · ", '<a href="{}">{}</a>', links)
 
-    def get_fieldsets(
-        self, request: HttpRequest, obj: Study | None = None
-    ) -> list[tuple[Any, dict[str, Any]]]:
+    def get_fieldsets(self, request: HttpRequest, obj: Study | None = None) -> list[Any]:
         """A new study starts empty or from a file; a draft can be replaced by a file."""
+        file = {"fields": ("file", "document")}
         if obj is None:
-            return [
-                (_("Start an empty study"), {"fields": ("name", "called", "spoken")}),
-                (_("or import one from a file"), {"fields": ("file", "document")}),
-            ]
+            empty = (_("Start an empty study"), {"fields": ("name", "called", "spoken")})
+            return [empty, (_("or import one from a file"), file)]
         settings = (_("How people join"), {"fields": SETTINGS})
         if obj.status != Study.Status.DRAFT or not self.has_change_permission(request, obj):
             return [settings]
-        file = {"fields": ("file", "document"), "classes": ("collapse",)}
-        return [settings, (_("Replace the definition with a file"), file)]
+        replaced = _("Replace the definition with a file")
+        return [settings, (replaced, file | {"classes": ("collapse",)})]
 
     def get_form(
         self, request: HttpRequest, obj: Study | None = None, change: bool = False, **kwargs: Any
@@ -160,9 +154,7 @@ class StudyAdmin(
             changed = " ".join(form.changed_data)
             audit.note("study_changed", actor=request.user, study=obj.slug, detail=changed)
 
-    def response_add(
-        self, request: HttpRequest, obj: Study, _post_url_continue: str | None = None
-    ) -> HttpResponse:
+    def response_add(self, request: HttpRequest, obj: Study, *_more: Any) -> HttpResponse:
         messages.success(request, gettext("Study %(study)s created as a draft.") % {"study": obj})
         return HttpResponseRedirect(reverse("admin:experiments_study_change", args=[obj.pk]))
 
@@ -205,18 +197,11 @@ class StudyAdmin(
             self.study_path("publish/", self.publish_view, "publish", "owner"),
             self.study_path("close/", partial(change, is_closing=True), "close", "owner"),
             self.study_path("reopen/", partial(change, is_closing=False), "reopen", "owner"),
-            *self.builder_urls(),
-            *self.people_urls(),
-            *self.plan_urls(),
-            *self.publication_urls(),
-            *self.recruitment_urls(),
-            *self.walk_through_urls(),
+            *self.study_urls(),
             *super().get_urls(),
         ]
 
-    def changelist_view(
-        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
-    ) -> HttpResponse:
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
         user: Any = request.user
         known = set(Study.objects.values_list("slug", flat=True))
         new = {slug: one.title.get("en", slug) for slug, one in shipped().items()}
@@ -240,9 +225,8 @@ class StudyAdmin(
 
     def export(self, _request: HttpRequest, row: Study) -> HttpResponse:
         headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
-        return HttpResponse(
-            to_json(row.as_definition()), content_type="application/json", headers=headers
-        )
+        content = to_json(row.as_definition())
+        return HttpResponse(content, content_type="application/json", headers=headers)
 
     def new_version(self, request: HttpRequest, row: Study) -> HttpResponse:
         copy = publishing.new_version(row, timezone.now())
@@ -280,24 +264,13 @@ class StudyAdmin(
                 words = gettext("Study published. Its definition can no longer be changed.")
                 messages.success(request, words)
                 return redirect("admin:experiments_study_change", row.pk)
-        context = {
-            "form": form,
-            "reasons": reasons,
-            "problems": linked_problems(row),
-            "doubts": linked_doubts(row),
-            "is_owner": True,
-            "rehearsal": publishing.passed_rehearsal(row),
-            "offer": offer_of(row),
-        }
-        status = 422 if request.method == "POST" else 200
-        title = gettext("Publish")
-        return self.study_page(
-            request, row, "publish", title, context, tab="overview", status=status
-        )
+        context = {"form": form, "reasons": reasons, "is_owner": True, "offer": offer_of(row)}
+        context |= {"problems": linked_problems(row), "doubts": linked_doubts(row)}
+        context["rehearsal"] = publishing.passed_rehearsal(row)
+        about = {"tab": "overview", "status": 422 if request.method == "POST" else 200}
+        return self.study_page(request, row, "publish", gettext("Publish"), context, **about)
 
-    def close_or_reopen(
-        self, request: HttpRequest, row: Study, *, is_closing: bool
-    ) -> HttpResponse:
+    def close_or_reopen(self, request: HttpRequest, row: Study, *, is_closing: bool) -> Any:
         try:
             if is_closing:
                 publishing.close(row, timezone.now())

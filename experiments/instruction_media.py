@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from django.core.files.uploadedfile import UploadedFile
+from django.db.models import Q
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404
 from django.utils.translation import gettext as _
@@ -39,10 +40,8 @@ def is_video(name: str) -> bool:
 
 
 def store(slug: str, file: UploadedFile, now: datetime.datetime) -> str:
-    """Store a file for the instructions of a study, and return its name.
-
-    Raises:
-        RefusedMediaError: it is too large, or of an unknown type.
+    """Store a file for the instructions of a study, and return its name; one that is too large, or
+    of an unknown type, is a RefusedMediaError.
     """
     size = file.size or 0
     head = file.read(16)
@@ -62,9 +61,8 @@ def store(slug: str, file: UploadedFile, now: datetime.datetime) -> str:
 
 def titles(slug: str, used: Iterable[str]) -> dict[str, str]:
     """Return file names by name: of a study's own media, and of `used` media of other studies."""
-    rows = InstructionMedia.objects.filter(slug=slug) | InstructionMedia.objects.filter(
-        name__in=[name for name in used if name.startswith(OWN_MEDIA)]
-    )
+    names = [name for name in used if name.startswith(OWN_MEDIA)]
+    rows = InstructionMedia.objects.filter(Q(slug=slug) | Q(name__in=names))
     return dict(rows.values_list("name", "title"))
 
 

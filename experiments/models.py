@@ -22,6 +22,7 @@ from surveys.documents import spoken
 
 CODE_LENGTH = 8
 USER = settings.AUTH_USER_MODEL
+OPTIONAL: dict[str, Any] = {"null": True, "blank": True}
 DONE, TIMED_OUT, TECHNICAL_FAILURE, SCREENED_OUT, LEFT = ENDINGS  # of taking part
 
 
@@ -32,6 +33,10 @@ def not_drawn() -> str:
 
 def new_code() -> str:
     return "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
+
+
+def _choice(title: Any, default: models.TextChoices, **more: Any) -> models.CharField:
+    return models.CharField(title, choices=type(default), default=default, **more)
 
 
 def _unique(name: str, *fields: str) -> models.UniqueConstraint:
@@ -71,15 +76,14 @@ class Study(UuidModel):
         PERSONAL = "personal", _("personal links only")
 
     FROZEN = ("slug", "version", "sha256")
+    MAX_DIGITS = 6  # of a version's number in an address or a command
     slug = models.SlugField(_("name"), max_length=40)
     version = models.PositiveIntegerField(_("version"))
     title = models.CharField(_("title"), max_length=200)
     definition = models.JSONField(_("definition"))
     sha256 = models.CharField(max_length=64, editable=False)
-    status = models.CharField(
-        _("status"), max_length=10, choices=Status, default=Status.DRAFT, db_index=True
-    )
-    entry = models.CharField(_("entry"), max_length=10, choices=Entry, default=Entry.OPEN)
+    status = _choice(_("status"), Status.DRAFT, max_length=10, db_index=True)
+    entry = _choice(_("entry"), Entry.OPEN, max_length=10)
     # as in experiments/definition/opening_hours.py; empty means always
     opening_hours = models.JSONField(_("opening hours"), default=list, blank=True)
     time_zone = models.CharField(_("time zone"), max_length=60, default="UTC")
@@ -92,9 +96,7 @@ class Study(UuidModel):
     published_at = models.DateTimeField(_("published"), null=True, blank=True)
     closed_at = models.DateTimeField(_("closed"), null=True, blank=True)
     # decides which robots it can use: experiments/participation/robot_eligibility.py
-    published_by = ForeignKey(
-        USER, SET_NULL, null=True, blank=True, related_name="published_studies"
-    )
+    published_by = ForeignKey(USER, SET_NULL, **OPTIONAL, related_name="published_studies")
     unrehearsed_reason = models.TextField(_("reason for publishing without rehearsal"), blank=True)
     deviations = models.TextField(
         _("deviations from the plan"),
@@ -121,10 +123,8 @@ class Study(UuidModel):
         return f"{self.title} · {self.slug} {self.version}"
 
     def save(self, **options: Any) -> None:
-        """Save the study, a draft with every value and its digest; a published digest stays.
-
-        Raises:
-            FrozenStudyError: it was published with something else, or would be a draft again.
+        """Save the study, a draft with every value and its digest; a published digest stays. One
+        that was published with something else, or would be a draft again, is a FrozenStudyError.
         """
         definition = self.as_definition()
         published = Study.objects.filter(pk=self.pk).exclude(status=self.Status.DRAFT).first()
@@ -135,10 +135,8 @@ class Study(UuidModel):
             or definition != published.as_definition()
             or any(getattr(self, name) != getattr(published, name) for name in self.FROZEN)
         ):
-            raise FrozenStudyError(
-                f"version {published.version} of {published.slug} is published and cannot "
-                "change: make a new version"
-            )
+            which = f"version {published.version} of {published.slug}"
+            raise FrozenStudyError(f"{which} is published and cannot change: make a new version")
         super().save(**options)
 
     @property
@@ -149,6 +147,17 @@ class Study(UuidModel):
 
     def as_definition(self) -> StudyDefinition:
         return from_stored(self.definition)
+
+    @classmethod
+    def version_of(cls, slug: str, wanted: str) -> "Study | None":
+        """Return a version of a study by its number; without a number the newest that is no draft,
+        else the newest.
+        """
+        rows = cls.objects.filter(slug=slug).order_by("-version")
+        if wanted:
+            is_number = wanted.isdecimal() and len(wanted) < cls.MAX_DIGITS
+            rows = rows.filter(version=int(wanted)) if is_number else rows.none()
+        return rows.exclude(status=cls.Status.DRAFT).first() or rows.first()
 
 
 class StudyMember(UuidModel):
@@ -241,18 +250,10 @@ class Participant(UuidModel):
     # "<study>:<user>", its own id without a user: unique without a partial index
     slot = models.CharField(max_length=80, unique=True, editable=False)
     code = models.CharField(_("code"), max_length=12, unique=True, default=new_code, editable=False)
-    kind = models.CharField(
-        _("kind"),
-        max_length=12,
-        choices=ParticipantKind,
-        default=ParticipantKind.PARTICIPANT,
-        db_index=True,
-    )
+    kind = _choice(_("kind"), ParticipantKind.PARTICIPANT, max_length=12, db_index=True)
     # experiments.participation.assignment.Access
     access = models.CharField(_("joined via"), max_length=12, default="open")
-    status = models.CharField(
-        _("status"), max_length=12, choices=Status, default=Status.ACTIVE, db_index=True
-    )
+    status = _choice(_("status"), Status.ACTIVE, max_length=12, db_index=True)
     language = models.CharField(_("language"), max_length=16, default="en")
     # parameters of the link
     recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)
@@ -268,14 +269,7 @@ class Participant(UuidModel):
     cell = models.CharField(_("cell"), max_length=400, blank=True, db_index=True)
     conditions = models.JSONField(_("conditions in order"), default=list, blank=True)
     draws_applied = models.PositiveIntegerField(_("draws"), default=0)
-    stage = models.CharField(
-        _("place"),
-        max_length=10,
-        choices=Stage,
-        default=Stage.UNASSIGNED,
-        blank=True,
-        db_index=True,
-    )
+    stage = _choice(_("place"), Stage.UNASSIGNED, max_length=10, blank=True, db_index=True)
 
     # --- the current step: experiments/participation/journey.py ---
     visit = models.PositiveIntegerField(_("visit"), default=1)
@@ -304,9 +298,8 @@ class Participant(UuidModel):
 
 
 def _participant(related_name: str) -> "ForeignKey[Participant, Participant]":
-    return ForeignKey(
-        Participant, CASCADE, related_name=related_name, verbose_name=_("participant")
-    )
+    title = _("participant")
+    return ForeignKey(Participant, CASCADE, related_name=related_name, verbose_name=title)
 
 
 class Draw(UuidModel):
@@ -386,20 +379,13 @@ class PersonalLink(UuidModel):
     label = models.CharField(_("label"), max_length=120, blank=True)
     access = models.CharField(_("access given"), max_length=12, default="invitation")
     # The participant's kind. A bot's data never count; only commands make links for bots.
-    kind = models.CharField(
-        _("for"), max_length=12, choices=ParticipantKind, default=ParticipantKind.PARTICIPANT
-    )
+    kind = _choice(_("for"), ParticipantKind.PARTICIPANT, max_length=12)
     created_at = models.DateTimeField(_("created"))
     expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
     redeemed_at = models.DateTimeField(_("redeemed"), null=True, blank=True)
     participant = ForeignKey(
-        Participant,
-        SET_NULL,
-        null=True,
-        blank=True,
-        related_name="links",
-        verbose_name=_("participant"),
+        Participant, SET_NULL, **OPTIONAL, related_name="links", verbose_name=_("participant")
     )
 
     class Meta:
@@ -610,9 +596,7 @@ class Rehearsal(UuidModel):
 
     study = ForeignKey(Study, CASCADE, related_name="rehearsals", verbose_name=_("study"))
     sha256 = models.CharField(max_length=64)  # of the definition that was rehearsed
-    status = models.CharField(
-        _("status"), max_length=10, choices=Status.choices, default=Status.WAITING
-    )
+    status = _choice(_("status"), Status.WAITING, max_length=10)
     # the study's id while it waits or runs: unique without a partial index
     live_key = models.CharField(max_length=40, unique=True, editable=False, default=uuid.uuid4)
     began_at = models.DateTimeField(_("started at"))
@@ -620,9 +604,7 @@ class Rehearsal(UuidModel):
     host = models.CharField(_("computer"), max_length=100, blank=True)
     progress = models.JSONField(default=dict, blank=True, editable=False)  # play.py, Progress
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
-    ended_by = ForeignKey(
-        USER, SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("ended by")
-    )
+    ended_by = ForeignKey(USER, SET_NULL, **OPTIONAL, related_name="+", verbose_name=_("ended by"))
     reason = models.TextField(_("reason"), blank=True)  # why it failed
     passed = models.BooleanField(_("passed"), default=False)
     report = models.JSONField(_("report"), default=dict)
@@ -665,9 +647,7 @@ class Coding(UuidModel):
     scheme = ForeignKey(
         CodingSchemeVersion, CASCADE, related_name="codings", verbose_name=_("coding scheme")
     )
-    coder = ForeignKey(
-        USER, SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("coder")
-    )
+    coder = ForeignKey(USER, SET_NULL, **OPTIONAL, related_name="+", verbose_name=_("coder"))
     number = models.PositiveIntegerField(_("coder's number"))
     began_at = models.DateTimeField(_("started at"))
     done_at = models.DateTimeField(_("finished"), null=True, blank=True)

@@ -5,46 +5,32 @@ feasible with the sites, robots and questionnaires of this server, and never cha
 """
 
 import datetime
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import astuple
-from itertools import takewhile
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 from django.contrib.admin.models import CHANGE, LogEntry
 from django.db import IntegrityError, transaction
 from django.db.models import Max, Model, QuerySet
-from django.utils.translation import get_language, gettext
 
 from accounts import audit
-from experiments.definition.factors import of_condition
-from experiments.definition.feasibility import Known, RobotFacts, obstacles
-from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
 from experiments.definition.schema import StudyDefinition, as_stored, digest
-from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
-from experiments.definition.steps.instructions import OWN_MEDIA, Instructions
-from experiments.models import InstructionMedia, PersonalLink, Rehearsal, StudyMember
+from experiments.models import PersonalLink, Rehearsal, StudyMember
 from experiments.models import Study as Row
-from robots.api import floorplan
-from robots.models import FloorPlan, Robot
-from sessions.interfaces import INTERFACES
+from experiments.resources import obstacles_here, shipped_questionnaires
 from surveys import questionnaires
-from surveys.definition import Definition as QuestionnaireDefinition
-from surveys.definition import language_for
 from surveys.documents import (
     BadDefinitionError,
     ChangedMeanwhileError,
     Problem,
     ProblemPlace,
-    spoken,
     text_in,
     within,
 )
 from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
-from surveys.scoring import scales_of, topic_scales
 
 LEAST_REASON = 10  # characters: "later" is no reason
 # The steps of an empty study: kind, key, English title, and the fields that its kind needs.
@@ -64,15 +50,10 @@ class NotPublishableError(ValueError):
         super().__init__("; ".join(map(str, self.reasons)))
 
 
-# --- into the database ----------------------------------------------------------------------------
-
-
 def store(definition: StudyDefinition, now: datetime.datetime) -> Row:
     """Store a study as a draft, in place of a draft of the same version, or return the row that
-    has the same definition already.
-
-    Raises:
-        BadDefinitionError: it has problems, or its version was published with other content.
+    has the same definition already. BadDefinitionError: it has problems, or its version was
+    published with other content.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -109,10 +90,8 @@ def _draft(row: Row) -> "QuerySet[Row]":
 
 
 def save_draft(row: Row, definition: StudyDefinition) -> Row:
-    """Store a changed draft, complete or not; name and version stay.
-
-    Raises:
-        ChangedMeanwhileError: the study was changed or published since the row was read.
+    """Store a changed draft, complete or not; name and version stay. ChangedMeanwhileError: the
+    study was changed or published since the row was read.
     """
     named = msgspec.structs.replace(definition, slug=row.slug, version=row.version)
     if not _draft(row).update(**_fields(named)):
@@ -121,10 +100,8 @@ def save_draft(row: Row, definition: StudyDefinition) -> Row:
 
 
 def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.datetime) -> Row:
-    """Create a draft with the usual steps, without conditions and courses.
-
-    Raises:
-        BadDefinitionError: the name is taken or reserved, or it or a language is malformed.
+    """Create a draft with the usual steps, without conditions and courses. BadDefinitionError: the
+    name is taken or reserved, or it or a language is malformed.
     """
     _check_name(slug)
     languages = tuple(dict.fromkeys(languages))
@@ -156,10 +133,7 @@ def new_version(row: Row, now: datetime.datetime) -> Row:
 
 def copy(row: Row, slug: str, title: str, now: datetime.datetime) -> Row:
     """Return a draft of a new study with the same definition: its first version, without
-    participants and researchers.
-
-    Raises:
-        BadDefinitionError: the name is taken or reserved.
+    participants and researchers. BadDefinitionError: the name is taken or reserved.
     """
     definition = row.as_definition()
     titles = dict.fromkeys(definition.languages, title)
@@ -183,9 +157,6 @@ def own(row: Row, user: Any) -> None:
         )
 
 
-# --- problems here --------------------------------------------------------------------------------
-
-
 def problems_of(row: Row) -> list[Problem]:
     """Return why a study cannot be published here. Placeholders in the consent count only here, so
     that a rehearsal can run with them.
@@ -197,214 +168,6 @@ def problems_of(row: Row) -> list[Problem]:
         found += within(consent.unfilled(), place, _("Step"), consent.key)
     found += obstacles_here(definition)
     return [one for n, one in enumerate(found) if one not in found[:n]]
-
-
-def obstacles_here(definition: StudyDefinition) -> list[Problem]:
-    """Return why a study cannot run with the sites, robots and questionnaires of this server."""
-    return [
-        *obstacles(definition, known_here()),
-        *_robots_elsewhere(definition),
-        *_unknown_measures(definition),
-        *_named_answers(definition),
-        *_missing_media(definition),
-        *_balance_factors(definition),
-    ]
-
-
-def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
-    for n, step in enumerate(definition.steps):
-        pages = step.leaves if isinstance(step, Instructions) else ()
-        own = {one.picture for one in pages if (one.picture or "").startswith(OWN_MEDIA)}
-        if InstructionMedia.objects.filter(name__in=own).count() < len(own):
-            words = _("an own picture or video is not on this site; upload it again.")
-            yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
-
-
-def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
-    """Return titles of what a study can measure, by group and key: metrics of drives, and the
-    scores, topics and items of each questionnaire.
-    """
-    # loads the columns of datasets, which pages about a study without analyses do not need
-    from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
-
-    found = {gettext("Metrics of a drive"): {one.name: _metric_name(one) for one in METRICS}}
-    asked = {(step.questionnaire, step.version) for step in definition.asking}
-    for one in _questionnaires(asked):
-        language = language_for(one, get_language() or "")
-        title = questionnaires.listed_title(one.slug, spoken(one.title, language))
-        overall = gettext("overall score of %(title)s") % {"title": title}
-        scales = (*scales_of(one), *topic_scales(one))
-        named = {it.key: spoken(it.label, language) or overall for it in scales}
-        for item in one.questions():
-            if item.item.is_number:
-                named.setdefault(item.key, spoken(item.text, language))
-        texts = {f"{one.slug}.{key}": text for key, text in named.items()}
-        found.setdefault(title, {}).update(texts)
-    return found
-
-
-def _metric_name(metric: Any) -> str:
-    words = metric.name.replace("_", " ").capitalize()
-    return f"{words} ({metric.unit})" if metric.unit else words
-
-
-def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
-    if not definition.analyses:
-        return
-    from experiments.analysis.metrics.definitions import unfit_for  # noqa: PLC0415
-
-    no_metric = _("there is no metric %(name)s.")
-    no_item = _("the questionnaire has no item, topic or score %(name)s.")
-    unfit = _("the test does not fit %(name)s; choose one of: %(tests)s.")
-    known = {name for group in measures_here(definition).values() for name in group}
-    asked = {step.questionnaire for step in definition.asking}
-    for n, one in enumerate(definition.analyses):
-        found = [
-            Problem(no_item if "." in name else no_metric, {"name": name})
-            for name in one.measures
-            if name not in known and ("." not in name or name.partition(".")[0] in asked)
-        ]
-        found += [
-            Problem(unfit, {"name": name, "tests": tests})
-            for name in one.measures
-            if (tests := unfit_for(one.test, name))
-        ]
-        yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
-
-
-def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
-    """Yield the attention checks, screening rules and quotas that name an item or an answer that
-    the questionnaire does not have, or the answer to a free text.
-    """
-    checks = definition.plan.attention_checks if definition.plan is not None else ()
-    rules: list[Any] = [*checks, *definition.screening, *definition.answer_quotas]
-    versions = {(step.questionnaire, step.version) for step in definition.asking}
-    for rule in rules:
-        is_check = isinstance(rule, AttentionCheck)
-        answers = (rule.answer,) if is_check else rule.answers
-        name = _("attention check") if is_check else _("rule")
-        for asked in _questionnaires(one for one in versions if one[0] == rule.questionnaire):
-            found = _of_item(asked, rule.item, answers)
-            named = within(found, None, name, f"{rule.questionnaire}.{rule.item}")
-            if is_check:
-                yield from within(named, ProblemPlace("plan"), _("Plan"))
-            else:
-                yield from within(named, ProblemPlace("recruitment"))
-
-
-def _of_item(
-    asked: QuestionnaireDefinition, item: str, answers: Sequence[str]
-) -> Iterator[Problem]:
-    question = asked.question(item)
-    if question is None:
-        yield Problem(_("the questionnaire has no such item."))
-        return
-    options = {str(value) for value, _label in question.labelled_values}
-    if question.item.is_free_text:
-        yield Problem(_("a free text has no right answer."))
-    elif options and not question.item.takes_several and not options.issuperset(answers):
-        yield Problem(_("its answers are %(answers)s."), {"answers": ", ".join(sorted(options))})
-
-
-def _balance_factors(definition: StudyDefinition) -> Iterator[Problem]:
-    """Yield the balance factors that have no answer yet when the robot is assigned."""
-    before = takewhile(lambda step: not isinstance(step, DriveStep), definition.steps)
-    asked = {(one.questionnaire, one.version) for one in before if isinstance(one, AskingStep)}
-    for factor in definition.allocation.balance:
-        questionnaire, _point, item = factor.item.rpartition(".")
-        found = [one for one in _questionnaires(asked) if one.slug == questionnaire]
-        consent, words = definition.consent, ""
-        if not questionnaire and (consent is None or not consent.minimum_age):
-            words = _("the consent does not ask the age: give it a minimum age.")
-        elif questionnaire and not found:
-            words = _("the questionnaire is not asked before the first drive.")
-        elif questionnaire and not any(one.question(item) for one in found):
-            words = _("the questionnaire has no such item.")
-        if words:
-            named = within([Problem(words)], None, _("balance factor"), factor.item)
-            yield from within(named, ProblemPlace("rules"))
-
-
-def shipped_questionnaires() -> dict[tuple[str, int], QuestionnaireDefinition]:
-    return {(one.slug, one.version): one for one in questionnaires.shipped().values()}
-
-
-def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[QuestionnaireDefinition]:
-    for slug, version in sorted(versions):
-        row = QuestionnaireRow.objects.filter(slug=slug, version=version).first()
-        found = row.as_definition() if row is not None else None
-        if found := found or shipped_questionnaires().get((slug, version)):
-            yield found
-
-
-def known_here() -> Known:
-    """Return what studies can use here; publishing stores shipped questionnaires."""
-    return Known(
-        sites=sites(),
-        robots=robots_here(),
-        questionnaires=frozenset((one.slug, one.version) for one in usable()),
-        interfaces=frozenset(INTERFACES),
-    )
-
-
-def sites() -> dict[str, floorplan.FloorPlan]:
-    """Return the plans of the sites by map id; sites that only have an image have no courses."""
-    rows = FloorPlan.objects.exclude(plan={}).values_list("name", "plan")
-    return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows}
-
-
-def robots_here() -> dict[str, RobotFacts]:
-    """Return what all robots of a series can do: a participant may get any of them."""
-    found: dict[str, RobotFacts] = {}
-    for robot in _known_robots():
-        sheet = robot.presence.factsheet or {}
-        limits, series = sheet["limits"], sheet["series"]
-        facts = RobotFacts(
-            frozenset(sheet["capabilities"]),
-            min(limits["linear"], robot.max_linear or float("inf")),
-            limits.get("commandAge", RobotFacts.command_age),
-            limits.get("frameAge", RobotFacts.frame_age),
-            min(limits.get("angular", RobotFacts.angular), robot.max_angular or RobotFacts.angular),
-        )
-        capabilities, *numbers = astuple(found.get(series, facts))
-        mine, *own = astuple(facts)
-        found[series] = RobotFacts(mine & capabilities, *map(min, own, numbers))
-    return found
-
-
-def _known_robots() -> list[Robot]:
-    """Return the robots in use that have published a factsheet."""
-    robots = Robot.objects.filter(enabled=True, practice=False).select_related("floor_plan")
-    return [robot for robot in robots.defer("floor_plan__image") if robot.presence.factsheet]
-
-
-def _robots_elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
-    here = {
-        ((robot.presence.factsheet or {})["series"], robot.floor_plan.name)
-        for robot in _known_robots()
-        if robot.floor_plan is not None
-    }
-    series = {name for name, _site in here}
-    for n, condition in enumerate(definition.conditions):
-        if condition.robot in series and (condition.robot, condition.site) not in here:
-            words = _("there is no %(robot)s at the site %(site)s.")
-            named = {"robot": condition.robot, "site": condition.site}
-            yield from of_condition(n, condition, [Problem(words, named)])
-
-
-def usable() -> Iterator[QuestionnaireDefinition]:
-    """Yield the questionnaires that can be asked: complete ones in the database, and those that
-    come with the site, without templates.
-    """
-    rows = list(QuestionnaireRow.objects.order_by("title", "slug", "version"))
-    yield from (row.as_definition() for row in rows if questionnaires.is_usable(row))
-    taken = {(row.slug, row.version) for row in rows}
-    for version, one in shipped_questionnaires().items():
-        if not one.template and version not in taken:
-            yield one
-
-
-# --- publishing -----------------------------------------------------------------------------------
 
 
 def passed_rehearsal(row: Row) -> Rehearsal | None:
@@ -419,43 +182,36 @@ def publish(
     """Open a draft to participants, freeze its definition, and close the former version.
 
     `user` is None for a command. A `reason` is needed without a rehearsal that passed.
-    `is_confirmed`: the publisher has confirmed the doubts.
-
-    Raises:
-        NotPublishableError: with every reason.
+    `is_confirmed`: the publisher has confirmed the doubts. NotPublishableError has every reason.
     """
     rehearsal, reason, definition = passed_rehearsal(row), reason.strip(), row.as_definition()
     is_draft, unsure = row.status == Row.Status.DRAFT, list(doubts(definition))
     wrong = problems_of(row) if is_draft else [Problem(_("Only a draft can be published."))]
+    wrong += [] if is_confirmed else unsure
     if rehearsal is None and len(reason) < LEAST_REASON:
         words = _(
             "No rehearsal of this definition has passed: say in at least %(n)d characters why it "
             "is published without one."
         )
         wrong.append(Problem(words, {"n": LEAST_REASON}))
-    if wrong := wrong + ([] if is_confirmed else unsure):
+    if wrong:
         raise NotPublishableError(wrong)
     shipped = shipped_questionnaires()
     for step in definition.asking:
         rows = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version)
         used = rows.first() or questionnaires.store(shipped[step.questionnaire, step.version], now)
         questionnaires.freeze(used, now)
-    published = {
-        **_fields(definition),
-        "status": Row.Status.PUBLISHED,
-        "published_at": now,
-        "published_by": user,
-        "unrehearsed_reason": "" if rehearsal is not None else reason,
-    }
-    if not _draft(row).update(**published):
+    unrehearsed = reason if rehearsal is None else ""
+    published = {"status": Row.Status.PUBLISHED, "published_at": now, "published_by": user}
+    fields = _fields(definition) | published | {"unrehearsed_reason": unrehearsed}
+    if not _draft(row).update(**fields):
         words = _("The study has since been changed or published. Reload the page.")
         raise NotPublishableError([Problem(words)])
     others = Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk)
     others.update(status=Row.Status.CLOSED, closed_at=now)
-    detail = f"version {row.version}{', unrehearsed' if rehearsal is None else ''}"
+    detail = f"version {row.version}{', unrehearsed' if unrehearsed else ''}"
     audit.note("study_published", actor=user, study=row.slug, detail=detail, at=now)
-    unrehearsed = f"Published without a rehearsal: {reason}"
-    log(row, user, unrehearsed if rehearsal is None else "Published.")
+    log(row, user, f"Published without a rehearsal: {reason}" if unrehearsed else "Published.")
     for one in unsure:
         log(row, user, f"Confirmed: {one}")
     return Row.objects.get(pk=row.pk)
@@ -467,10 +223,8 @@ def log(row: Model, user: Any, text: str) -> None:
 
 
 def close(row: Row, now: datetime.datetime) -> Row:
-    """Accept no new participants; those who take part may finish.
-
-    Raises:
-        NotPublishableError: it is not published.
+    """Accept no new participants; those who take part may finish. NotPublishableError: it is not
+    published.
     """
     rows = Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED)
     if not rows.update(status=Row.Status.CLOSED, closed_at=now):
@@ -479,10 +233,8 @@ def close(row: Row, now: datetime.datetime) -> Row:
 
 
 def reopen(row: Row) -> Row:
-    """Accept participants again.
-
-    Raises:
-        NotPublishableError: it is not closed, or a newer version is published.
+    """Accept participants again. NotPublishableError: it is not closed, or a newer version is
+    published.
     """
     newer = Row.objects.filter(slug=row.slug, version__gt=row.version)
     if newer.exclude(status=Row.Status.DRAFT).exists():

@@ -3,7 +3,8 @@
 from django.urls import URLPattern, URLResolver, path
 
 from experiments.instruction_media import media
-from experiments.participation import appointment_views, step_views, views
+from experiments.participation import step_views, views
+from experiments.participation.appointment_views import appointment, stop_reminders
 from experiments.participation.own_data import views as own_views
 from experiments.participation.withdrawal.receipt import receipt_text
 from experiments.recruitment import api
@@ -14,14 +15,8 @@ urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/<slug:slug>/", views.front, name="study"),
     path("studies/<slug:slug>/step/", step_views.step, name="study_step"),
     path("studies/<slug:slug>/drive/", step_views.drive, name="study_drive"),
-    path(
-        "studies/<slug:slug>/appointment/", appointment_views.appointment, name="study_appointment"
-    ),
-    path(
-        "taking-part/reminders/<str:token>/stop/",
-        appointment_views.stop_reminders,
-        name="study_reminders_stop",
-    ),
+    path("studies/<slug:slug>/appointment/", appointment, name="study_appointment"),
+    path("taking-part/reminders/<str:token>/stop/", stop_reminders, name="study_reminders_stop"),
     path("api/v1/studies/<slug:slug>/", api.study, name="api_study"),
     path("api/v1/studies/<slug:slug>/participants/", api.participants, name="api_participants"),
     path("studies/<slug:slug>/return/", step_views.go_back, name="study_return"),

@@ -30,11 +30,8 @@ def versions_of(sheet: Mapping[str, Any], sha256: str) -> dict[str, str]:
     """Return the versions at the start of a drive, by the robot's robots.api.messages.Factsheet and
     the digest of the study's definition.
     """
-    found = {
-        "server": software_version(),
-        "agent": sheet.get("agent_version", ""),
-        "adapter": sheet.get("adapter", ""),
-        "driver": sheet.get("driver", ""),
-        "definition": sha256,
-    }
+    reported = {"agent": "agent_version", "adapter": "adapter", "driver": "driver"}
+    found = {"server": software_version()}
+    found |= {name: sheet.get(key, "") for name, key in reported.items()}
+    found["definition"] = sha256
     return {name: version for name, version in found.items() if version}

@@ -1,19 +1,19 @@
-"""Robots: what the site knows of them, the words on the wire, the world, and the agent.
+"""Robots: the site's models and pages, the Robot API, the simulated world, and the agent.
 
-PyAV's wheel (and with it aiortc) brings a GnuTLS that reads its configuration when it is loaded,
-and was built to look for it in a folder under /tmp, which any user of the computer may make: with a
-provider of code to load in it. So only modules of `robots` load av, after the lines below have set
-the path of the system's configuration, whether or not it exists. The wheel's ALSA has the same
-fault and is never opened (robots/agent/devices/alsa.py); its VPL looks there for drivers, so no
-encoder of Intel's (`*_qsv`) may be opened.
+The GnuTLS in PyAV's wheel (and so in aiortc) reads its configuration when it is loaded, from a
+folder under /tmp. Any user of the computer can create that folder, with a configuration that loads
+code. Therefore only modules of `robots` load av, after the lines below have set the path of the
+system's configuration, whether or not it exists. The wheel's ALSA has the same fault and is never
+opened (robots/agent/devices/alsa.py); its VPL looks there for drivers, so no encoder of Intel's
+(`*_qsv`) may be opened.
 
     https://www.gnutls.org/manual/html_node/System_002dwide-configuration-of-the-library.html
 
-The arrays of site, agent and simulator are small: threads of OpenBLAS that wait for each other cost
-many times what they save. It reads how many to start when NumPy is loaded.
+OpenBLAS reads the number of its threads when NumPy is loaded. Our arrays are small, and threads
+that wait for each other cost many times what they save.
 
-Events are logged by structlog, which would print them to standard output, between what programs
-answer there: so whatever imports `robots` has them handed to the standard library's logging.
+structlog would print events to standard output, among the output of commands: here it is set up to
+pass them to the standard library's logging.
 """
 
 import os

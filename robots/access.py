@@ -1,4 +1,4 @@
-"""Who may drive, watch and operate a robot. Being offline or busy is another question."""
+"""Who may drive, watch and operate a robot, whether or not it is online or in use."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from django.db.models import Q, QuerySet
 from robots.models import Robot, RobotPermit
 
 Reason = Literal["", "disabled", "not_invited", "not_trained", "not_allowed"]
-# What a robot's access demands: the permit, and the reason for a user without one.
+# The permit that a robot's access requires, and the reason for a user without it.
 _DEMANDS: dict[str, tuple[str, Reason]] = {
     Robot.Access.INVITATION: (RobotPermit.Privilege.INVITED, "not_invited"),
     Robot.Access.TRAINED: (RobotPermit.Privilege.TRAINED, "not_trained"),
@@ -18,7 +18,7 @@ _DEMANDS: dict[str, tuple[str, Reason]] = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """Yes, or no with a reason in one word of `session/refused`."""
+    """Yes, or no with a reason of `session/refused`."""
 
     allowed: bool
     reason: Reason = ""
@@ -28,24 +28,23 @@ class Verdict:
 
 
 YES = Verdict(allowed=True)
-OVERSEES = "robots.change_robot"
-# of these robots, those for a user
-Chosen = Callable[[Any, Sequence[Robot]], Iterable[Robot]]
+CHANGE_ROBOTS = "robots.change_robot"
+Chosen = Callable[[Any, Sequence[Robot]], Iterable[Robot]]  # (user, robots) → robots for the user
 _guest_lists: list[Chosen] = []
 _guest_rules: dict[str, Chosen] = {}
 
 
 def register_guest_list(invites: Chosen) -> None:
-    """Let an app above this one invite visitors to drive (not to watch) robots that ask for an
-    invitation; registering twice does nothing.
+    """Let an app above this one invite visitors to drive (not to watch) robots that require an
+    invitation. Idempotent.
     """
     if invites not in _guest_lists:
         _guest_lists.append(invites)
 
 
 def register_guest_rule(kind: str, admits: Chosen) -> None:
-    """Let an app above this one say which robots guests of one kind (accounts.models.User.Kind) may
-    drive, of those that the robots' access allows; without a rule they drive none.
+    """Let an app above this one decide which robots guests of a kind (accounts.models.User.Kind)
+    may drive, among those that the robots' access allows. Without a rule they may drive none.
     """
     _guest_rules[kind] = admits
 
@@ -54,28 +53,28 @@ def _no(reason: Reason) -> Verdict:
     return Verdict(allowed=False, reason=reason)
 
 
-def oversees(user: Any) -> bool:
-    """Tell whether a user answers for all robots of the site: administrators, and staff who were
-    given Django's right to change robots.
+def manages_all_robots(user: Any) -> bool:
+    """Tell whether a user is an administrator, or staff with Django's permission to change robots.
 
-    To be staff is not enough: owners and researchers enter the administration too, for what is
-    theirs.
+    Being staff is not enough: owners and researchers are staff too, for what is theirs.
     """
-    return bool(_is_known(user) and user.is_staff and not user.is_guest and user.has_perm(OVERSEES))
+    return bool(
+        _is_known(user) and user.is_staff and not user.is_guest and user.has_perm(CHANGE_ROBOTS)
+    )
 
 
 def may_manage(user: Any, robot: Robot) -> bool:
-    """Tell whether a user may change a robot, its keys, its doors and who drives it: its owner, and
-    who oversees all robots.
+    """Tell whether a user may change a robot, its keys, its doors and its permits: its owner, and
+    users who manage all robots.
     """
     return bool(_is_known(user) and not user.is_guest) and (
-        robot.owner_id == user.pk or oversees(user)
+        robot.owner_id == user.pk or manages_all_robots(user)
     )
 
 
 def may_operate(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may stop, pause and message sessions and clear an emergency stop: who
-    manages it, and its operators.
+    """Tell whether a user may stop, pause and message sessions and clear an emergency stop: users
+    who manage the robot, and its operators.
     """
     if not _is_known(user) or user.is_guest:
         return _no("not_allowed")
@@ -86,7 +85,7 @@ def may_operate(user: Any, robot: Robot) -> Verdict:
 
 def may_drive(user: Any, robot: Robot) -> Verdict:
     """Tell whether a user may drive: by the robot's access, as its operator, or on a guest list.
-    An account without a password also needs a guest rule that admits it.
+    An account without a password also needs a guest rule that allows it.
     """
     return _verdicts(user, [robot])[robot.pk]
 
@@ -94,7 +93,7 @@ def may_drive(user: Any, robot: Robot) -> Verdict:
 def may_drive_each(user: Any, robots: Iterable[Robot]) -> dict[Any, Verdict]:
     """Return `may_drive` for many robots, by their keys, in as many queries as for one."""
     asked = list(robots)
-    know_permits(user, asked)
+    prefetch_permits(user, asked)
     return _verdicts(user, asked)
 
 
@@ -139,9 +138,7 @@ def may_observe(user: Any, robot: Robot) -> Verdict:
 
 
 def has_a_robot(user: Any) -> bool:
-    """Tell whether there is any robot for a user: one that is shown to them, or that a guest list
-    lets them drive.
-    """
+    """Tell whether any enabled robot is visible to a user, or a guest list lets them drive one."""
     if not _is_known(user):
         return False
     by_invitation = Robot.objects.filter(
@@ -153,20 +150,20 @@ def has_a_robot(user: Any) -> bool:
 
 
 def robots_visible_to(user: Any) -> "QuerySet[Robot]":
-    """Return the robots to show a user: the enabled ones that are open or that the user has a
-    permit for, and one's own. A robot that is hidden from visitors is there for its operators.
+    """Return the robots to show a user: their own, and the enabled ones that are open or for which
+    they have a permit. A robot that is hidden from visitors is visible to its operators.
 
-    Users who oversee the robots see all of them, visitors who have not logged in the open ones, and
-    accounts without a password those that they may drive now.
+    Users who manage all robots see all, visitors without a login the open ones, and accounts
+    without a password those that they may drive now.
     """
     if not _is_known(user):
         return Robot.objects.filter(enabled=True, shown_to_visitors=True, access=Robot.Access.OPEN)
     if user.is_guest:
         enabled = Robot.objects.filter(enabled=True, shown_to_visitors=True)
-        looked_at = enabled.select_related("floor_plan").defer("floor_plan__image")
-        verdicts = may_drive_each(user, looked_at)
+        rows = enabled.select_related("floor_plan").defer("floor_plan__image")
+        verdicts = may_drive_each(user, rows)
         return enabled.filter(pk__in=[key for key, verdict in verdicts.items() if verdict])
-    if oversees(user):
+    if manages_all_robots(user):
         return Robot.objects.all()
     permits = RobotPermit.objects.filter(user=user)
     operated = permits.filter(kind=RobotPermit.Privilege.OPERATOR).values("robot")
@@ -182,10 +179,8 @@ def _is_known(user: Any) -> bool:
     return bool(user is not None and user.is_authenticated and user.is_active)
 
 
-def know_permits(user: Any, robots: Iterable[Robot]) -> None:
-    """Read the permits of a user for many robots in one query, for all that asks about these
-    objects afterwards.
-    """
+def prefetch_permits(user: Any, robots: Iterable[Robot]) -> None:
+    """Read the permits of a user for many robots in one query, and cache them in these objects."""
     asked = list(robots)
     if not _is_known(user) or all(robot.access == Robot.Access.OPEN for robot in asked):
         return
@@ -194,10 +189,10 @@ def know_permits(user: Any, robots: Iterable[Robot]) -> None:
     for robot, kind in rows.values_list("robot_id", "kind"):
         found.setdefault(robot, set()).add(kind)
     for robot in asked:
-        robot.known_permits = (user.pk, frozenset(found.get(robot.pk, ())))
+        robot.permit_cache = (user.pk, frozenset(found.get(robot.pk, ())))
 
 
 def _has_permit(user: Any, robot: Robot, kind: str) -> bool:
-    if robot.known_permits is not None and robot.known_permits[0] == user.pk:
-        return kind in robot.known_permits[1]
+    if robot.permit_cache is not None and robot.permit_cache[0] == user.pk:
+        return kind in robot.permit_cache[1]
     return RobotPermit.objects.filter(robot=robot, user=user, kind=kind).exists()

@@ -1,4 +1,4 @@
-"""Robots, their keys and their floor plans in the administration."""
+"""Robots and floor plans in the administration."""
 
 import datetime
 import json
@@ -47,8 +47,8 @@ def link_to(view: str, text: Any, *args: Any, query: str = "") -> str | SafeStri
 
 
 class NowFilter(admin.SimpleListFilter):
-    """Robots that are online, are in use, or have a problem now, which no field of their rows
-    says; the administration's first page links to them.
+    """Robots that are online, in use, or have a problem now; the administration's first page links
+    to these lists.
     """
 
     title = _("now")
@@ -63,31 +63,24 @@ class NowFilter(admin.SimpleListFilter):
             return queryset.filter(lease__session__isnull=False)
         if chosen not in {"online", "problem"}:
             return queryset
+        is_chosen = Robot.is_online if chosen == "online" else has_problem
         rows = queryset.select_related(None).select_related("presence")
-        return queryset.filter(
-            pk__in=[
-                robot.pk
-                for robot in rows
-                if (robot.is_online(now) if chosen == "online" else has_problem(robot, now))
-            ]
-        )
+        return queryset.filter(pk__in=[robot.pk for robot in rows if is_chosen(robot, now)])
 
 
 class PermitInline(admin.TabularInline):
-    """Who was invited, trained, or made an operator."""
-
     model = RobotPermit
     extra = 0
     autocomplete_fields = ("user",)
     readonly_fields = ("granted_at",)
 
 
-# Rows of a robot that the administration does not list as objects.
+# Rows of each robot that the administration does not list.
 PARTS = (RobotPresence, RobotCredentials)
 
 
 def _without(listed: list[Any], beginnings: tuple[str, ...]) -> list[Any]:
-    """Leave texts with one of these beginnings out of nested lists."""
+    """Return nested lists of texts without those that have one of these beginnings."""
     return [
         _without(one, beginnings) if isinstance(one, list) else one
         for one in listed
@@ -97,64 +90,24 @@ def _without(listed: list[Any], beginnings: tuple[str, ...]) -> list[Any]:
 
 @admin.register(Robot)
 class RobotAdmin(DoorPage, KeyPages):
-    """Robots: what they are, who may drive them, and how they are right now. Owners find their own,
-    and change all but whose they are.
-    """
+    """Owners see their own robots, and may change all but owner and floor plan."""
 
     form = RobotForm
-    list_display = (
-        "title",
-        "name",
-        "drive",
-        "online_now",
-        "battery",
-        "docked",
-        "who",
-        "driver",
-        "seen",
-    )
+    list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who")
+    list_display += ("driver", "seen")
     list_filter = (NowFilter, "enabled", "access", "presence__connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_per_page = 50
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)
-    actions = (
-        "new_credentials",
-        "rotate_credentials",
-        "revoke_credentials",
-        "free",
-        "disable",
-        "enable",
-    )
+    actions = ("new_credentials", "rotate_credentials", "revoke_credentials")
+    actions += ("free", "disable", "enable")
     save_on_top = True
-    readonly_fields = (
-        "adapter_here",
-        "key",
-        "screen",
-        "between",
-        "control",
-        "driver",
-        "seen",
-        "sessions",
-        "reported_factsheet",
-        "reported_state",
-    )
+    readonly_fields = ("adapter_here", "key", "screen", "between", "control", "driver", "seen")
+    readonly_fields += ("sessions", "reported_factsheet", "reported_state")
+    _site = ("shown_to_visitors", "title", "name", "description", "translations")
     fieldsets = (
-        (
-            None,
-            {
-                "fields": (
-                    "shown_to_visitors",
-                    "title",
-                    "name",
-                    "description",
-                    "translations",
-                    "owner",
-                    "floor_plan",
-                    "enabled",
-                )
-            },
-        ),
+        (None, {"fields": (*_site, "owner", "floor_plan", "enabled")}),
         (
             _("Driving access"),
             {"fields": ("access", "for_experienced", "observers_allowed", "turn_minutes")},
@@ -182,8 +135,8 @@ class RobotAdmin(DoorPage, KeyPages):
     def get_readonly_fields(
         self, request: HttpRequest, obj: Robot | None = None
     ) -> tuple[str, ...]:
-        """A name is in topics, links and recordings: it stays once the robot exists. Whose it is,
-        and where, is the site's to say.
+        """A robot keeps its name, which is in topics, links and recordings. Only the site's staff
+        set its owner and floor plan.
         """
         may_place = (
             self.sees_all(request) if obj is None else request.user.has_perm("robots.change_robot")
@@ -202,18 +155,18 @@ class RobotAdmin(DoorPage, KeyPages):
         return [(name, part) for name, part in parts if part["fields"]]
 
     def save_model(self, request: HttpRequest, obj: Robot, form: Any, change: bool) -> None:
-        """Keep a new robot from visitors until its owner shows it."""
+        """Hide a new robot from visitors until its owner shows it."""
         if not change:
             obj.shown_to_visitors = False
         super().save_model(request, obj, form, change)
 
     def response_post_save_add(self, request: HttpRequest, obj: Robot) -> HttpResponse:
-        """Lead to the new robot's page, which says how to connect it."""
+        """Go to the new robot's page, which says how to connect it."""
         if not self.has_view_permission(request, obj):
             return super().response_post_save_add(request, obj)
         return HttpResponseRedirect(reverse("admin:robots_robot_change", args=[obj.pk]))
 
-    # --- who may ----------------------------------------------------------------------------------
+    # --- permissions ------------------------------------------------------------------------------
 
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
@@ -232,35 +185,28 @@ class RobotAdmin(DoorPage, KeyPages):
         if db_field.name == "adapter":
             options["widget"] = AdapterInput(attrs={"class": "vTextField"})
         if db_field.name == "translations":
-            # Its default is callable, for which Django would compare the answer with a hidden copy
-            # of the value; RobotForm compares it with the row.
+            # For a field with a callable default, Django would compare with a hidden copy of the
+            # value; RobotForm compares with the row.
             options["show_hidden_initial"] = False
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         super().save_formset(request, form, formset, change)
-        added = getattr(formset, "new_objects", [])
-        removed = getattr(formset, "deleted_objects", [])
-        changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
-        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", removed)):
-            for permit in permits:
-                audit.note(
-                    act,
-                    actor=request.user,
-                    person=permit.user_id,
-                    robot=form.instance,
-                    detail=permit.kind,
-                )
+        changed = [permit for permit, _fields in formset.changed_objects]
+        acts = [("permit_granted", permit) for permit in (*formset.new_objects, *changed)]
+        acts += [("permit_taken", permit) for permit in formset.deleted_objects]
+        for act, permit in acts:
+            person, robot = permit.user_id, form.instance
+            audit.note(act, actor=request.user, person=person, robot=robot, detail=permit.kind)
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Robot]":
-        """Leave out practice robots, which come and go by themselves."""
+        """Leave out practice robots, which run_practice manages, and the images of maps."""
         rows: QuerySet[Robot] = super().get_queryset(request)
-        # a page of the list would read a hundred maps
         related = rows.select_related("lease__session__visitor", "floor_plan", "owner")
         return related.filter(practice=False).defer("floor_plan__image")
 
     def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
-        """Owners name people; only the site's own staff look them up."""
+        """Owners enter user names; only the site's staff can look people up."""
         return [PermitInline if self.sees_all(request) else OwnersPermits]
 
     def get_list_filter(self, request: HttpRequest) -> tuple[Any, ...]:
@@ -287,20 +233,14 @@ class RobotAdmin(DoorPage, KeyPages):
         if battery is None:
             return NOTHING
         charge = gettext("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
-        return (
-            gettext("%(charge)s, charging") % {"charge": charge}
-            if battery.get("charging")
-            else charge
-        )
+        if battery.get("charging"):
+            return gettext("%(charge)s, charging") % {"charge": charge}
+        return charge
 
     @admin.display(description=_("docking"))
     def docked(self, robot: Robot) -> str:
-        """Whether it is docked. Being undocked is no fault, so the column shows no red cross."""
-        return (
-            gettext("docked")
-            if robot.presence.report and robot.presence.report.get("docked")
-            else NOTHING
-        )
+        """Not a boolean column: being undocked is not a fault, and has no red cross."""
+        return gettext("docked") if (robot.presence.report or {}).get("docked") else NOTHING
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
@@ -316,13 +256,12 @@ class RobotAdmin(DoorPage, KeyPages):
 
     @admin.display(description=_("last seen"), ordering="presence__last_seen_at")
     def seen(self, robot: Robot) -> str:
-        return (
-            NOTHING if robot.presence.last_seen_at is None else _moment(robot.presence.last_seen_at)
-        )
+        seen_at = robot.presence.last_seen_at
+        return NOTHING if seen_at is None else _moment(seen_at)
 
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
-        """What the top of the page says, and why and since when it is not ready for a visit."""
+        """The status at the top of the page, and why and since when it is not ready for a visit."""
         label, why, since = status_of(robot).label, "", None
         if robot.enabled and robot.is_online(timezone.now()):
             why = standstill_of(robot.presence.report) or robot.presence.turnaround_reason
@@ -338,11 +277,11 @@ class RobotAdmin(DoorPage, KeyPages):
         lease = getattr(robot, "lease", None)
         if lease is None or lease.session is None:
             return NOTHING
-        return link_to(
+        page, name = (
             "admin:telepresence_sessions_session_change",
             self.driver_of(robot, lease.session),
-            lease.session.pk,
         )
+        return link_to(page, name, lease.session.pk)
 
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:
@@ -350,7 +289,7 @@ class RobotAdmin(DoorPage, KeyPages):
 
     @admin.display(description=_("on this server"))
     def adapter_here(self, robot: Robot) -> str:
-        """Whether the adapter is installed on the server, which is no fault when it is not."""
+        """Whether the adapter is installed on the server, where it is not needed."""
         if not robot.adapter or robot.adapter.endswith(".py"):
             return NOTHING
         if robot.adapter in offered():
@@ -392,28 +331,16 @@ class RobotAdmin(DoorPage, KeyPages):
         if robot._state.adding:
             return gettext("Save the robot first.")
         made = robot.credentials.screen_made_at
-        state = (
-            pgettext("an address", "none")
-            if made is None
-            else gettext("created %(when)s") % {"when": _moment(made)}
-        )
-        return format_html(
-            "{} · {}",
-            state,
-            link_to(
-                "admin:robots_robot_screen",
-                gettext("Create an address for the robot's display"),
-                robot.pk,
-            ),
-        )
+        state = pgettext("an address", "none")
+        if made is not None:
+            state = gettext("created %(when)s") % {"when": _moment(made)}
+        text = gettext("Create an address for the robot's display")
+        return format_html("{} · {}", state, link_to("admin:robots_robot_screen", text, robot.pk))
 
     @admin.display(description=_("sessions"))
     def sessions(self, robot: Robot) -> str | SafeString:
-        return link_to(
-            "admin:telepresence_sessions_session_changelist",
-            gettext("Show its sessions"),
-            query=f"?robot__id__exact={robot.pk}",
-        )
+        page, query = "telepresence_sessions_session_changelist", f"?robot__id__exact={robot.pk}"
+        return link_to(f"admin:{page}", gettext("Show its sessions"), query=query)
 
     @admin.display(description=_("factsheet"))
     def reported_factsheet(self, robot: Robot) -> str | SafeString:
@@ -427,19 +354,19 @@ class RobotAdmin(DoorPage, KeyPages):
 
     def get_urls(self) -> list[URLPattern]:
         pages = {
-            "status": ("status.json", self.status_view),
-            "credentials": ("credentials/", self.credentials_view),
-            "doors": ("doors/", self.doors_view),
-            "enrol": ("enrol/", self.enrol_view),
-            "screen": ("screen/", self.screen_view),
+            "status.json": self.status_view,
+            "credentials/": self.credentials_view,
+            "doors/": self.doors_view,
+            "enrol/": self.enrol_view,
+            "screen/": self.screen_view,
         }
         return [
             path(
                 f"<uuid:pk>/{address}",
                 self.admin_site.admin_view(never_cache(view)),
-                name=f"robots_robot_{name}",
+                name=f"robots_robot_{address.partition('.')[0].rstrip('/')}",
             )
-            for name, (address, view) in pages.items()
+            for address, view in pages.items()
         ] + super().get_urls()
 
     @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
@@ -461,12 +388,9 @@ class RobotAdmin(DoorPage, KeyPages):
 
     @admin.action(description=_("Disable"), permissions=["change"])
     def disable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Keep the robots from connecting and from being driven, with their credentials left as
-        they are.
-        """
-        self._set_enabled(
-            request, robots, gettext("Robot disabled."), "robot_disabled", enabled=False
-        )
+        """Disabled robots can neither connect nor be driven; their credentials stay."""
+        done = gettext("Robot disabled.")
+        self._set_enabled(request, robots, done, "robot_disabled", enabled=False)
 
     @admin.action(description=_("Enable"), permissions=["change"])
     def enable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
@@ -487,40 +411,26 @@ class RobotAdmin(DoorPage, KeyPages):
 
 @admin.register(FloorPlan)
 class FloorPlanAdmin(FinishingPage):
-    """Floor plans, taken from files. They are the site's: owners look at those of their robots."""
+    """Floor plans belong to the site; owners can view those of their robots."""
 
     form = FloorPlanForm
     list_display = ("title", "name", "size", "robot_count")
     search_fields = ("title", "name")
-    readonly_fields = (
-        "preview",
-        "size",
-        "places",
-        "finishing",
-        "resolution",
-        "origin_x",
-        "origin_y",
-        "origin_theta",
-        "sha256",
-    )
+    geometry = ("size", "resolution", "origin_x", "origin_y", "origin_theta", "places", "sha256")
+    readonly_fields = ("preview", "finishing", *geometry)
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
-        """A place belongs to everybody who has a robot there."""
-        return (
-            super().is_of(request, None)
-            if row is None
-            else Robot.objects.filter(floor_plan=row.pk, owner=request.user.pk).exists()
-        )
+        """A floor plan belongs to all owners of robots there."""
+        if row is None:
+            return super().is_of(request, None)
+        return Robot.objects.filter(floor_plan=row.pk, owner=request.user.pk).exists()
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[FloorPlan]":
-        """Count the robots in the same query, and leave the images out of lists."""
+        """Count the robots in the same query."""
         rows: QuerySet[FloorPlan] = admin.ModelAdmin.get_queryset(self, request)
         if not self.sees_all(request):
-            rows = rows.filter(
-                pk__in=Robot.objects.filter(owner=request.user.pk, floor_plan__isnull=False).values(
-                    "floor_plan"
-                )
-            )
+            own = Robot.objects.filter(owner=request.user.pk, floor_plan__isnull=False)
+            rows = rows.filter(pk__in=own.values("floor_plan"))
         return rows.annotate(robots_there=Count("robots", filter=Q(robots__practice=False)))
 
     def get_fieldsets(
@@ -528,41 +438,23 @@ class FloorPlanAdmin(FinishingPage):
     ) -> list[tuple[Any, dict[str, Any]]]:
         files = ("map_file", "image_file", "plan_file")
         if obj is None:
-            return [
-                (
-                    None,
-                    {
-                        "fields": (*files, "name", "title"),
-                        "description": _(
-                            "If you add a plan.json, the map id and title are taken from it."
-                        ),
-                    },
-                )
-            ]
-        geometry = (
-            "size",
-            "resolution",
-            "origin_x",
-            "origin_y",
-            "origin_theta",
-            "places",
-            "sha256",
-        )
+            hint = _("If you add a plan.json, the map id and title are taken from it.")
+            return [(None, {"fields": (*files, "name", "title"), "description": hint})]
         finishing = ("finishing",) if self.has_change_permission(request, obj) else ()
         return [
             (None, {"fields": ("title", "name", "preview", *finishing)}),
-            (_("Map"), {"fields": geometry}),
+            (_("Map"), {"fields": self.geometry}),
             (_("Replace the files"), {"fields": files, "classes": ("collapse",)}),
         ]
 
     def get_readonly_fields(
         self, _request: HttpRequest, obj: FloorPlan | None = None
     ) -> tuple[str, ...]:
-        """A map id is known to robots: it stays."""
+        """A floor plan keeps its map id, which robots know."""
         return (*self.readonly_fields, *(("name",) if obj is not None else ()))
 
     def save_model(self, request: HttpRequest, obj: FloorPlan, form: Any, change: bool) -> None:
-        """Save the whole row when it comes out of files."""
+        """Save the whole row if it was read from files."""
         super().save_model(request, obj, form, change and not form.values)
 
     def get_urls(self) -> list[URLPattern]:
@@ -579,14 +471,9 @@ class FloorPlanAdmin(FinishingPage):
 
     @admin.display(description=_("preview"))
     def preview(self, plan: FloorPlan) -> str | SafeString:
-        address = reverse("floor_plan_image", args=[plan.name])
-        return format_html(
-            '<img src="{}?v={}" alt="{}" width="{}">',
-            address,
-            plan.sha256[:16],
-            plan.title,
-            min(plan.width, 480),
-        )
+        address = f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}"
+        image = '<img src="{}" alt="{}" width="{}">'
+        return format_html(image, address, plan.title, min(plan.width, 480))
 
     @admin.display(description=_("size"))
     def size(self, plan: FloorPlan) -> str:
@@ -595,10 +482,8 @@ class FloorPlanAdmin(FinishingPage):
 
     @admin.display(description=_("robots"), ordering="robots_there")
     def robot_count(self, plan: FloorPlan) -> str | SafeString:
-        count = getattr(plan, "robots_there", 0)
-        return link_to(
-            "admin:robots_robot_changelist", count, query=f"?floor_plan__id__exact={plan.pk}"
-        )
+        count, query = getattr(plan, "robots_there", 0), f"?floor_plan__id__exact={plan.pk}"
+        return link_to("admin:robots_robot_changelist", count, query=query)
 
     @admin.display(description=_("in the plan"))
     def places(self, plan: FloorPlan) -> str:
@@ -609,16 +494,12 @@ class FloorPlanAdmin(FinishingPage):
             "places": gettext("places"),
             "routes": gettext("routes"),
         }
-        named = [
-            f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)
-        ]
-        return ", ".join(named) or NOTHING
+        parts = [(len(plan.plan.get(kind) or ()), word) for kind, word in kinds.items()]
+        return ", ".join(f"{count} {word}" for count, word in parts if count) or NOTHING
 
 
 @admin.register(RobotElsewhere)
 class RobotElsewhereAdmin(ShownFilters):
-    """Which other site serves which robot."""
-
     form = RobotElsewhereForm
     list_display = ("name", "site")
     list_filter = ("site",)
@@ -627,7 +508,7 @@ class RobotElsewhereAdmin(ShownFilters):
     def save_model(
         self, request: HttpRequest, obj: RobotElsewhere, form: Any, change: bool
     ) -> None:
-        """Save it, and say when it has no effect yet."""
+        """Save it, and warn if it has no effect yet."""
         super().save_model(request, obj, form, change)
         robot = Robot.objects.filter(name=obj.name, enabled=True).first()
         if robot is not None:
@@ -643,8 +524,6 @@ def _moment(moment: datetime.datetime) -> str:
 
 
 def _shown(content: Any) -> str | SafeString:
-    return (
-        format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
-        if content
-        else NOTHING
-    )
+    if not content:
+        return NOTHING
+    return format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))

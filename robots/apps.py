@@ -5,7 +5,5 @@ from django.utils.translation import gettext_lazy as _
 
 
 class RobotsConfig(AppConfig):
-    """Robots."""
-
     name = "robots"
     verbose_name = _("Robots")

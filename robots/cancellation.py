@@ -1,8 +1,7 @@
-"""Ending tasks for certain.
+"""Reliable cancellation of tasks.
 
-Until Python 3.12 `asyncio.wait_for`, which aiomqtt rests on, now and then forgets a cancellation
-that arrives together with what it waits for. So a task is cancelled until it is done, and never
-only once.
+Before Python 3.12, `asyncio.wait_for`, which aiomqtt uses, sometimes loses a cancellation that
+arrives together with its result. Therefore a task is cancelled repeatedly, until it has ended.
 """
 
 import asyncio
@@ -13,8 +12,8 @@ AGAIN_S = 0.5
 
 
 async def cancel(*tasks: "asyncio.Future[Any]") -> None:
-    """Cancel tasks and wait until they have ended; what they raise is dropped, also when this is
-    cancelled while it waits.
+    """Cancel tasks and wait until they have ended. Their exceptions are dropped, also when this
+    wait is cancelled.
     """
     for task in tasks:
         task.add_done_callback(_drop)
@@ -26,9 +25,7 @@ async def cancel(*tasks: "asyncio.Future[Any]") -> None:
 
 
 async def until_one_ends(*works: Awaitable[Any]) -> None:
-    """Run things side by side until one of them ends, or raises, which is then raised here; the
-    others are cancelled.
-    """
+    """Run awaitables concurrently until one ends, and cancel the others; raise its exception."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -1,6 +1,4 @@
-"""What a page shows of a robot: one state, one sentence, one button. Pure: the caller says how many
-drive and wait, and when it is.
-"""
+"""A robot on a page: one state, one sentence, one button. Pure."""
 
 import datetime
 import math
@@ -15,7 +13,7 @@ from robots.models import Robot
 from robots.presence.report import is_stopped_there, runs_on, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
-# of a robot that is in its station and not ready yet: sessions/leases/readiness.py
+# of a docked robot that is not ready yet: sessions/leases/readiness.py
 CHECKS = frozenset({"level", "relocalize", "picture", "network"})
 STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
 PICTURES = ("giraff", "rhodon")  # the series that have a picture of their own
@@ -23,9 +21,9 @@ PICTURES = ("giraff", "rhodon")  # the series that have a picture of their own
 
 @dataclass(frozen=True)
 class Traffic:
-    """Whether a robot has a driver, and whether this is the reader (`own`); how many people wait,
-    and the reader's place among them, 0 for a newcomer; for how many minutes the reader waits, or
-    would, None when it is not known.
+    """Whether a robot has a driver, who may be the reader (`own`); how many visitors wait, with the
+    reader's place, 0 if the reader does not wait; and the reader's wait in minutes, None if
+    unknown.
     """
 
     driven: bool = False
@@ -37,12 +35,12 @@ class Traffic:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """A robot as the list shows it, in the language of the request.
+    """A robot in the list, in the language of the request.
 
-    `badge` is the look of the label: the state, or `held` of a free robot that was stopped.
-    `charge` is in percent, None when it is unknown; `battery` is the same as text, empty when the
-    robot is offline. `drives`: the button leads to driving, now or in turn; `for_experienced`: not
-    for a first drive; `own`: the reader drives it or waits for it.
+    `badge` is the style of the label: the state, or `held` for a free robot that was stopped.
+    `charge` is in percent, None if unknown; `battery` is the same as text, empty if the robot is
+    offline. `drives`: the button leads to driving, now or after waiting; `for_experienced`: not for
+    a first drive; `own`: the reader drives it or waits for it.
     """
 
     name: str
@@ -66,14 +64,14 @@ class RobotCard:
 def card(
     robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime.datetime
 ) -> RobotCard:
-    """Return what to show of `robot`.
+    """Return the card of `robot`.
 
     Args:
         robot: with its floor plan loaded.
-        traffic: who drives and waits.
-        barred: why this visitor may not drive, a word of robots.access, empty when they may.
-        url: where the button leads.
-        now: the time to measure "last seen" by.
+        traffic: its driver and queue.
+        barred: why this visitor may not drive, a reason of robots.access, or empty.
+        url: of the button.
+        now: for "last seen".
     """
     state = _state(robot, traffic, now)
     away = _instead(robot, state, traffic)
@@ -115,73 +113,69 @@ def was_stopped(robot: Robot) -> bool:
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
-    """Return the label and the sentence of a robot whose own state matters more than its queue:
+    """Return the label and sentence of a robot whose own state matters more than its queue:
     stopped, or not ready; None otherwise.
     """
     if state == "stopped":
         return _stopped(robot)
     if state == "available" and was_stopped(robot):
-        return _("Stopped"), _(
+        text = _(
             "Someone stopped it after the last visit. It can move again once you start to drive."
         )
+        return _("Stopped"), text
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 
 def _stopped(robot: Robot) -> tuple[str, str]:
-    """Return the label and the sentence of a robot that cannot be driven."""
-    words = {
-        "estop": (
-            _("Stopped"),
-            _("Stopped by someone next to it. They or its operators can release it.")
-            if is_stopped_there(robot.presence.report)
-            else _(
+    """Return the label and sentence of a robot that cannot be driven."""
+    report = robot.presence.report
+    match standstill_of(report):
+        case "estop" if is_stopped_there(report):
+            text = _("Stopped by someone next to it. They or its operators can release it.")
+            return _("Stopped"), text
+        case "estop":
+            text = _(
                 "The emergency stop is on. Somebody at the robot, or an operator, must release it."
-            ),
-        ),
-        "not_connected": (
-            _("Not available"),
-            _("The robot's control system isn't responding. You can drive again once it responds."),
-        ),
-        "fault": (
-            _("Not available"),
-            _("It is moving although it should stand still. You can drive it once it has stopped.")
-            if runs_on(robot.presence.report)
-            else _("The robot has a fault. You can drive again once it is solved."),
-        ),
-    }
-    return words[standstill_of(robot.presence.report)]
+            )
+            return _("Stopped"), text
+        case "not_connected":
+            text = _(
+                "The robot's control system isn't responding. You can drive again once it responds."
+            )
+        case _ if runs_on(report):
+            text = _(
+                "It is moving although it should stand still. You can drive it once it has stopped."
+            )
+        case _:
+            text = _("The robot has a fault. You can drive again once it is solved.")
+    return _("Not available"), text
 
 
 def _away(robot: Robot) -> tuple[str, str] | None:
-    """Return what a robot does between two visits, as a label and a sentence; None when it is
-    ready.
-    """
+    """Return the label and sentence of a robot between two visits; None when it is ready."""
     if robot.held:
         return _("Not ready"), _("Visits are paused for now. You can join the queue.")
     if not robot.returns_home or was_stopped(robot):
         return None
-    words = {
-        Robot.Turnaround.RETURNING: (
-            (_("Getting ready"), _("It is running its self-check. You can join the queue."))
-            if robot.presence.turnaround_reason in CHECKS
-            else (
-                _("Returning to its station"),
-                _("It needs to dock first. You can join the queue."),
-            )
-        ),
-        Robot.Turnaround.CHARGING: (
-            _("Charging"),
-            _("It needs to charge first. You can join the queue."),
-        ),
-        Robot.Turnaround.PAUSED: (
-            _("Not ready"),
-            _("The robot couldn't get ready for the next visit. It tries again by itself.")
-            if isinstance(robot.presence.report, dict)
-            and robot.presence.report.get("docked") is True
-            else _("The robot didn't reach its station. It tries again by itself."),
-        ),
-    }
-    return words.get(Robot.Turnaround(robot.presence.turnaround))
+    presence = robot.presence
+    match Robot.Turnaround(presence.turnaround):
+        case Robot.Turnaround.RETURNING if presence.turnaround_reason in CHECKS:
+            text = _("It is running its self-check. You can join the queue.")
+            return _("Getting ready"), text
+        case Robot.Turnaround.RETURNING:
+            text = _("It needs to dock first. You can join the queue.")
+            return _("Returning to its station"), text
+        case Robot.Turnaround.CHARGING:
+            return _("Charging"), _("It needs to charge first. You can join the queue.")
+        case Robot.Turnaround.PAUSED:
+            report = presence.report if isinstance(presence.report, dict) else {}
+            text = _("The robot didn't reach its station. It tries again by itself.")
+            if report.get("docked") is True:
+                text = _(
+                    "The robot couldn't get ready for the next visit. It tries again by itself."
+                )
+            return _("Not ready"), text
+    return None
 
 
 def _label(state: CardState, *, own: bool) -> str:
@@ -207,33 +201,31 @@ def _detail(
         return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
     if state == "busy":
         return _("Your drive is not over yet.") if traffic.own else _line(traffic)
-    if robot.presence.last_seen_at is None:
+    seen_at = robot.presence.last_seen_at
+    if seen_at is None:
         return _("This robot hasn't connected yet.")
-    if now - robot.presence.last_seen_at < datetime.timedelta(minutes=1):
+    if now - seen_at < datetime.timedelta(minutes=1):
         return _("Last seen just now.")
-    return _("Last seen %(time)s ago.") % {
-        "time": timesince(robot.presence.last_seen_at, now, depth=1)
-    }
+    return _("Last seen %(time)s ago.") % {"time": timesince(seen_at, now, depth=1)}
 
 
 def _line(traffic: Traffic) -> str:
-    """Return which place in the queue one would have, and for how long."""
+    """Return the place in the queue that a new visitor would have, and the wait."""
     if traffic.minutes is None:
         if not traffic.waiting:
             return _("Somebody is driving. You would be next.")
-        return ngettext(
-            "%(n)d visitor in the queue.", "%(n)d visitors in the queue.", traffic.waiting
-        ) % {"n": traffic.waiting}
+        n = traffic.waiting
+        text = ngettext("%(n)d visitor in the queue.", "%(n)d visitors in the queue.", n)
+        return text % {"n": n}
     words = {"place": traffic.waiting + 1, "minutes": max(1, math.ceil(traffic.minutes))}
     if not traffic.waiting:
         return _("Somebody is driving. You would be next, in about %(minutes)d min.") % words
-    return (
-        _("You'd be number %(place)d in the queue, with a wait of about %(minutes)d min.") % words
-    )
+    text = _("You'd be number %(place)d in the queue, with a wait of about %(minutes)d min.")
+    return text % words
 
 
 def _own_place(traffic: Traffic) -> str:
-    """Return which place the reader has in the queue, and for how long."""
+    """Return the reader's place in the queue, and the wait."""
     if traffic.minutes is None:
         return _("You are number %(place)d in the queue.") % {"place": traffic.place}
     words = {"place": traffic.place, "minutes": max(1, math.ceil(traffic.minutes))}
@@ -269,14 +261,12 @@ def _battery(report: Any) -> tuple[int | None, bool]:
     reported = report.get("battery") if isinstance(report, dict) else None
     battery = reported if isinstance(reported, dict) else {}
     charge = battery.get("charge")
-    percent = (
-        round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
-    )
-    return percent, battery.get("charging") is True
+    is_valid = isinstance(charge, int | float) and 0.0 <= charge <= 1.0
+    return round(charge * 100) if is_valid else None, battery.get("charging") is True
 
 
 def picture_of(robot: Robot) -> str:
-    """Return the static file with the picture of a robot's series, or one of any robot."""
+    """Return the static file with the picture of a robot's series, or a general one."""
     factsheet = robot.presence.factsheet
     series = factsheet.get("series") if isinstance(factsheet, dict) else None
     return f"img/robots/{series if series in PICTURES else 'any'}.svg"

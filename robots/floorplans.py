@@ -1,4 +1,4 @@
-"""Floor plans in the database: taken from a site's folder or an upload."""
+"""Floor plans in the database, read from a site's folder or an upload."""
 
 import tempfile
 from pathlib import Path
@@ -20,8 +20,8 @@ MAX_PLAN = 256 * 1024
 
 
 def store_floor_plan(directory: Path) -> FloorPlan:
-    """Store the site of a folder (map.yaml with its image, plan.json) under its map id, in place of
-    what was there.
+    """Store the site of a folder (map.yaml with its image, plan.json), in place of one with the
+    same map id.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.
@@ -32,11 +32,11 @@ def store_floor_plan(directory: Path) -> FloorPlan:
 
 
 def import_site(directory: Path) -> tuple[FloorPlan, Path]:
-    """Store the site of a folder in the database, and a copy of the folder where simulators find
-    it, in place of a site with the same map id; return both.
+    """Store the site of a folder in the database, and a copy of the folder for simulators, in place
+    of a site with the same map id; return both.
 
-    The map is written again from the data that was checked: the image that the folder's map.yaml
-    names may be anywhere.
+    The map is written from the checked data: the image that the folder's map.yaml names may be in
+    another folder.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.
@@ -59,8 +59,8 @@ def import_site(directory: Path) -> tuple[FloorPlan, Path]:
 def read_upload(
     map_yaml: bytes, image: bytes, plan_json: bytes | None, *, name: str = "", title: str = ""
 ) -> dict[str, Any]:
-    """Return the fields of a FloorPlan for uploaded files, which a child process reads; without a
-    plan.json the map id and title must be given.
+    """Return the fields of a FloorPlan from uploaded files, which a child process reads. Without a
+    plan.json, map id and title are required.
 
     Raises:
         FloorPlanRefusedError: something cannot be used.
@@ -76,7 +76,7 @@ def read_upload(
 
 def plan_content(plan: FloorPlan) -> dict[str, Any]:
     """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
-    the picture's address, the plan in the language of the page.
+    the address of the image, and the plan in the language of the page.
     """
     return {
         "name": plan.name,

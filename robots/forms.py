@@ -1,4 +1,4 @@
-"""Parts of the administration's forms: a robot, its adapter, and a floor plan from its files."""
+"""The administration's forms of robots and floor plans."""
 
 from typing import Any, ClassVar
 
@@ -16,8 +16,8 @@ from robots.models import FloorPlan, Robot, RobotElsewhere
 
 
 class AdapterInput(forms.TextInput):
-    """A text field that offers the adapters that are installed on the server, and takes any other:
-    the agent runs on the robot's computer, where others may be installed.
+    """A text field that suggests the adapters that are installed on the server. It accepts others,
+    which may be installed on the robot's computer.
     """
 
     def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
@@ -37,7 +37,7 @@ class RobotForm(forms.ModelForm):
     class Meta:
         model = Robot
         fields = ("shown_to_visitors",)  # the administration names the others
-        # As people write them: with a comma too, in a language that has decimal commas.
+        # accepts a decimal comma in languages that have it
         localized_fields = DECIMALS
         error_messages: ClassVar = {name: {"invalid": NO_DECIMAL} for name in DECIMALS}
 
@@ -46,24 +46,17 @@ class RobotForm(forms.ModelForm):
         for name in {*DECIMALS} & self.fields.keys():
             self.fields[name].widget.attrs["inputmode"] = "decimal"
         robot, switch = self.instance, self.fields.get("shown_to_visitors")
-        if (
-            switch is not None
-            and robot.presence.last_seen_at is None
-            and not robot.shown_to_visitors
-        ):
+        # a robot that is being added has no switch and no presence
+        if switch is not None and not (robot.shown_to_visitors or robot.presence.last_seen_at):
             switch.widget.attrs["disabled"] = True  # the page enables it when the robot connects
 
     def clean_translations(self) -> dict[str, Any]:
-        """Take an empty field for no translations."""
         return self.cleaned_data["translations"] or {}
 
     def clean_shown_to_visitors(self) -> bool:
-        """Refuse to show a robot that was never seen."""
         shown = bool(self.cleaned_data["shown_to_visitors"])
-        is_new = (
-            self.instance.presence.last_seen_at is None and "shown_to_visitors" in self.changed_data
-        )
-        if shown and is_new:
+        is_new = self.instance.presence.last_seen_at is None
+        if shown and is_new and "shown_to_visitors" in self.changed_data:
             raise forms.ValidationError(
                 gettext("This robot hasn't connected yet. Connect it, then show it to visitors.")
             )
@@ -71,9 +64,7 @@ class RobotForm(forms.ModelForm):
 
 
 def offered() -> tuple[str, ...]:
-    """Return the adapters that the server can name, none where two packages contradict each
-    other.
-    """
+    """Return the names of adapters on this server, none if two packages use the same name."""
     try:
         return known_names()
     except AmbiguousAdapterError:
@@ -81,20 +72,18 @@ def offered() -> tuple[str, ...]:
 
 
 class RobotElsewhereForm(forms.ModelForm):
-    """A robot at another site."""
-
     class Meta:
         model = RobotElsewhere
         fields = ("name", "site")
 
     def clean_site(self) -> str:
-        """Take the address as browsers copy it, with a slash at its end."""
+        """Accept an address as browsers copy it, with a slash at its end."""
         return str(self.cleaned_data["site"]).removesuffix("/")
 
 
 class FloorPlanForm(forms.ModelForm):
-    """Takes ROS map_server's two files and, when there is one, a plan.json; the row's fields come
-    out of them.
+    """Accepts the two files of ROS map_server and optionally a plan.json, and reads the row's
+    fields from them.
     """
 
     map_file = forms.FileField(
@@ -120,7 +109,7 @@ class FloorPlanForm(forms.ModelForm):
         super().__init__(*args, **options)
         self.values: dict[str, Any] = {}
         if self.instance._state.adding:
-            for name in ("name", "title"):  # a plan.json brings both
+            for name in ("name", "title"):  # a plan.json has both
                 self.fields[name].required = False
 
     def clean_map_file(self) -> bytes | None:
@@ -135,9 +124,7 @@ class FloorPlanForm(forms.ModelForm):
     def clean(self) -> dict[str, Any]:
         cleaned = super().clean() or self.cleaned_data
         files = [cleaned.get(name) for name in ("map_file", "image_file", "plan_file")]
-        if self.errors:
-            return cleaned
-        if not any(files) and not self.instance._state.adding:
+        if self.errors or not (any(files) or self.instance._state.adding):
             return cleaned
         if files[0] is None or files[1] is None:
             raise forms.ValidationError(gettext("Choose the map's YAML file and its image."))
@@ -161,7 +148,7 @@ class FloorPlanForm(forms.ModelForm):
         return values
 
     def _post_clean(self) -> None:
-        # Before the model's own checks (uniqueness of the name), which must see what the files say.
+        # before the model's validation (unique name), which needs the values from the files
         for field, value in self.values.items():
             setattr(self.instance, field, value)
         super()._post_clean()
@@ -171,7 +158,6 @@ def _content(file: UploadedFile | None, limit: int) -> bytes | None:
     if file is None:
         return None
     if file.size is None or file.size > limit:
-        raise forms.ValidationError(
-            gettext("The file is larger than %(size)s.") % {"size": filesizeformat(limit)}
-        )
+        text = gettext("The file is larger than %(size)s.") % {"size": filesizeformat(limit)}
+        raise forms.ValidationError(text)
     return bytes(file.read())

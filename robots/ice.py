@@ -16,15 +16,15 @@ from django.conf import settings
 
 from robots.api.messages import IceServer
 
-# longer than any visit: a TURN allocation is renewed with the same credentials
+# longer than any session: a TURN allocation is renewed with the same credentials
 LIFETIME_SECONDS = 6 * 3600
 MAX_URLS = 8
 
 
 def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
     """Return the servers for `name` (a visitor's id or a robot's name) at `now`, Unix time in
-    seconds; empty when none is set up. The relays of one region are one entry: page and robot each
-    measure which region is nearest, and use that one.
+    seconds. The relays of a region are one entry: page and robot each measure which region is
+    nearest, and use its relays.
     """
     servers: list[IceServer] = []
     if settings.STUN_URLS:
@@ -49,7 +49,6 @@ class IceCredentials:
         self._made_at = -math.inf  # Unix seconds
 
     def __call__(self) -> tuple[IceServer, ...]:
-        """Return the servers."""
         now = time.time()
         if not 0.0 <= now - self._made_at < LIFETIME_SECONDS / 2:
             self._servers, self._made_at = ice_servers(self._name, now), now
@@ -57,13 +56,13 @@ class IceCredentials:
 
 
 def relays_by_region(words: Sequence[str]) -> dict[str, list[str]]:
-    """Return the addresses of relays by region, in the order given: `eu=turn:relay.example.org` is
-    in the region `eu`; without a name they are in one region together.
+    """Return the addresses of relays by region: `eu=turn:relay.example.org` is in the region `eu`;
+    those without a name form one region.
     """
     regions: dict[str, list[str]] = {}
     for word in words:
         name, named, url = word.partition("=")
-        if not named or ":" in name:  # what follows a scheme is an address's own
+        if not named or ":" in name:  # after a scheme, "=" is part of the address
             name, url = "", word
         regions.setdefault(name.strip(), []).append(url.strip())
     return regions
@@ -72,6 +71,6 @@ def relays_by_region(words: Sequence[str]) -> dict[str, list[str]]:
 def turn_credentials(name: str, secret: str, now: float) -> tuple[str, str]:
     """Return (user name, password), valid for `LIFETIME_SECONDS` from `now`."""
     username = f"{int(now) + LIFETIME_SECONDS}:{name}"
-    # SHA-1 is the protocol's choice; as an HMAC key check it is still sound.
+    # The protocol requires SHA-1, which is still secure in an HMAC.
     digest = hmac.new(secret.encode(), username.encode(), hashlib.sha1).digest()
     return username, base64.b64encode(digest).decode()

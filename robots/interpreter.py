@@ -1,6 +1,4 @@
-"""How the interpreter is set up in a process that has to answer within milliseconds, when
-everything that it needs is loaded.
-"""
+"""Settings of the interpreter in a process that must answer within milliseconds."""
 
 import gc
 import sys
@@ -9,13 +7,12 @@ SWITCH_SECONDS = 0.0005
 
 
 def set_up_for_latency() -> None:
-    """Let threads take turns ten times as often, and exclude all objects that exist now from
-    garbage collection.
+    """Let threads switch ten times as often, and exclude all present objects from garbage
+    collection. Call it when everything is loaded; it may be called again.
 
-    By default a thread that computes keeps the interpreter for 5 ms from one that has just been
-    called. And the collector stops every thread while it looks through all objects (measured: 44 ms
-    in a robot's agent, 0.1 s beside a web process's forms), which stay for good and need not be
-    looked through. May be called again: what has become garbage since is collected first.
+    By default, a computing thread keeps the interpreter for 5 ms while another is ready. The
+    collector stops all threads while it visits all objects (measured: 44 ms in a robot's agent,
+    0.1 s in a web process with its forms), most of which stay for ever.
     """
     sys.setswitchinterval(SWITCH_SECONDS)
     gc.unfreeze()

@@ -1,8 +1,8 @@
-"""The ids of request, session and robot that are added to each log line of the current task.
+"""The ids of request, session and robot that telepresence_site/ops/log_lines.py adds to each log
+line of the current task.
 
-A function that returns the ids is stored, not the ids themselves: a page's session changes during
-the life of its socket, and the ids are looked up only when a line is written.
-`telepresence_site/ops/log_lines.py` puts them into the lines.
+A function that returns the ids is stored, not the ids themselves, and called when a line is
+written: a page's session changes during the life of its socket.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,27 +17,23 @@ _about: ContextVar[Ids] = ContextVar("log_ids", default=dict)
 
 
 def of_process(**ids: object) -> None:
-    """Name what every line of this process is about, in all of its threads: a robot's agent its
-    robot.
-    """
+    """Add ids to every line of this process, in all threads: an agent adds its robot."""
     _process.update(ids)
 
 
 def current() -> dict[str, object]:
-    """Return the ids that a line written here and now carries; unknown ones are left out."""
+    """Return the ids of a line that is written now, without unknown ones."""
     found = {**_process, **_about.get()()}
     return {name: found[name] for name in NAMES if found.get(name)}
 
 
 def captured() -> Ids:
-    """Return what names the ids of lines written here, for another task that works for the same
-    request.
-    """
+    """Return the function of the current task, for another task of the same request."""
     return _about.get()
 
 
 def bind(ids: Ids) -> Token[Ids]:
-    """Have lines carry what `ids` returns, besides what they carry already, until `unbind`."""
+    """Add the ids that `ids` returns to lines until `unbind`."""
     outer = _about.get()
     return _about.set(lambda: {**outer(), **ids()})
 
@@ -49,7 +45,7 @@ def unbind(token: Token[Ids]) -> None:
 
 @contextmanager
 def about(**ids: object) -> Iterator[None]:
-    """Have the lines of a block carry these ids."""
+    """Add ids to the lines of a block."""
     token = bind(lambda: ids)
     try:
         yield

@@ -1,10 +1,9 @@
-"""Logging by structlog: an event has a name and fields, given where it happens.
+"""Logging with structlog: an event has a name and fields.
 
     log = structlog.stdlib.get_logger(__name__)
     log.info("robot_connected", robot=name, attempt=attempt)
 
-Events go through the standard library's logging, so that handlers, levels and lines of others
-stay in one place.
+Events go through the standard library's logging, which also has the lines of other libraries.
 """
 
 import json
@@ -17,8 +16,8 @@ from collections import Counter
 from collections.abc import Mapping, MutableMapping
 from typing import Any
 
-# Where they are installed, structlog loads these for features that nothing here uses: half of the
-# time that it takes to load, in every process.
+# structlog imports these, if they are installed, for features that we do not use: half of its
+# import time, in every process.
 _UNUSED = [name for name in ("rich", "twisted") if name not in sys.modules]
 sys.modules.update(dict.fromkeys(_UNUSED))  # type: ignore[arg-type] # None: not to be found
 import structlog  # noqa: E402 -- without the above
@@ -26,7 +25,7 @@ import structlog  # noqa: E402 -- without the above
 for _name in _UNUSED:
     del sys.modules[_name]
 
-MOST_WAITING = 2000  # lines for a terminal or a journal that takes none
+MOST_WAITING = 2000  # lines that a slow terminal or journal has not accepted
 LINES_OF_EVENT = 30  # a minute
 FLUSH_S = 1.0
 _PLAIN = re.compile(r"[^\s\"=]+")
@@ -34,7 +33,7 @@ TRACEBACK = "exc_info"
 
 
 class LogEvent(dict[str, Any]):
-    """The fields of an event; as text `name key=value …`, for formatters that know no fields."""
+    """The fields of an event; as text `name key=value …`, for formatters without fields."""
 
     def __str__(self) -> str:
         kept = [name for name in self if name not in {"event", TRACEBACK}]
@@ -43,7 +42,7 @@ class LogEvent(dict[str, Any]):
 
 
 def pairs(fields: Mapping[str, Any]) -> str:
-    """Return `key=value` pairs; what holds spaces, quotes or line ends is quoted as in JSON."""
+    """Return `key=value` pairs; values with spaces, quotes or line ends are quoted as in JSON."""
     return " ".join(f"{name}={_quoted(value)}" for name, value in fields.items())
 
 
@@ -57,8 +56,8 @@ def _quoted(value: Any) -> str:
 def to_standard_library(
     logger: Any, name: str, event: MutableMapping[str, Any]
 ) -> tuple[tuple[LogEvent], dict[str, Any]]:
-    """Return the arguments of the standard library's logger; the last processor. What structlog's
-    own formatter needs goes along (structlog.stdlib.ProcessorFormatter).
+    """Return the arguments of the standard library's logger, with those that structlog's
+    ProcessorFormatter needs; the last processor.
     """
     if event.get(TRACEBACK) is True:
         event[TRACEBACK] = sys.exc_info()
@@ -67,14 +66,12 @@ def to_standard_library(
 
 
 def reason_of(error: BaseException) -> str:
-    """Return the message of an error, or its class when it has none, as a TimeoutError does."""
+    """Return the message of an error, or its class if it has none, such as TimeoutError."""
     return str(error) or type(error).__name__
 
 
 def configure() -> None:
-    """Have every logger of structlog hand its events to the standard library, unless the program
-    around has set it up in its own way.
-    """
+    """Let structlog pass events to the standard library, unless the program has configured it."""
     if structlog.is_configured():
         return
     structlog.configure(
@@ -86,14 +83,13 @@ def configure() -> None:
 
 
 class ThreadedHandler(logging.Handler):
-    """Has other handlers write in a thread of its own: a terminal or a journal that takes no more
-    lines must not stop the thread that logs. Lines that find no room are dropped and counted, and
-    so are most lines of an event that happens often, lest a client fill the log; critical ones
-    never are.
+    """Lets other handlers write in a separate thread: a blocked terminal or journal must not stop
+    the thread that logs. Lines are dropped and counted when the queue is full, and, unless
+    critical, when an event is frequent, so that a client cannot fill the log.
 
     Args:
-        handlers: that write.
-        most: lines that may wait.
+        handlers: write the lines.
+        most: length of the queue.
     """
 
     def __init__(self, handlers: list[logging.Handler], most: int = MOST_WAITING) -> None:
@@ -104,7 +100,7 @@ class ThreadedHandler(logging.Handler):
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Queue a line; called with the handler's lock, like the count of those dropped."""
+        """Queue a line; called with the handler's lock, which also protects the count."""
         full = self._lines.full()
         if full or (record.levelno < logging.CRITICAL and self._is_frequent(record)):
             self._dropped += 1
@@ -140,14 +136,14 @@ class ThreadedHandler(logging.Handler):
 
 
 def write_in_a_thread() -> None:
-    """Have the root logger's handlers write in a thread from now on; idempotent."""
+    """Let the root logger's handlers write in a thread; idempotent."""
     root = logging.getLogger()
     if not any(isinstance(handler, ThreadedHandler) for handler in root.handlers):
         root.handlers = [ThreadedHandler(root.handlers)]
 
 
 def flush() -> None:
-    """Wait until what was logged is written, at most `FLUSH_S` seconds."""
+    """Wait until all lines are written, at most `FLUSH_S` seconds."""
     for handler in logging.getLogger().handlers:
         if isinstance(handler, ThreadedHandler):
             handler.flush()

@@ -32,14 +32,13 @@ LANGUAGE = re.compile(r"[a-z]{2,3}(-[a-z0-9]{2,8})*")
 def refuse_reserved_name(name: str) -> None:
     """Raise ValidationError for a name that the topic tree uses itself."""
     if name in RESERVED_NAMES:
-        raise ValidationError(
-            _("“%(name)s” is reserved. Choose another name."), params={"name": name}
-        )
+        text = _("“%(name)s” is reserved. Choose another name.")
+        raise ValidationError(text, params={"name": name})
 
 
 def check_translations(value: Any) -> None:
-    """Raise ValidationError for translations of a robot that are not {language: {"title": …,
-    "description": …}}, either left out.
+    """Raise ValidationError unless the translations of a robot are {language: {"title": …,
+    "description": …}}, where each may be absent.
     """
     is_right = isinstance(value, dict) and all(
         LANGUAGE.fullmatch(language)
@@ -69,8 +68,8 @@ def check_site(value: str) -> None:
 
 
 class FloorPlan(models.Model):
-    """A site as it is stored: the occupancy map of ROS map_server, and in `plan` what
-    robots.api.floorplan.FloorPlan is the file and wire form of.
+    """A stored site: the occupancy map of ROS map_server, and `plan`, a
+    robots.api.floorplan.FloorPlan as JSON.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -100,7 +99,7 @@ class FloorPlan(models.Model):
         return self.title
 
     def as_message(self) -> FloorPlanUpdate:
-        """Return what tells a robot its map; retained on its `floorplan` topic."""
+        """Return the retained message on a robot's `floorplan` topic."""
         return FloorPlanUpdate(
             map_id=self.name,
             sha256=self.sha256,
@@ -110,8 +109,7 @@ class FloorPlan(models.Model):
             occupied_thresh=self.occupied_thresh,
             free_thresh=self.free_thresh,
             image=base64.b64encode(bytes(self.image)).decode(),
-            # Robots go by names; one whose agent is older refuses a plan with fields that it does
-            # not know.
+            # Robots use names; an older agent refuses a plan with unknown fields.
             plan={name: part for name, part in self.plan.items() if name != "translations"} or None,
         )
 
@@ -121,51 +119,41 @@ class FloorPlan(models.Model):
 
     @property
     def shown_title(self) -> str:
-        """Return the title in the language of the page that is being made."""
-        words = floorplan.in_language(
-            {"title": self.title, "translations": (self.plan or {}).get("translations", {})},
-            get_language() or "",
-        )
-        return str(words["title"])
+        """The title in the language of the page."""
+        offered = (self.plan or {}).get("translations", {})
+        return floorplan.translation(offered, get_language() or "").get(self.title, self.title)
 
 
 class WithPresence(models.Manager["Robot"]):
-    """Robots joined with their presence, which nearly all that read a robot need."""
+    """Robots joined with their presence, which nearly all readers need."""
 
     def get_queryset(self) -> "models.QuerySet[Robot]":
-        """Join the presence."""
         return super().get_queryset().select_related("presence")
 
 
 class Robot(models.Model):
-    """A telepresence robot as its owner set it up; each also has a RobotPresence and
-    RobotCredentials, which other processes write.
-    """
+    """A robot as its owner set it up; other processes write its presence and credentials."""
 
     class Access(models.TextChoices):
-        """Who may drive."""
-
         OPEN = "open", _("open to all logged-in users")
         INVITATION = "invitation", _("by invitation")
         TRAINED = "trained", _("for trained users")
 
     class DriveAssist(models.TextChoices):
-        """How much the robot assists the driver: robots.api.messages.AssistLevel."""
+        """robots.api.messages.AssistLevel."""
 
         OFF = "off", _("off")
         SLOW = "slow", _("slows down and stops at obstacles")
         STEER = "steer", _("steers around obstacles and through doors")
 
     class Calls(models.TextChoices):
-        """Whether the people at the robot are asked before they see and hear a visitor:
-        robots.api.messages.Config.
-        """
+        """Whether people at the robot must accept a visitor's call: robots.api.messages.Config."""
 
         ACCEPT = "accept", _("start immediately")
         ASK = "ask", _("somebody at the screen must accept")
 
     class Turnaround(models.TextChoices):
-        """Where the robot stands between two visits (sessions/leases/readiness.py)."""
+        """The state of the robot between two visits (sessions/leases/readiness.py)."""
 
         READY = "ready", _("ready")
         RETURNING = "returning", _("returning home")
@@ -212,9 +200,9 @@ class Robot(models.Model):
         verbose_name=_("floor plan"),
     )
     enabled = models.BooleanField(_("enabled"), default=True)
-    # A disabled robot cannot even connect, so that it could never be tried before visitors come.
-    # One that is added in the administration begins hidden; those that programs make (demo,
-    # practice, rehearsals) are meant to be driven at once.
+    # A disabled robot cannot connect, so it could not be tested before visitors drive it. One that
+    # is added in the administration is therefore hidden at first. Those that programs add (demo,
+    # practice, rehearsals) can be driven at once.
     shown_to_visitors = models.BooleanField(
         _("show to visitors"),
         default=True,
@@ -283,17 +271,16 @@ class Robot(models.Model):
             "once it is docked and charged and knows its position."
         ),
     )
-    # A simulated one for visitors who wait (telepresence_site/practice): on no list, and no
-    # study's.
+    # A simulated robot for visitors who wait (telepresence_site/practice): in no list or study.
     practice = models.BooleanField(default=False, editable=False)
-    # When a page last asked for a practice robot, whichever it gets; the same of all of them.
+    # When a page last requested any practice robot; the same for all of them.
     wanted_at = models.DateTimeField(null=True, editable=False)
     charge_limit = models.FloatField(
         _("minimum charge for a visit (0-1)"),
         default=0.2,
         validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
     )
-    # Set and removed by hand. Until it is removed, no visitor gets the robot, and the queue waits
+    # Set and removed by people. While it is set, no visitor gets the robot, and the queue waits
     # (sessions/leases/store.py).
     held = models.CharField(_("queue pause reason"), max_length=200, blank=True, editable=False)
 
@@ -304,8 +291,8 @@ class Robot(models.Model):
         default=Calls.ACCEPT,
         help_text=_("Applies when a visitor turns on the microphone or camera."),
     )
-    # a user's key and permits here, of a robot that robots.access.know_permits has looked at
-    known_permits: tuple[Any, frozenset[str]] | None = None
+    # a user's key and permits, set by robots.access.prefetch_permits
+    permit_cache: tuple[Any, frozenset[str]] | None = None
 
     objects = WithPresence()
 
@@ -327,35 +314,29 @@ class Robot(models.Model):
             RobotCredentials.objects.create(robot=self)
 
     def title_in(self, language: str) -> str:
-        """Return what visitors call the robot in a language, or the title as it is."""
+        """Return the title in a language, or untranslated."""
         return self._words_in(language).get("title") or self.title or self.name
 
     @property
     def titles(self) -> dict[str, str]:
-        """Return the titles in other languages, by language."""
-        return {
-            language: words["title"]
-            for language, words in (self.translations or {}).items()
-            if words.get("title")
-        }
+        words = (self.translations or {}).items()
+        return {language: texts["title"] for language, texts in words if texts.get("title")}
 
     @property
     def shown_title(self) -> str:
-        """Return the title in the language of the page that is being made."""
+        """The title in the language of the page."""
         return self.title_in(get_language() or "")
 
     @property
     def shown_description(self) -> str:
-        """Return the description in the language of the page that is being made."""
+        """The description in the language of the page."""
         return self._words_in(get_language() or "").get("description") or self.description
 
     def _words_in(self, language: str) -> Mapping[str, str]:
         return floorplan.translation(self.translations or {}, language)
 
     def doors_in(self, language: str) -> list[dict[str, Any]]:
-        """Return the doors of its site: name, title, and the state that the server has set or the
-        plan has.
-        """
+        """Return the doors of its site: name, title, and the state set by the server or plan."""
         plan = self.floor_plan.plan_in(language) if self.floor_plan else {}
         return [
             {
@@ -368,13 +349,13 @@ class Robot(models.Model):
 
     @property
     def can_go_home(self) -> bool:
-        """Tell whether it is meant to go home after a visit, and says that it can dock."""
+        """Whether it should dock after each visit, and reports that it can."""
         capabilities = (self.presence.factsheet or {}).get("capabilities", ())
         return self.returns_home and "dock" in capabilities
 
     def is_online(self, now: datetime.datetime) -> bool:
-        """Tell whether the robot is connected and has sent a message recently: an idle one sends
-        none for half a minute (robots/api/idle.py).
+        """Tell whether the robot is connected and has sent a message recently; an idle one is
+        silent for half a minute (robots/api/idle.py).
         """
         seen_at = self.presence.last_seen_at
         is_recent = seen_at is not None and (now - seen_at).total_seconds() < ONLINE_SECONDS
@@ -382,9 +363,9 @@ class Robot(models.Model):
 
 
 class RobotPresence(models.Model):
-    """What a robot last reported, and what it does between two visits. The session manager writes
-    it every few seconds, in a row of its own so that these writes and the owner's edits of the
-    robot never overwrite each other.
+    """A robot's last report, and its state between two visits. The session manager writes it every
+    few seconds, in a separate row so that these writes and the owner's edits of the robot never
+    overwrite each other.
     """
 
     robot = models.OneToOneField(
@@ -425,16 +406,15 @@ class RobotCredentials(models.Model):
     screen_made_at = models.DateTimeField(_("screen key created"), null=True, editable=False)
 
     credential_hash = models.CharField(max_length=200, blank=True, editable=False)
-    # The same token's hash for a broker that reads no other kind; empty until the token is shown
-    # to us again, for one that was made before there was this field.
+    # The same token's hash for a broker that reads no other kind; empty for a token that is older
+    # than this field and was not sent to us since.
     bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
     credential_made_at = models.DateTimeField(_("credentials created"), null=True, editable=False)
 
-    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
-    # rotation (robots/enrol/credentials.py).
+    # The hash's user at the broker, or empty for the robot's name; each rotation makes a new one
+    # (robots/enrol/credentials.py).
     credential_user = models.CharField(max_length=80, blank=True, editable=False)
-    # The credentials before these hold until then, so that a robot can take the new ones while it
-    # runs.
+    # The previous credentials, valid until then, so that a robot can change them while it runs.
     former_user = models.CharField(max_length=80, blank=True, editable=False)
     former_hash = models.CharField(max_length=200, blank=True, editable=False)
     former_bcrypt_hash = models.CharField(max_length=100, blank=True, editable=False)
@@ -452,8 +432,8 @@ class RobotCredentials(models.Model):
 
 
 class Enrolment(models.Model):
-    """A one-time token by which a robot's computer fetches the robot's credentials
-    (robots/enrol/tokens.py); only its hash is kept.
+    """The hash of a one-time token with which a robot's computer fetches the robot's credentials
+    (robots/enrol/tokens.py).
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -474,7 +454,7 @@ class Enrolment(models.Model):
 
 
 class RobotElsewhere(models.Model):
-    """A robot that another site of the same house serves (robots/enrol/elsewhere.py)."""
+    """A robot that another site of the same organization serves (robots/enrol/elsewhere.py)."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     name = models.CharField(
@@ -506,13 +486,11 @@ class RobotElsewhere(models.Model):
 
 
 class RobotPermit(models.Model):
-    """A user whom a robot's owner invited, or declared trained, or made an operator (may stop,
+    """A user whom a robot's owner invited, declared trained, or made an operator (who may stop,
     pause and message sessions).
     """
 
     class Privilege(models.TextChoices):
-        """What the user may do."""
-
         INVITED = "invited", _("invited")
         TRAINED = "trained", _("trained")
         OPERATOR = "operator", _("operator")

@@ -1,8 +1,8 @@
-"""A plan changed by the fields of the page that finishes it. Knows no Django.
+"""Applies the fields of the page that finishes a floor plan. Pure.
 
-A field is named for its part: `rooms.0.title`, `docks.1.heading`. What a person does not see on the
-page (walls, furniture, what a room's floor looks like) stays as it is. The result is a document
-that may still be wrong: `robots.api.floorplan` and the inspection of the site say how.
+A field is named after its part: `rooms.0.title`, `docks.1.heading`. What the page does not show
+(walls, furniture, floors) stays. The result may still be invalid: `robots.api.floorplan` and the
+inspection of the site find problems.
 """
 
 import math
@@ -19,8 +19,8 @@ from robots.world.tracing.rooms import joined
 Document = dict[str, Any]
 IsFree = Callable[[float, float], bool]
 
-# metres to both sides of an opening at which its rooms are looked up: rooms of a map meet at up to
-# 0.4 m from the narrowest line between them
+# Distances (m) from an opening, to both sides, at which its rooms are searched: rooms of a map meet
+# at up to 0.4 m from the narrowest line between them.
 BESIDE = (0.3, 0.6, 0.15, 0.9)
 NOWHERE = "nowhere"
 NEW_OPENING = 0.9  # metres wide, before its ends are moved
@@ -29,7 +29,7 @@ LONGEST_TITLE = 80
 
 
 class EditError(ValueError):
-    """A field that cannot be read: `field` is its name, `text` what it holds."""
+    """A field with an invalid value: `field` is its name, `text` the value."""
 
     def __init__(self, field: str, text: str) -> None:
         super().__init__(f"{field}: {text!r}")
@@ -43,9 +43,7 @@ def openings_of(plan: Document) -> list[Document]:
 
 
 def checkpoints_of(plan: Document) -> list[Document]:
-    """Return the checkpoints of all routes but the docks that they begin at, each with its
-    robot's `type`.
-    """
+    """Return the checkpoints of all routes without the docks, each with its robot's `type`."""
     return [
         {**checkpoint, "type": route["type"]}
         for route in plan.get("routes", ())
@@ -55,7 +53,7 @@ def checkpoints_of(plan: Document) -> list[Document]:
 
 
 def edited(plan: Document, fields: Mapping[str, str], is_free: IsFree) -> Document:
-    """Return the plan as the fields have it; `is_free` tells where doors can swing to.
+    """Return the plan with the fields applied; `is_free` tells where doors can swing to.
 
     Raises:
         EditError: a field is no number, or two rooms to be joined do not touch.
@@ -124,9 +122,7 @@ def with_new(plan: Document, kind: str, x: float, y: float, words: Mapping[str, 
 
 
 def _rooms(plan: Document, fields: Mapping[str, str]) -> tuple[list[Document], dict[str, str]]:
-    """Return the rooms with their new titles, some of them joined, and under which name each is
-    found now.
-    """
+    """Return the rooms with their new titles, some of them joined, and the new name of each."""
     kept: dict[str, Document] = {}
     names: dict[str, str] = {}
     for number, room in enumerate(plan.get("rooms", ())):
@@ -166,7 +162,8 @@ def _openings(
         start = _point(fields, prefix, ("x", "y"), opening["start"])
         end = _point(fields, prefix, ("x2", "y2"), opening["end"])
         kind = fields.get(f"{prefix}.kind", opening["kind"])
-        stays = [start, end] == [opening["start"], opening["end"]] and names.issuperset(was)
+        has_moved = [start, end] != [opening["start"], opening["end"]]
+        stays = not has_moved and names.issuperset(was)
         beside = was if stays else _beside(rooms[0], start, end)
         moved = {
             **opening,
@@ -176,17 +173,15 @@ def _openings(
             "end": end,
             "connects": was if set(was) == set(beside) else beside,
         }
-        if moved["kind"] == "door" and (
-            "swing" not in opening or start != opening["start"] or end != opening["end"]
-        ):
+        if moved["kind"] == "door" and ("swing" not in opening or has_moved):
             moved["swing"] = _swing(start, end, is_free)
         found.append(moved)
     return found
 
 
 def _beside(rooms: list[Document], start: Any, end: Any) -> list[str]:
-    """Return the names of the rooms to both sides of an opening, two different ones where there are
-    two nearby; `NOWHERE` where there is none.
+    """Return the names of the rooms on both sides of an opening, different ones if possible;
+    `NOWHERE` where there is no room.
     """
     x, y = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
     length = math.dist(start, end) or 1.0
@@ -205,7 +200,7 @@ def _corners(room: Document) -> tuple[tuple[float, float], ...]:
 
 
 def _swing(start: list[float], end: list[float], is_free: IsFree) -> float:
-    """Return to which side a door opens about its hinge, a quarter turn: where more is free."""
+    """Return the angle by which a door opens: a quarter turn to the side with more free space."""
     width = math.dist(start, end)
     closed = math.atan2(end[1] - start[1], end[0] - start[0])
 
@@ -222,8 +217,8 @@ def _swing(start: list[float], end: list[float], is_free: IsFree) -> float:
 def _moved(
     kind: str, parts: Iterable[Document], fields: Mapping[str, str]
 ) -> Iterator[tuple[str, Document]]:
-    """Yield the prefix of its fields and the part itself, with its new position and title, for each
-    part that is not removed.
+    """Yield each part that is not removed, with the prefix of its fields, and its new position and
+    title.
     """
     for number, part in enumerate(parts):
         prefix = f"{kind}.{number}"
@@ -238,7 +233,7 @@ def _docks(plan: Document, fields: Mapping[str, str]) -> list[Document]:
     for prefix, dock in _moved("docks", plan.get("docks", ()), fields):
         series = fields.get(f"{prefix}.type", dock["type"])
         degrees = _number(fields, f"{prefix}.heading", math.degrees(dock["theta"]))
-        # an unchanged heading keeps its digits, of which the page shows fewer
+        # an unchanged heading keeps all digits; the page shows fewer
         same = abs(degrees - round(math.degrees(dock["theta"]), 1)) < 0.05
         turned = dock if same else {**dock, "theta": round(math.radians(degrees), 4)}
         if series != dock["type"] and series in MODELS:
@@ -248,7 +243,7 @@ def _docks(plan: Document, fields: Mapping[str, str]) -> list[Document]:
 
 
 def _routes(plan: Document, fields: Mapping[str, str], docks: list[Document]) -> list[Document]:
-    """Return a route for each robot that has checkpoints and a dock, numbered from the dock on."""
+    """Return a route for each series of robots with checkpoints, numbered from its dock."""
     moved: dict[str, list[Document]] = {}
     for prefix, checkpoint in _moved("checkpoints", checkpoints_of(plan), fields):
         series = fields.get(f"{prefix}.type", checkpoint["type"])
@@ -261,8 +256,8 @@ def _routes(plan: Document, fields: Mapping[str, str], docks: list[Document]) ->
 
 
 def _route(old: Document, checkpoints: list[Document], docks: list[Document]) -> Document:
-    """Return a route through checkpoints from the robot's dock; a path that was drawn for others is
-    left out.
+    """Return a route from the robot's dock through checkpoints; a path for other checkpoints is
+    dropped.
     """
     dock = next((dock for dock in docks if dock["type"] == old["type"]), None)
     whole = checkpoints
@@ -275,7 +270,7 @@ def _route(old: Document, checkpoints: list[Document], docks: list[Document]) ->
 
 
 def _with_checkpoint(plan: Document, x: float, y: float) -> Document:
-    """Add to the last route, or begin one for the first dock."""
+    """Add a checkpoint to the last route, or start a route for the first dock."""
     routes = list(plan.get("routes", ()))
     new = {"x": x, "y": y, "radius": RADIUS}
     if routes:
@@ -314,26 +309,21 @@ def _number(fields: Mapping[str, str], name: str, old: float) -> float:
 def _point(
     fields: Mapping[str, str], prefix: str, keys: tuple[str, str], old: list[float]
 ) -> list[float]:
-    """Return a point; one that was not moved keeps its digits, of which the page shows fewer."""
+    """Return a point; one that was not moved keeps all digits; the page shows fewer."""
     new = [_number(fields, f"{prefix}.{key}", was) for key, was in zip(keys, old, strict=True)]
     moved = any(abs(a - b) > 0.006 for a, b in zip(new, old, strict=True))
     return [round(value, 3) for value in new] if moved else list(old)
 
 
 def _wanted_series(plan: Document) -> str:
-    """Return the series of robots that has no dock yet, or the first."""
+    """Return the first series of robots without a dock, or the first of all."""
     taken = {dock["type"] for dock in plan.get("docks", ())}
     return next((series for series in MODELS if series not in taken), next(iter(MODELS)))
 
 
 def _station(series: str) -> Document:
     station = station_of(MODELS[series])
-    return {
-        "distance": station.distance,
-        "width": station.width,
-        "depth": station.depth,
-        "height": station.height,
-    }
+    return {name: getattr(station, name) for name in ("distance", "width", "depth", "height")}
 
 
 def _key(beginning: str, taken: list[Document]) -> str:

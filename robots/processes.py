@@ -1,10 +1,9 @@
-"""How our processes end: on SIGINT and SIGTERM, and children with their parent.
+"""The end of our processes: on SIGINT and SIGTERM, and of children with their parent.
 
-A process inherits which signals are ignored. A shell starts what it runs in the background with
-SIGINT ignored, and so do many CI systems; Python then installs no handler of its own (`signal`:
-"SIGINT is translated into a KeyboardInterrupt exception if the parent process has not changed it"),
-so that Ctrl-C and `kill -INT` do nothing. Every process with an end of its own installs its
-handlers.
+A process inherits the ignored signals of its parent. Shells start background processes with SIGINT
+ignored, and so do many CI systems. Python then installs no handler (`signal`: "SIGINT is translated
+into a KeyboardInterrupt exception if the parent process has not changed it"), and Ctrl-C and
+`kill -INT` do nothing. Every process that must clean up therefore installs its own handlers.
 """
 
 import contextlib
@@ -21,19 +20,17 @@ END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def interrupted_by_signals() -> AbstractContextManager[None]:
-    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt inside, and ignore those that follow.
-    For the main thread alone.
+    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt inside, and ignore later ones. For
+    the main thread.
 
-    A second Ctrl-C thus cannot interrupt the clean-up that the first one began, and leave processes
-    behind; the clean-up must therefore have time limits.
+    A second Ctrl-C thus cannot interrupt the clean-up and leave processes running; the clean-up
+    must therefore have time limits.
     """
     return _handled_by(_interrupt)
 
 
 def ended_by_signals() -> AbstractContextManager[None]:
-    """Let SIGINT and SIGTERM end the process at once inside, which has nothing to clean up. For the
-    main thread alone.
-    """
+    """Let SIGINT and SIGTERM end the process at once, without clean-up. For the main thread."""
     return _handled_by(signal.SIG_DFL)
 
 
@@ -55,31 +52,30 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def ignore_end_signals() -> None:
-    """Let SIGINT and SIGTERM do nothing any more: this process is ending."""
+    """Ignore SIGINT and SIGTERM, because this process is ending."""
     for number in END_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def tied_to_parent() -> Callable[[], None] | None:
-    """Return the `preexec_fn` of a child that receives SIGTERM when its parent dies, and that does
-    not ignore SIGINT and SIGTERM. None where there is no `preexec_fn`.
+    """Return the `preexec_fn` of a child that receives SIGTERM when its parent dies, and does not
+    ignore SIGINT and SIGTERM. None where `preexec_fn` is not supported.
 
-    Only Linux signals the child (prctl(2), PR_SET_PDEATHSIG): elsewhere a parent that is killed
-    leaves its children. The parent is the *thread* that starts the child, so start it from one that
-    lives as long as the process.
+    Only Linux signals the child (prctl(2), PR_SET_PDEATHSIG): elsewhere, the children of a killed
+    parent stay. The parent is the *thread* that starts the child, which must live as long as the
+    process.
     """
     if os.name != "posix":
         return None
     if sys.platform != "linux":
         return _accept_end_signals
-    # Found before the fork: to load a library between fork and exec may wait for ever for another
-    # thread's lock.
+    # Loaded before the fork: after it, this could wait for another thread's lock for ever.
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
 
     def tie() -> None:
         _accept_end_signals()
         prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it died before the line above, and will not die again
+        if os.getppid() != parent:  # it died before the line above, so no signal will come
             os.kill(os.getpid(), signal.SIGKILL)
 
     return tie

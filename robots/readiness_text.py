@@ -1,4 +1,4 @@
-"""Texts for what a robot waits for between two visits (sessions/leases/readiness.py); for the
+"""Texts for why a robot is not ready for a visit (sessions/leases/readiness.py), for the
 administration, mail and the researchers' live view.
 """
 
@@ -28,9 +28,9 @@ WORDS = {
 }
 
 
-# What our agent says of its navigation and docking, which is an identifier on the wire
-# (docs/reference/robot-api.md); static/js/autonomy/reasons.js has the same for the drive page, and
-# tests/golden/reasons.json binds the two. A pattern's group is the door or the room.
+# Sentences of our agent about navigation and docking, which are identifiers on the wire
+# (docs/reference/robot-api.md). static/js/autonomy/reasons.js has the same for the drive page;
+# tests/golden/reasons.json binds the two. A pattern's group is the door or room.
 REASONS = tuple(
     (re.compile(pattern), name, words)
     for pattern, name, words in (
@@ -103,8 +103,8 @@ REASONS = tuple(
 
 
 def reason_of(reported: str) -> tuple[str, str, str]:
-    """Return the name of a reason that a robot reported for its navigation, its text, and the door
-    or room in it; three empty texts for an unknown reason.
+    """Return the name of a reported reason, its text, and the door or room in it; three empty texts
+    if the reason is unknown.
     """
     for pattern, name, words in REASONS:
         match = pattern.search(reported)
@@ -114,7 +114,7 @@ def reason_of(reported: str) -> tuple[str, str, str]:
 
 
 def in_words(reason: str) -> str:
-    """Return the reason of a turnaround as a clause; an unknown one is returned unchanged."""
+    """Return the reason of a turnaround as a clause, an unknown one unchanged."""
     if reason in WORDS:
         return str(WORDS[reason])
     _name, words, what = reason_of(reason)

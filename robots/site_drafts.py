@@ -1,4 +1,4 @@
-"""Sites from maps: a plan is proposed for a map, kept as a floor plan, and finished on a page."""
+"""Sites from maps: a plan is proposed for a map, stored as a floor plan, and finished on a page."""
 
 import json
 import tempfile
@@ -22,7 +22,7 @@ from robots.world.tracing.structure import TracingError
 
 
 def titles() -> Titles:
-    """Return the first titles of the parts, in the language of the request."""
+    """Return titles for proposed parts, in the language of the request."""
     return Titles(
         room=_("Room"),
         corridor=_("Corridor"),
@@ -32,7 +32,7 @@ def titles() -> Titles:
 
 
 def read_map(path: Path, *, occupied: float | None, free: float | None) -> OccupancyGrid:
-    """Return the map of a map_server YAML file, its thresholds replaced where others are given.
+    """Return the map of a map_server YAML file, with other thresholds if given.
 
     Raises:
         FloorPlanRefusedError: it cannot be read.
@@ -72,7 +72,7 @@ def propose(grid: OccupancyGrid, name: str, title: str) -> floorplan.FloorPlan:
     """Return the plan that is proposed for a map.
 
     Raises:
-        FloorPlanRefusedError: nothing can be proposed, or what was found is not what a plan can be.
+        FloorPlanRefusedError: nothing can be proposed, or the proposal is not a valid plan.
     """
     try:
         plan = propose_plan(grid, name, title, titles())

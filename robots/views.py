@@ -1,4 +1,4 @@
-"""What a robot's agent asks before it connects, and what a page needs to draw the map."""
+"""Views for a robot's agent before it connects, and for the maps of pages."""
 
 import hashlib
 import time
@@ -32,14 +32,13 @@ YEAR = 365 * 24 * 3600
 @never_cache
 @require_GET
 def agent_configuration(request: HttpRequest) -> JsonResponse:
-    """Tell an agent where its broker is. It shows `Authorization: Bearer <robot>:<token>`; there is
-    no session and no cookie.
+    """Return the addresses of broker and ICE servers to an agent, which sends `Authorization:
+    Bearer <robot>:<token>`, without session and cookie.
     """
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now) or not ASKED.count(address, now):
-        return too_many(
-            request, max(REFUSED.wait(address, now), ASKED.wait(address, now)), json=True
-        )
+        wait = max(REFUSED.wait(address, now), ASKED.wait(address, now))
+        return too_many(request, wait, json=True)
     name, token = credentials.bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
@@ -63,8 +62,8 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
 
 
 def mqtt_urls_for(request: HttpRequest) -> list[str]:
-    """Return the addresses of the broker for robots, the best first; `{host}` in the setting is
-    replaced by the host of the request.
+    """Return the addresses of the broker for robots, the best first; `{host}` in the setting
+    becomes the host of the request.
     """
     host, _ = split_domain_port(request.get_host())
     return [
@@ -76,7 +75,7 @@ def mqtt_urls_for(request: HttpRequest) -> list[str]:
 @open_to_visitors
 @require_safe
 def floor_plan(request: HttpRequest, name: str) -> HttpResponseBase:
-    """Answer with the map of a place as JSON; its image is a picture of its own."""
+    """Answer with a map as JSON, without its image."""
     if not request.user.is_authenticated:
         return JsonResponse({"error": "not_signed_in"}, status=403)
     response = JsonResponse(plan_content(_visible_plan(request, name)))
@@ -87,7 +86,7 @@ def floor_plan(request: HttpRequest, name: str) -> HttpResponseBase:
 @open_to_visitors
 @require_safe
 def floor_plan_image(request: HttpRequest, name: str) -> HttpResponseBase:
-    """Answer with the image of the map as it is, row 0 on top."""
+    """Answer with the image of a map, row 0 on top."""
     if not request.user.is_authenticated:
         return HttpResponse(status=403)
     plan = _visible_plan(request, name)
@@ -101,7 +100,7 @@ def floor_plan_image(request: HttpRequest, name: str) -> HttpResponseBase:
 
 
 def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
-    """Return the response, or 304 when the browser has it already."""
+    """Return the response, or 304 if the browser has it."""
     response["ETag"] = f'"{hashlib.sha256(response.content).hexdigest()}"'
     return get_conditional_response(request, response["ETag"], None, response) or response
 

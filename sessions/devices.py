@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from accounts.client_address import parsed, visitor_address
+from accounts.client_address import parse_address, visitor_address
 
 OTHER = "other"
 _SYSTEMS = (
@@ -101,7 +101,7 @@ def _browser(agent: str, brands: str) -> tuple[str, str]:
 
 def network_of(address: str) -> str:
     """Return an address cut to /24 or /48; empty if it is malformed."""
-    found = parsed(address)
+    found = parse_address(address)
     if found is None:
         return ""
     return str(ipaddress.ip_network((found, 24 if found.version == 4 else 48), strict=False))

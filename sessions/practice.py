@@ -1,5 +1,5 @@
-"""Where somebody can practise, who waits for a real robot or has no account yet: which of the
-simulated robots that are there for it (telepresence_site/practice runs them).
+"""Simulated robots to practise on, for visitors who wait for a real robot or have no account yet
+(telepresence_site/practice runs them).
 """
 
 import datetime
@@ -24,15 +24,15 @@ from robots.models import Robot
 from sessions.leases.store import LIVE
 from sessions.models import Session, StateChunk
 
-ASKED_SECONDS = 5  # for which it is known that a page asked for a practice robot
-# A practice robot is started anew after each visitor; one that is not is nobody's by then.
+WANTED_SECONDS = 5  # between two updates of `wanted_at`
+# A practice robot restarts after each visitor; older sessions are not considered.
 LONGEST_USE = datetime.timedelta(days=1)
 
 
 @dataclass(frozen=True)
 class PracticePlace:
-    """A practice robot: whether it could be driven now, and how many drive it or wait for it. One
-    that a visitor has left is about to be started anew, and could not.
+    """A practice robot: whether it can be driven now, and how many drive it or wait for it. After a
+    visitor has left it cannot, because it is about to restart.
     """
 
     name: str
@@ -41,7 +41,7 @@ class PracticePlace:
 
 
 def choose(places: list[PracticePlace]) -> str | None:
-    """Return the robot at which the visitor's turn comes first; None while none is there yet."""
+    """Return the robot with the shortest queue; None while none can be driven."""
     there = [place for place in places if place.there]
     return min(there, key=lambda place: (place.taken, place.name)).name if there else None
 
@@ -66,7 +66,7 @@ def places(now: datetime.datetime) -> list[PracticePlace]:
 @require_POST
 @limited(NEW_GUESTS)
 def try_now(request: HttpRequest) -> HttpResponse:
-    """Make somebody without an account a guest, and lead everybody to a practice robot."""
+    """Log a visitor without an account in as a guest, and redirect to a practice robot."""
     if not settings.PRACTICE_ROBOTS:
         return _none_offered(request)
     if not request.user.is_authenticated:
@@ -78,7 +78,7 @@ def try_now(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def try_robot(request: HttpRequest) -> HttpResponse:
-    """Show that a practice robot is being made ready; the page goes there when it is."""
+    """Show that a practice robot is starting; the page redirects to it when it is ready."""
     if not settings.PRACTICE_ROBOTS:
         return _none_offered(request)
     if not request.user.is_authenticated:
@@ -87,7 +87,7 @@ def try_robot(request: HttpRequest) -> HttpResponse:
 
 
 def trial_length(user: Any) -> str:
-    """Return in words how long somebody without an account drives; empty for everybody else."""
+    """Return in words how long a visitor without an account may drive; empty for other users."""
     if user.is_authenticated and user.kind != User.Kind.VISITOR:
         return ""
     seconds = round(settings.TRIAL_SECONDS)
@@ -121,10 +121,10 @@ def practice(request: HttpRequest) -> JsonResponse:
 
 
 def _note_wish(user: Any, now: datetime.datetime) -> None:
-    # a page asks every other second, and what runs the robots looks back for longer
-    known = now - datetime.timedelta(seconds=ASKED_SECONDS)
+    # a page asks every other second, and the process that runs the robots looks back further
+    known = now - datetime.timedelta(seconds=WANTED_SECONDS)
     Robot.objects.filter(practice=True).exclude(wanted_at__gt=known).update(wanted_at=now)
     if user.kind == User.Kind.VISITOR:
-        # a guest logs in once: from then on this is when a page of theirs last asked for a robot,
-        # and a day later they are forgotten (telepresence_site/ops/retention.py)
+        # a guest logs in once; afterwards this is the time of their last request for a robot, and a
+        # day later they are deleted (telepresence_site/ops/retention.py)
         User.objects.filter(pk=user.pk).update(last_login=now)

@@ -1,4 +1,4 @@
-"""What a page and the server say to each other on the WebSocket, beside Robot API v1.
+"""The messages between a page and the server on the WebSocket, beside Robot API v1.
 
 A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of
 the Robot API mean the same here as on MQTT: the page sends `command/velocity`, `command/heartbeat`,
@@ -376,13 +376,13 @@ class TurnWarning(Notice, frozen=True, kw_only=True):
     remaining: Seconds
 
 
-class AskedThere(Notice, frozen=True, kw_only=True):
+class PresenceAsked(Notice, frozen=True, kw_only=True):
     """Are you still there? Without a sign, the next visitor gets the robot in `seconds`."""
 
     seconds: Seconds
 
 
-class FoundThere(Notice, frozen=True, kw_only=True):
+class PresenceConfirmed(Notice, frozen=True, kw_only=True):
     """Your presence is confirmed."""
 
 
@@ -426,8 +426,8 @@ NOTICES: dict[str, type[Notice]] = {
     "queued": Queued,
     "offered": Offered,
     "turn_warning": TurnWarning,
-    "asked_there": AskedThere,
-    "found_there": FoundThere,
+    "asked_there": PresenceAsked,
+    "found_there": PresenceConfirmed,
     "task": Task,
     "operator_message": OperatorMessage,
     "ended": Ended,

@@ -24,7 +24,7 @@ from accounts.rate_limits import limited
 from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
 from robots.api.messages import IceServer
 from robots.cards import picture_of
-from robots.enrol.elsewhere import led_to_its_site
+from robots.enrol.elsewhere import redirect_to_home_site
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
@@ -35,12 +35,12 @@ LISTS = Attempts("snapshots", limit=240)
 
 
 @never_cache
-@led_to_its_site
+@redirect_to_home_site
 @login_required
 @require_safe
 def drive(request: HttpRequest, robot: str) -> HttpResponse:
-    """Show a robot's drive page to whoever may drive or watch it; whoever may not even know of it
-    finds nothing.
+    """Show a robot's drive page to users who may drive or watch it; 404 for those who may not see
+    that the robot exists.
     """
     found = _robot_for(request, robot)
     verdict = may_drive(request.user, found)
@@ -48,7 +48,9 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
         raise PermissionDenied(verdict.reason)
     config = page_config(found, request.user)
     if not found.practice:
-        config["robots"] = reverse("robots_json")  # for whoever waits while others are free
+        config["robots"] = reverse(
+            "robots_json"
+        )  # for visitors who wait while other robots are free
     return render(
         request,
         "sessions/drive.html",
@@ -63,8 +65,8 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
 @xframe_options_sameorigin
 @csp_replace({"frame-ancestors": [SELF]})
 def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
-    """Show a practice robot's drive page: for a frame within the page of somebody who waits, or as
-    a page of its own for a guest.
+    """Show a practice robot's drive page: within a frame for a visitor who waits, or as a page of
+    its own for a guest.
     """
     found = _robot_for(request, robot)
     if not found.practice or not may_drive(request.user, found):
@@ -80,7 +82,7 @@ def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
 
 
 def page_config(robot: Robot, user: Any) -> dict[str, Any]:
-    """Return what the page's modules are told, by `json_script`."""
+    """Return the configuration of the page's scripts, embedded by `json_script`."""
     plan = robot.floor_plan
     return {
         "robot": robot.name,
@@ -102,9 +104,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
 @never_cache
 @require_safe
 def check(request: HttpRequest) -> HttpResponse:
-    """Show what browser and network can do. A detour's servers are for those for whom there is a
-    robot, who alone may use them.
-    """
+    """Show what browser and network can do. TURN servers are only given to users with a robot."""
     servers = ice_servers(str(request.user.pk), time.time()) if has_a_robot(request.user) else ()
     asked = servers or tuple(
         IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1]

@@ -5,8 +5,7 @@ from typing import Any
 import msgspec
 from django.contrib import admin
 from django.db.models import Count, Model, QuerySet
-from django.forms import ModelForm
-from django.http import HttpRequest, HttpResponse, StreamingHttpResponse
+from django.http import HttpRequest, HttpResponse
 from django.template.loader import render_to_string
 from django.urls import URLPattern, reverse
 from django.utils.html import format_html
@@ -32,16 +31,12 @@ NOTHING = "–"
 @admin.register(Questionnaire)
 class QuestionnaireAdmin(ShownFilters):
     form = QuestionnaireForm
-    list_display = (
-        *("listed", "slug", "version", "state", "languages", "questions", "response_count"),
-        "preview",
-    )
+    columns = ("slug", "version", "state", "languages", "questions", "response_count", "preview")
+    list_display = ("listed", *columns)
     list_per_page = 50
     search_fields = ("title", "slug")
-    about = (
-        *("title", "slug", "version", "state"),
-        *("frozen_at", "source", "response_count", "preview"),
-    )
+    named = ("title", "slug", "version", "state")
+    about = (*named, "frozen_at", "source", "response_count", "preview")
     readonly_fields = (*about, "imported", "shown")
     change_list_template = "admin/surveys/questionnaire/change_list.html"
 
@@ -52,10 +47,8 @@ class QuestionnaireAdmin(ShownFilters):
         """Also offer the questionnaires of the site; the editor no longer links back to a study."""
         request.session.pop(editor.OPENED_FROM, None)
         language = get_language() or ""
-        built_in = [
-            (one.slug, listed_title(one.slug, spoken(one.title, language)), one.template)
-            for one in shipped_and_not_stored()
-        ]
+        listed = ((one, spoken(one.title, language)) for one in shipped_and_not_stored())
+        built_in = [(one.slug, listed_title(one.slug, name), one.template) for one, name in listed]
         return super().changelist_view(request, {**(extra_context or {}), "built_in": built_in})
 
     def get_search_results(
@@ -69,26 +62,20 @@ class QuestionnaireAdmin(ShownFilters):
     def listed(self, row: Questionnaire) -> str:
         return listed_title(row.slug, row.title)
 
-    def get_fieldsets(
-        self, _request: HttpRequest, obj: Questionnaire | None = None
-    ) -> list[tuple[Any, dict[str, Any]]]:
+    def get_fieldsets(self, _request: HttpRequest, obj: Questionnaire | None = None) -> Any:
         if obj is None:
             return [(None, {"fields": ("file", "document")})]
         fields = ("file", "document") if obj.frozen_at is None else ("shown",)
         imported = [(_("Import"), {"fields": ("imported",), "classes": ["collapse"]})]
-        return [
-            (None, {"fields": self.about}),
-            *(imported if obj.import_report else []),
-            (_("Definition (JSON)"), {"fields": fields, "classes": ["collapse"]}),
-        ]
+        definition = (_("Definition (JSON)"), {"fields": fields, "classes": ["collapse"]})
+        about = (None, {"fields": self.about})
+        return [about, *(imported if obj.import_report else []), definition]
 
     def has_change_permission(self, request: HttpRequest, obj: Questionnaire | None = None) -> bool:
         is_in_use = obj is not None and obj.frozen_at is not None
         return super().has_change_permission(request, obj) and not is_in_use
 
-    def save_model(
-        self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool
-    ) -> None:
+    def save_model(self, _request: HttpRequest, obj: Questionnaire, form: Any, _new: bool) -> None:
         for field in Questionnaire._meta.concrete_fields:
             setattr(obj, field.attname, getattr(form.stored, field.attname))
         obj._state.adding = False
@@ -144,15 +131,12 @@ class QuestionnaireAdmin(ShownFilters):
 class ResponseAdmin(ShownFilters):
     """Responses, which can be deleted, because respondents have a right to it, but not edited."""
 
-    list_display = (
-        *("started_at", "who", "questionnaire", "context_label", "robots", "outcome", "progress"),
-        "finished_at",
-    )
+    asked_in = ("questionnaire", "context_label", "robots", "outcome")
+    list_display = ("started_at", "who", *asked_in, "progress", "finished_at")
     list_filter = ("questionnaire", "outcome", "finished_at", "language")
     list_select_related = ("questionnaire", "user")
-    search_fields = (
-        *("user__username", "user__display_name", "respondent_key", "context", "context_label"),
-    )
+    user_fields = ("user__username", "user__display_name")
+    search_fields = (*user_fields, "respondent_key", "context", "context_label")
     date_hierarchy = "started_at"
     list_per_page = 50
     actions = ("download_answers",)
@@ -195,21 +179,15 @@ class ResponseAdmin(ShownFilters):
         given = {key: row.given for key, row in rows.items()}
         others = {"not_asked": gettext("not asked"), "not_reached": gettext("not reached")}
         reasons = {**dict(Answer.Reason.choices), **others}
-        lines = [
-            {
-                "text": spoken(definition.by_key[key].text, response.language),
-                "key": key,
-                "value": status.value,
-                "missing": reasons.get(status.missing or "", ""),
-                "row": rows.get(key),
-            }
-            for key, status in response.response_statuses(definition, given).items()
-        ]
+        lines = []
+        for key, status in response.response_statuses(definition, given).items():
+            text = spoken(definition.by_key[key].text, response.language)
+            missing = reasons.get(status.missing or "", "")
+            about = {"text": text, "key": key, "value": status.value, "missing": missing}
+            lines.append({**about, "row": rows.get(key)})
         return render_to_string("admin/surveys/response/_answers.html", {"lines": lines})
 
     @admin.action(description=_("Download answers (CSV)"), permissions=["view"])
-    def download_answers(
-        self, request: HttpRequest, queryset: QuerySet[Response]
-    ) -> StreamingHttpResponse:
+    def download_answers(self, request: HttpRequest, queryset: QuerySet[Response]) -> Any:
         audit.note("answers_exported", actor=request.user, detail=f"{queryset.count()} responses")
         return as_long_csv(queryset, "answers")

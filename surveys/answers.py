@@ -44,6 +44,9 @@ class AnswerValue:
         return self.missing is Missing.SKIPPED
 
 
+Stored = dict[str, AnswerValue]  # answers by the keys of their questions
+
+
 def read_answer(
     question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime
 ) -> AnswerValue:
@@ -51,12 +54,9 @@ def read_answer(
     whether or not that is allowed. Raises RefusedError for a value of the wrong kind or out of
     bounds, and for a reason that the question does not offer.
     """
-    item = question.item
-    sent = [
-        value.replace("\r\n", "\n").replace("\r", "\n").replace("\x00", "").strip()
-        for value in fields.get(question.key, ())
-    ]
-    values = [value for value in sent if value]
+    item, sent = question.item, fields.get(question.key, ())
+    lines = (value.replace("\r\n", "\n").replace("\r", "\n") for value in sent)
+    values = [value for one in lines if (value := one.replace("\x00", "").strip())]
     reasons = [value for value in fields.get(question.key + REASON_MARK, ()) if value]
     if not item.is_free_text:
         reasons += [value[1:] for value in values if value.startswith(REASON_MARK)]
@@ -78,30 +78,31 @@ def check_complete(question: Question, given: AnswerValue) -> None:
 def _declined(question: Question, values: list[str], reasons: list[str]) -> AnswerValue:
     if values or len(set(reasons)) > 1:
         raise RefusedError(_("Give either an answer or one reason for not answering."))
-    allowed = {
-        Missing.PREFERRED_NOT.value: question.item.prefer_not,
-        Missing.NOT_APPLICABLE.value: question.item.not_applicable,
-    }
-    if not allowed.get(reasons[0]):
+    item = question.item
+    offered = [Missing.PREFERRED_NOT] if item.prefer_not else []
+    offered += [Missing.NOT_APPLICABLE] if item.not_applicable else []
+    if reasons[0] not in offered:
         raise RefusedError(_("Choose one of the options offered."))
     return AnswerValue(missing=Missing(reasons[0]))
 
 
+def asked_keys(definition: Definition, stored: Stored, circumstances: Circumstances) -> list[str]:
+    """Return the keys of the questions that a respondent with these answers is asked."""
+    values = {key: given.value for key, given in stored.items()}
+    return shown_keys(definition, values, circumstances)
+
+
 def response_statuses(
-    definition: Definition,
-    stored: Mapping[str, AnswerValue],
-    circumstances: Circumstances,
-    reached: int,
-) -> dict[str, AnswerValue]:
+    definition: Definition, stored: Stored, circumstances: Circumstances, reached: int
+) -> Stored:
     """Return value or reason of every question of a response, by key in written order. `reached` is
     the number of pages done: all once the response is finished.
 
     A stored answer does not count when a change of an earlier one has hidden its question. A
     question without an answer was skipped if its page is done.
     """
-    values = {key: given.value for key, given in stored.items()}
-    asked = set(shown_keys(definition, values, circumstances))
-    statuses = {}
+    asked = set(asked_keys(definition, stored, circumstances))
+    statuses: Stored = {}
     for key, question in definition.by_key.items():
         given = stored.get(key)
         if given is None and question.page >= reached:

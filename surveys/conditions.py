@@ -5,7 +5,7 @@ static/js/pages/survey/conditions.js decides the same within a page;
 tests/golden/survey_conditions.json binds the two.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,30 +30,22 @@ def shown_keys(
     definition: Definition, values: Mapping[str, Any], circumstances: Circumstances
 ) -> list[str]:
     """Return the keys of the questions asked, as written; no entry in `values` is no answer."""
-    shown: dict[str, None] = {}
+    shown: list[str] = []
+    answers: dict[str, Any] = {}  # to the questions shown, as conditions compare them
     for question in definition.questions():
-        conditions = (definition.pages[question.page].show_if, question.item.show_if)
-        if all(
-            circumstances.fit(condition) and _answer_fits(condition, definition, values, shown)
-            for condition in conditions
-            if condition is not None
-        ):
-            shown[question.key] = None
-    return list(shown)
+        found = (definition.pages[question.page].show_if, question.item.show_if)
+        conditions = [one for one in found if one is not None]
+        if all(circumstances.fit(one) and _answer_fits(one, answers) for one in conditions):
+            shown.append(question.key)
+            if (value := values.get(question.key)) is not None:
+                answers[question.key] = question.item.compared(value)
+    return shown
 
 
-def _answer_fits(
-    condition: ItemCondition,
-    definition: Definition,
-    values: Mapping[str, Any],
-    shown: Container[str],
-) -> bool:
-    if not condition.item:
-        return True
-    asked, stored = definition.question(condition.item), values.get(condition.item)
-    if asked is None or condition.item not in shown or stored is None:
-        return False
-    value = asked.item.compared(stored)
+def _answer_fits(condition: ItemCondition, answers: Mapping[str, Any]) -> bool:
+    if not condition.item or condition.item not in answers:
+        return not condition.item
+    value = answers[condition.item]
     if condition.one_of:
         chosen = value if isinstance(value, list) else [value]
         return any(one in condition.one_of for one in chosen)

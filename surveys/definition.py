@@ -65,12 +65,8 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
         return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
-        return [
-            self.by_key[key]
-            for page in self.pages
-            for item in page.items_shown(seed)
-            for key in item.keys_asked(seed)
-        ]
+        items = (item for page in self.pages for item in page.items_shown(seed))
+        return [self.by_key[key] for item in items for key in item.keys_asked(seed)]
 
     def positions(self, seed: int) -> dict[str, int]:
         """Return the place of each question in the order shown, from 1, by key."""
@@ -80,13 +76,9 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     def scored(self) -> list[Question]:
         """The questions that its rule of scoring takes, in written order."""
         in_topics = {key for topic in self.topics for key in topic.items}
-        return [
-            one
-            for one in self.questions()
-            if self.scoring in one.item.scored_by
-            and one.score_values
-            and (self.scoring != "topics" or one.key in in_topics)
-        ]
+        fit = [one for one in self.questions() if self.scoring in one.item.scored_by]
+        scored = [one for one in fit if one.score_values]
+        return [one for one in scored if self.scoring != "topics" or one.key in in_topics]
 
     @cached_property
     def reversed(self) -> Collection[str]:
@@ -97,31 +89,22 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
     def coded(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return answers by key (None for none), reversed ones counted from the other end."""
-        turned = {
-            key: self.by_key[key].from_other_end(values[key])
-            for key in self.reversed
-            if values.get(key) is not None
-        }
-        return {**values, **turned}
+        given = [key for key in self.reversed if values.get(key) is not None]
+        return {**values, **{key: self.by_key[key].from_other_end(values[key]) for key in given}}
 
     @cached_property
     def by_key(self) -> dict[str, Question]:
         """The questions by key; a key that occurs twice (a problem) has the last."""
-        questions = (
-            Question(number, item, row, item.points(self.scales))
-            for number, page in enumerate(self.pages)
-            for item in page.items
-            for row in item.rows_asked()
-        )
+        items = ((n, item) for n, page in enumerate(self.pages) for item in page.items)
+        asked = ((n, item, row) for n, item in items for row in item.rows_asked())
+        questions = (Question(n, item, row, item.points(self.scales)) for n, item, row in asked)
         return {question.key: question for question in questions}
 
 
 def language_for(definition: Definition, wanted: str) -> str:
     """Return the language to show a questionnaire in where `wanted` ("es-mx") is preferred."""
-    for name in (wanted, wanted.split("-", maxsplit=1)[0]):
-        if name in definition.languages:
-            return name
-    return definition.languages[0]
+    names = (wanted, wanted.split("-", maxsplit=1)[0])
+    return next((one for one in names if one in definition.languages), definition.languages[0])
 
 
 prepare(Definition)

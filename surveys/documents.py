@@ -15,6 +15,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 Text = dict[str, str]
+Path = tuple[str | int, ...]  # of names and places in a document
 Key = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Slug = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9-]{0,39}$")]
 Language = Annotated[str, msgspec.Meta(pattern=r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$", max_length=16)]
@@ -78,7 +79,7 @@ class Problem:
     values: Mapping[str, Any] = field(default_factory=dict)
     place: ProblemPlace = NOWHERE
     names: tuple[tuple[Any, ...], ...] = ()
-    path: tuple[str | int, ...] = ()
+    path: Path = ()
     language: str = ""
 
     def __str__(self) -> str:
@@ -201,9 +202,7 @@ def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> 
                 yield Problem(_TOO_LONG, values)
 
 
-def _texts(
-    part: DocumentPart, name: str, path: tuple[str | int, ...]
-) -> Iterator[tuple[str, tuple[str | int, ...], Text, bool]]:
+def _texts(part: DocumentPart, name: str, path: Path) -> Iterator[tuple[str, Path, Text, bool]]:
     """Yield name (a key, if there is one), path, text and whether it is required for each text."""
     for one in fields_of(type(part)):
         value, key = getattr(part, one.name), one.encode_name

@@ -37,13 +37,10 @@ def as_wide_csv(slug: str) -> StreamingHttpResponse:
 
 
 def _download(rows: Iterator[Sequence[Any]], name: str) -> StreamingHttpResponse:
-    headers = {
-        "Content-Disposition": f'attachment; filename="{name}.csv"',
-        "Cache-Control": "private, no-store",
-    }
-    return StreamingHttpResponse(
-        _lines(rows), content_type="text/csv; charset=utf-8", headers=headers
-    )
+    response = StreamingHttpResponse(_lines(rows), content_type="text/csv; charset=utf-8")
+    response["Content-Disposition"] = f'attachment; filename="{name}.csv"'
+    response["Cache-Control"] = "private, no-store"
+    return response
 
 
 async def _lines(rows: Iterator[Sequence[Any]]) -> AsyncIterator[str]:
@@ -79,17 +76,12 @@ def _wide_rows(slug: str) -> Iterator[Sequence[Any]]:
         yield [*_about(response), *table.row(definition, values, missing)]
 
 
-def answered(
-    responses: QuerySet[Response],
-) -> Iterator[tuple[Response, Definition, Sequence[Answer]]]:
+def answered(responses: QuerySet[Response]) -> Iterator[tuple[Response, Definition, list[Answer]]]:
     """Yield responses, oldest first, with questionnaire and answers, in two queries a batch."""
     known: dict[Any, Definition] = {}
-    ordered = (
-        responses.select_related("questionnaire")
-        .order_by("started_at", "id")
-        .iterator(chunk_size=BATCH)
-    )
-    while batch := list(islice(ordered, BATCH)):
+    ordered = responses.select_related("questionnaire").order_by("started_at", "id")
+    found = ordered.iterator(chunk_size=BATCH)
+    while batch := list(islice(found, BATCH)):
         rows: dict[Any, list[Answer]] = {response.pk: [] for response in batch}
         for answer in Answer.objects.filter(response__in=list(rows)).order_by("position"):
             rows[answer.response_id].append(answer)

@@ -1,8 +1,10 @@
 """Forms that store definitions from a JSON file or its text."""
 
+from functools import partial
 from typing import Any, ClassVar
 
 from django import forms
+from django.conf import settings
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.functional import lazy
@@ -12,6 +14,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from surveys.definition import to_json
+from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
@@ -20,15 +23,21 @@ from surveys.questionnaires import store
 
 
 def _format_reference(page: str) -> SafeString:
-    return format_html(
-        '<a href="{}" target="_blank" rel="noopener">{}</a>',
-        reverse("reference", args=[page]),
-        gettext("Format reference"),
-    )
+    link = '<a href="{}" target="_blank" rel="noopener">{}</a>'
+    return format_html(link, reverse("reference", args=[page]), gettext("Format reference"))
 
 
+BOX = {"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
 # A link to the page of the site that describes a file format, opened beside the form.
 format_reference = lazy(_format_reference, SafeString)
+
+
+LanguagesField = partial(
+    forms.MultipleChoiceField,
+    label=_("Languages"),
+    choices=lambda: [(code, language_name(code)) for code, _label in settings.LANGUAGES],
+    widget=forms.CheckboxSelectMultiple,
+)
 
 
 class DocumentForm(forms.ModelForm):
@@ -39,12 +48,7 @@ class DocumentForm(forms.ModelForm):
 
     file = forms.FileField(label=_("JSON file"), required=False)
     document = forms.CharField(
-        label=_("or paste its text"),
-        required=False,
-        strip=False,
-        widget=forms.Textarea(
-            attrs={"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
-        ),
+        label=_("or paste its text"), required=False, strip=False, widget=forms.Textarea(BOX)
     )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

@@ -14,16 +14,8 @@ import msgspec
 from django.utils.formats import sanitize_separators
 from django.utils.translation import gettext as _
 
-from surveys.documents import (
-    DocumentPart,
-    Key,
-    Problem,
-    Text,
-    duplicates,
-    fields_of,
-    gettext_noop,
-    spoken,
-)
+from surveys import documents
+from surveys.documents import DocumentPart, Key, Problem, Text, duplicates, gettext_noop, spoken
 
 T = TypeVar("T")
 
@@ -210,21 +202,12 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         raise NotImplementedError
 
     def entry(
-        self,
-        chosen: Sequence[str],
-        attributes: Mapping[str, Any],
-        template: str = "surveys/_entry.html",
-        **more: Any,
+        self, chosen: Sequence[str], attributes: Mapping[str, Any], template: str = "", **more: Any
     ) -> Widget:
         """Return a widget that is one input; attributes that are None are left out."""
-        return Widget(
-            template,
-            self.kind,
-            value=chosen[0] if chosen else "",
-            attributes={name: str(one) for name, one in attributes.items() if one is not None},
-            more=more,
-            has_one_input=True,
-        )
+        given = {name: str(one) for name, one in attributes.items() if one is not None}
+        template, value = template or "surveys/_entry.html", chosen[0] if chosen else ""
+        return Widget(template, self.kind, value, (), given, more, has_one_input=True)
 
 
 class ScaleItem(Item, frozen=True, kw_only=True):
@@ -257,11 +240,9 @@ class ScaleItem(Item, frozen=True, kw_only=True):
         """Return the points as a line of choices; with numbers where not all have a label."""
         labels = {str(one.value): spoken(one.label, viewing.language) for one in question.points}
         named = all(labels.values())
-        choices = (
-            Choice(value, label, value in chosen, number="" if named else value)
-            for value, label in labels.items()
-        )
-        return Widget("surveys/_choices.html", "scale", choices=tuple(choices), is_scale=True)
+        words = ((value, label, "" if named else value) for value, label in labels.items())
+        choices = tuple(Choice(one, label, one in chosen, number) for one, label, number in words)
+        return Widget("surveys/_choices.html", "scale", choices=choices, is_scale=True)
 
 
 class OptionsItem(Item, frozen=True, kw_only=True):
@@ -334,7 +315,7 @@ class Question:
         stored with answers: the order of the texts must stay.
         """
         own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
-        for one in fields_of(type(self.item)):
+        for one in documents.fields_of(type(self.item)):
             value = getattr(self.item, one.name)
             if one.type == Text and one.name not in {"text", "hint"}:
                 own.append(value)

@@ -52,18 +52,9 @@ def summarise(
     interval: Interval,
     neutral: float = 0.0,
 ) -> Summary:
-    """Return the row that pools one or several statements.
-
-    Args:
-        responses: for each respondent, values of the scale by statement; None or no entry is a
-            missing answer.
-        statements: the keys to pool.
-        scale: its values, rising.
-        interval: the distribution of the intervals.
-        neutral: answers above it count as positive.
-
-    Raises:
-        ValueError: an answer is no value of the scale.
+    """Return the row that pools statements (keys). `responses` have values of the scale by
+    statement; None or no entry is a missing answer. `scale` has its values, rising; answers above
+    `neutral` are positive. Raises ValueError for an answer that is no value of the scale.
     """
     found = [[answers.get(key) for key in statements] for answers in responses]
     given = [[value for value in values if value is not None] for values in found]
@@ -97,11 +88,9 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
     """Return the half-width of the confidence interval of a mean; None when `sd` is."""
     if sd is None:
         return None
-    tail = 0.5 + level / 2.0
-    quantile = float(
-        scipy.special.ndtri(tail) if interval == "normal" else scipy.special.stdtrit(n - 1, tail)
-    )
-    return quantile * sd / math.sqrt(n)
+    tail, special = 0.5 + level / 2.0, scipy.special
+    quantile = special.ndtri(tail) if interval == "normal" else special.stdtrit(n - 1, tail)
+    return float(quantile) * sd / math.sqrt(n)
 
 
 @dataclass(frozen=True)
@@ -134,14 +123,12 @@ def likert_table(
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")
     scale = definition.scored[0].score_values
     neutral = (scale[0] + scale[-1]) / 2.0
-    return [
-        LikertRow(
-            *(kind, key, label, keys),
-            summarise(responses, keys, scale, interval=interval, neutral=neutral),
-            is_reversed=kind == "statement" and key in definition.reversed,
-        )
-        for kind, key, label, keys in _rows(definition, language, overall)
-    ]
+    rows = []
+    for kind, key, label, keys in _rows(definition, language, overall):
+        summary = summarise(responses, keys, scale, interval=interval, neutral=neutral)
+        is_reversed = kind == "statement" and key in definition.reversed
+        rows.append(LikertRow(kind, key, label, keys, summary, is_reversed))
+    return rows
 
 
 def _rows(

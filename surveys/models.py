@@ -6,7 +6,7 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from surveys.answers import AnswerValue, Missing, response_statuses
+from surveys.answers import AnswerValue, Missing, Stored, response_statuses
 from surveys.conditions import Circumstances
 from surveys.definition import Definition, from_stored
 
@@ -97,12 +97,10 @@ class Response(models.Model):
     def circumstances(self) -> Circumstances:
         return Circumstances(robot=frozenset(self.robot), outcome=self.outcome)
 
-    def given(self) -> dict[str, AnswerValue]:
+    def given(self) -> Stored:
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
-    def response_statuses(
-        self, definition: Definition, stored: dict[str, AnswerValue]
-    ) -> dict[str, AnswerValue]:
+    def response_statuses(self, definition: Definition, stored: Stored) -> Stored:
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return response_statuses(definition, stored, self.circumstances, reached)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from django.utils.translation import gettext as _
 
-from surveys.answers import REASON_MARK, AnswerValue, Missing
-from surveys.conditions import Circumstances, shown_keys
+from surveys.answers import REASON_MARK, AnswerValue, Missing, Stored, asked_keys
+from surveys.conditions import Circumstances
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Choice, Item, ItemCondition, Question, ScaleItem, Viewing, Widget
@@ -20,17 +20,14 @@ class Control:
     """The control of one question: what every type shows, and the `widget` of its own."""
 
     key: str
-    kind: str
+    item: Item
     text: str
     widget: Widget
-    hint: str = ""
-    error: str = ""
-    is_required: bool = False
-    is_shown: bool = True
-    takes_several: bool = False
-    has_reason_choices: bool = False
-    reasons: tuple[Choice, ...] = ()
-    show_if: str = ""
+    hint: str
+    error: str
+    is_shown: bool
+    reasons: tuple[Choice, ...]
+    show_if: str
 
     @property
     def has_plain_scale(self) -> bool:
@@ -40,11 +37,12 @@ class Control:
 
 @dataclass(frozen=True)
 class Fieldset:
-    """Questions in one frame: a matrix of those on one scale, or one question of another kind."""
+    """Questions in one frame: a matrix of those on one `scale`, or one question of another kind."""
 
     heading: str
     hint: str
     controls: tuple[Control, ...]
+    scale: str | None  # shared with the questions of the next frame, if it has the same one
 
     @property
     def is_shown(self) -> bool:
@@ -68,7 +66,7 @@ class PageForm:
     @property
     def is_all_optional(self) -> bool:
         """Whether the page says once that nothing must be answered, instead of at each question."""
-        return not any(control.is_required for control in self.controls)
+        return not any(control.item.required for control in self.controls)
 
     @property
     def wrong(self) -> list[Control]:
@@ -79,7 +77,7 @@ class PageForm:
 class Reader(Viewing):
     """Who looks at the page: stored and just sent answers, and errors; a preview `sees_all`."""
 
-    stored: Mapping[str, AnswerValue] = field(default_factory=dict)
+    stored: Stored = field(default_factory=dict)
     circumstances: Circumstances = field(default_factory=Circumstances)
     errors: Mapping[str, str] = field(default_factory=dict)
     sent: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -92,35 +90,21 @@ def page_form_of(
     """Return page `page` (from 0) for a reader. `shown_pages` are the pages on which this reader is
     asked anything, for "page 2 of 3".
     """
-    values = {key: given.value for key, given in reader.stored.items()}
-    shown = shown_keys(definition, values, reader.circumstances)
+    shown = asked_keys(definition, reader.stored, reader.circumstances)
     asked = set(definition.by_key if reader.sees_all else shown)
     own = definition.pages[page]
     here = {key: one for key, one in definition.by_key.items() if one.page == page}
     fieldsets: list[Fieldset] = []
-    before: Item | None = None
     for item in own.items_shown(reader.seed):
         fieldset = _fieldset(item, here, asked, reader)
         if fieldset is None:
             continue
-        if before is not None and _share_a_frame(before, item):
-            controls = fieldsets.pop().controls + fieldset.controls
-            fieldset = replace(fieldset, controls=controls)
+        if fieldsets and fieldset.scale is not None and fieldsets[-1].scale == fieldset.scale:
+            fieldset = replace(fieldset, controls=fieldsets.pop().controls + fieldset.controls)
         fieldsets.append(fieldset)
-        before = item
-    return PageForm(
-        title=spoken(own.title, reader.language),
-        intro=spoken(own.intro, reader.language),
-        fieldsets=tuple(fieldsets),
-        number=1 + sum(n < page for n in shown_pages),
-        total=len(shown_pages),
-    )
-
-
-def _share_a_frame(before: Item, item: Item) -> bool:
-    both = (before, item)
-    scales = [one.scale for one in both if isinstance(one, ScaleItem) and not one.is_group]
-    return len(scales) == len(both) and scales[0] == scales[1]
+    title, intro = (spoken(text, reader.language) for text in (own.title, own.intro))
+    number = 1 + sum(n < page for n in shown_pages)
+    return PageForm(title, intro, tuple(fieldsets), number, total=len(shown_pages))
 
 
 def _fieldset(
@@ -133,11 +117,11 @@ def _fieldset(
     if not questions or not (may_appear or any(one.key in asked for one in questions)):
         return None
     show_if = _condition_here(condition, here) if condition is not None else ""
-    return Fieldset(
-        spoken(item.text, reader.language) if item.is_group else "",
-        spoken(item.hint, reader.language) if item.is_group else "",
-        tuple(_control(one, one.key in asked, show_if, reader) for one in questions),
-    )
+    controls = tuple(_control(one, one.key in asked, show_if, reader) for one in questions)
+    if item.is_group:
+        heading, hint = (spoken(text, reader.language) for text in (item.text, item.hint))
+        return Fieldset(heading, hint, controls, scale=None)
+    return Fieldset("", "", controls, item.scale if isinstance(item, ScaleItem) else None)
 
 
 def _condition_here(condition: ItemCondition, here: Mapping[str, Question]) -> str:
@@ -154,23 +138,14 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
     stored = [] if given.value is None else item.sent(given.value)
     chosen = [value for value in reader.sent.get(key, ()) if value] or stored
     reasons: Sequence[str | None] = reader.sent.get(key + REASON_MARK) or [given.missing]
-    offered = [
-        (Missing.PREFERRED_NOT, _("Prefer not to answer"), item.prefer_not),
-        (Missing.NOT_APPLICABLE, _("Does not apply"), item.not_applicable),
-    ]
+    offered = [(Missing.PREFERRED_NOT, _("Prefer not to answer"))] if item.prefer_not else []
+    offered += [(Missing.NOT_APPLICABLE, _("Does not apply"))] if item.not_applicable else []
     return Control(
-        key=key,
-        kind=item.kind,
-        text=spoken(question.text, reader.language),
+        *(key, item, spoken(question.text, reader.language)),
         widget=item.widget(question, chosen, reader),
         hint="" if item.is_group else spoken(item.hint, reader.language),
         error=reader.errors.get(key, ""),
-        is_required=item.required,
         is_shown=shown,
-        takes_several=item.takes_several,
-        has_reason_choices=item.has_reason_choices,
-        reasons=tuple(
-            Choice(value, label, value in reasons) for value, label, allowed in offered if allowed
-        ),
+        reasons=tuple(Choice(value, label, value in reasons) for value, label in offered),
         show_if=condition,
     )

@@ -14,13 +14,13 @@ MAX_QUESTIONS = 300
 MIN_POINTS, MAX_POINTS = 2, 11
 SUS_ITEMS, TLX_ITEMS = 10, 6
 ABOUT = ProblemPlace("about")  # the questionnaire itself
+Questions = Mapping[str, Question]
 
 
 def parse(document: bytes) -> Definition:
     """Return the definition in JSON; raises BadDefinitionError as surveys.documents.checked."""
-    return checked(
-        document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
-    )
+    name = _("question type")
+    return checked(document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=name)
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
@@ -104,9 +104,7 @@ def _of_conditions(definition: Definition) -> Iterator[Problem]:
         known |= here
 
 
-def _of_condition(
-    condition: ItemCondition | None, earlier: Mapping[str, Question]
-) -> Iterator[Problem]:
+def _of_condition(condition: ItemCondition | None, earlier: Questions) -> Iterator[Problem]:
     if condition is None:
         return
     if not (condition.robot or condition.outcome or condition.item):

@@ -7,6 +7,7 @@ A draft is stored as long as its types are right, and can be asked once it has n
 
 import datetime
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -82,11 +83,9 @@ def _put(definition: Definition, now: datetime.datetime) -> Questionnaire:
 def _create(definition: Definition, now: datetime.datetime, **more: Any) -> Questionnaire | None:
     """Return a new row; None when its version exists already."""
     fields = {"slug": definition.slug, "version": definition.version, "created_at": now, **more}
-    try:
-        with transaction.atomic():
-            return Questionnaire.objects.create(**fields, **_fields(definition))
-    except IntegrityError:
-        return None
+    with suppress(IntegrityError), transaction.atomic():
+        return Questionnaire.objects.create(**fields, **_fields(definition))
+    return None
 
 
 def store_next(
@@ -99,7 +98,7 @@ def store_next(
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
     for _attempt in range(ATTEMPTS):
-        newest = Questionnaire.objects.filter(slug=definition.slug).order_by("-version").first()
+        newest = _newest(definition.slug)
         version = newest.version if newest is not None else 0
         same = msgspec.structs.replace(definition, version=version)
         if newest is not None and newest.sha256 == digest(same):
@@ -123,15 +122,9 @@ def begin_empty(
     slug: str, title: str, languages: Sequence[str], now: datetime.datetime
 ) -> Questionnaire:
     """Store a draft of one empty question; raises BadDefinitionError for a taken name."""
-    question = {"kind": "text", "key": "q1", "text": {}}
-    document = {
-        "format": 1,
-        "slug": slug,
-        "version": 1,
-        "title": dict.fromkeys(languages, title),
-        "languages": languages,
-        "pages": [{"key": "page_1", "items": [question]}],
-    }
+    pages = [{"key": "page_1", "items": [{"kind": "text", "key": "q1", "text": {}}]}]
+    texts = {"title": dict.fromkeys(languages, title), "languages": languages}
+    document = {"format": 1, "slug": slug, "version": 1, **texts, "pages": pages}
     is_taken = slug in shipped() or Questionnaire.objects.filter(slug=slug).exists()
     row = None if is_taken else _create(msgspec.convert(document, Definition), now)
     if row is None:
@@ -150,9 +143,8 @@ def save_draft(questionnaire: Questionnaire, definition: Definition) -> Question
 
 def _rows_like(questionnaire: Questionnaire) -> QuerySet[Questionnaire]:
     """The row, if it is a draft that has not changed since it was read."""
-    return Questionnaire.objects.filter(
-        pk=questionnaire.pk, frozen_at=None, sha256=questionnaire.sha256
-    )
+    rows = Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None)
+    return rows.filter(sha256=questionnaire.sha256)
 
 
 def problems_of(questionnaire: Questionnaire) -> Sequence[Problem]:
@@ -171,9 +163,13 @@ def is_usable(questionnaire: Questionnaire) -> bool:
     return not questionnaire.definition.get("template") and not problems_of(questionnaire)
 
 
+def _newest(slug: str) -> Questionnaire | None:
+    return Questionnaire.objects.filter(slug=slug).order_by("-version").first()
+
+
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
     """Return the newest version, storing a shipped one first; raises Questionnaire.DoesNotExist."""
-    if row := Questionnaire.objects.filter(slug=slug).order_by("-version").first():
+    if row := _newest(slug):
         return row
     if slug not in shipped():
         raise Questionnaire.DoesNotExist(f"no questionnaire {slug}")
@@ -198,6 +194,6 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
 
 def next_version(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
     """Store and return a draft with the same content, numbered after the newest version."""
-    versions = Questionnaire.objects.filter(slug=questionnaire.slug).order_by("-version")
-    newest = versions.values_list("version", flat=True)[0]
-    return _put(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)
+    newest = _newest(questionnaire.slug) or questionnaire
+    definition = questionnaire.as_definition()
+    return _put(msgspec.structs.replace(definition, version=newest.version + 1), now)

@@ -12,14 +12,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from surveys.answers import AnswerValue, check_complete, read_answer
-from surveys.conditions import shown_keys
+from surveys.answers import AnswerValue, Stored, asked_keys, check_complete, read_answer
 from surveys.definition import Definition, language_for
-from surveys.item import Question, RefusedError
+from surveys.item import RefusedError
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import freeze
 
 MAX_SECONDS = 24 * 3600.0
+SentFields = Mapping[str, Sequence[str]]
 
 
 class ClosedError(Exception):
@@ -123,24 +123,19 @@ def begin(
 
 
 def save_one(
-    response: Response,
-    definition: Definition,
-    key: str,
-    fields: Mapping[str, Sequence[str]],
-    saving: Saving,
+    response: Response, definition: Definition, key: str, fields: SentFields, saving: Saving
 ) -> AnswerValue:
-    """Store the answer to one question in the fields of a page, empty or not, and return it.
-
-    Raises:
-        ClosedError, NotAskedError: the response is finished, or the question not on a page so far.
-        RefusedError: the question does not allow the answer.
+    """Store the answer to one question in the fields of a page, empty or not, and return it. Raises
+    ClosedError when the response is finished, NotAskedError when the question is on no page so far,
+    and RefusedError when it does not allow the answer.
     """
     _check_open(response)
-    question, shown = definition.question(key), _shown(response, definition, response.given())
+    question = definition.question(key)
+    shown = asked_keys(definition, response.given(), response.circumstances)
     if question is None or question.page > response.reached or key not in shown:
         raise NotAskedError(key)
     given = read_answer(question, fields, saving.now)
-    _write(response, definition, [(question, given)], saving)
+    _write(response, definition, {key: given}, saving)
     return given
 
 
@@ -149,7 +144,7 @@ def save_page(
     definition: Definition,
     page: int,
     *,
-    fields: Mapping[str, Sequence[str]],
+    fields: SentFields,
     offered: Iterable[str],
     saving: Saving,
 ) -> PageResult:
@@ -162,22 +157,20 @@ def save_page(
     offered = set(offered)
     if page > response.reached or not here or offered - set(here):
         raise NotAskedError(str(page))
-    stored, given, errors = response.given(), dict[str, AnswerValue](), dict[str, str]()
+    stored, given, errors = response.given(), Stored(), dict[str, str]()
     for key, question in here.items():
         # an answer may hide questions after it
-        if key in offered and key in _shown(response, definition, stored | given):
+        if key in offered and key in asked_keys(definition, stored | given, response.circumstances):
             try:
                 given[key] = read_answer(question, fields, saving.now)
                 check_complete(question, given[key])
             except RefusedError as error:
                 errors[key] = str(error)
-    changed = [(here[key], one) for key, one in given.items() if stored.get(key) != one]
+    changed = {key: one for key, one in given.items() if stored.get(key) != one}
     _write(response, definition, changed, saving)
-    asked = set(_shown(response, definition, stored | given))
-    return PageResult(
-        errors={key: text for key, text in errors.items() if key in asked},
-        more_appeared=bool((asked & set(here)) - offered),
-    )
+    asked = set(asked_keys(definition, stored | given, response.circumstances))
+    errors = {key: text for key, text in errors.items() if key in asked}
+    return PageResult(errors, more_appeared=bool((asked & set(here)) - offered))
 
 
 def leave_page(response: Response, definition: Definition, page: int) -> int | None:
@@ -193,13 +186,12 @@ def leave_page(response: Response, definition: Definition, page: int) -> int | N
 def finish(response: Response, definition: Definition, now: datetime.datetime) -> int | None:
     """Close a response and return None, or the first page on which a required answer is missing."""
     stored = response.given()
-    for key in _shown(response, definition, stored):
+    for key in asked_keys(definition, stored, response.circumstances):
         question, given = definition.by_key[key], stored.get(key)
         if question.item.required and (given is None or given.is_left_empty):
             return question.page
-    Response.objects.filter(pk=response.pk, finished_at=None).update(
-        finished_at=now, reached=len(definition.pages)
-    )
+    unfinished = Response.objects.filter(pk=response.pk, finished_at=None)
+    unfinished.update(finished_at=now, reached=len(definition.pages))
     response.refresh_from_db(fields=["finished_at", "reached"])
     return None
 
@@ -215,15 +207,8 @@ def place(response: Response, definition: Definition) -> int | None:
 
 def pages_shown(response: Response, definition: Definition) -> list[int]:
     """Return the pages on which this respondent is asked anything, from 0, in order."""
-    shown = _shown(response, definition, response.given())
+    shown = asked_keys(definition, response.given(), response.circumstances)
     return sorted({definition.by_key[key].page for key in shown})
-
-
-def _shown(
-    response: Response, definition: Definition, stored: Mapping[str, AnswerValue]
-) -> list[str]:
-    values = {key: given.value for key, given in stored.items()}
-    return shown_keys(definition, values, response.circumstances)
 
 
 def _check_open(response: Response) -> None:
@@ -231,30 +216,24 @@ def _check_open(response: Response) -> None:
         raise ClosedError(str(response.pk))
 
 
-def _write(
-    response: Response,
-    definition: Definition,
-    answers: Sequence[tuple[Question, AnswerValue]],
-    saving: Saving,
-) -> None:
-    places = definition.positions(response.seed) if answers else {}
-    for question, given in answers:
+def _write(response: Response, definition: Definition, given: Stored, saving: Saving) -> None:
+    places = definition.positions(response.seed) if given else {}
+    for key, answer in given.items():
         fields: dict[str, Any] = {
-            "value": given.value,
-            "missing": given.missing.value if given.missing else "",
+            "value": answer.value,
+            "missing": answer.missing.value if answer.missing else "",
             "language": saving.language,
-            "text_version": question.fingerprint(saving.language),
-            "position": places[question.key],
+            "text_version": definition.by_key[key].fingerprint(saving.language),
+            "position": places[key],
             "answered_at": saving.now,
             "writer": saving.writer,
             "writing": saving.writing,
         }
-        if (seconds := saving.seconds.get(question.key)) is not None:
+        if (seconds := saving.seconds.get(key)) is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
             fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
         first = {"first_at": saving.now, **fields}
-        slot = {"response": response, "item": question.key}
-        row, is_new = Answer.objects.get_or_create(**slot, defaults=first)
+        row, is_new = Answer.objects.get_or_create(response=response, item=key, defaults=first)
         if not is_new:
             older = Answer.objects.filter(pk=row.pk)
             if saving.writer:

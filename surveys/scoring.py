@@ -44,9 +44,8 @@ class ScoredScale:
     def formula(self) -> str:
         items = ", ".join(self.items)
         if self.rule == "sus":
-            return (
-                f"{SUS_FACTOR:g} × the sum of (answer − 1) of {items}; empty where one is missing"
-            )
+            words = f"{SUS_FACTOR:g} × the sum of (answer − 1) of {items}"
+            return f"{words}; empty where one is missing"
         if self.rule == "tlx_raw":
             return f"mean of the answers to {items}, without weights; empty where one is missing"
         return f"mean of the answers to {items} that were given"
@@ -67,12 +66,10 @@ def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
 
 
 def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
+    bounds = [_bounds(definition, topic.items) for topic in definition.topics]
     return tuple(
-        ScoredScale(
-            *(topic.key, f"score_{topic.key}", topic.text, topic.items, "topics"),
-            _bounds(definition, topic.items),
-        )
-        for topic in definition.topics
+        ScoredScale(one.key, f"score_{one.key}", one.text, one.items, "topics", own)
+        for one, own in zip(definition.topics, bounds, strict=True)
     )
 
 

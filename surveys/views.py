@@ -5,6 +5,7 @@ by one. A response of another user is answered like one that does not exist.
 """
 
 import datetime
+from contextlib import suppress
 from typing import Any
 from uuid import UUID
 
@@ -58,25 +59,20 @@ def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
     return handle(request, row, definition, number - 1)
 
 
-def _take(
-    request: HttpRequest, row: Response, definition: Definition, number: int
-) -> HttpResponseBase:
+def _take(request: HttpRequest, row: Response, definition: Definition, n: int) -> HttpResponseBase:
     saving, offered = _saving(request, definition), request.POST.getlist("shown")
-    fields = _fields(request)
+    sent: dict[str, Any] = {"fields": _fields(request), "offered": offered, "saving": saving}
     try:
-        result = responses.save_page(
-            row, definition, number, fields=fields, offered=offered, saving=saving
-        )
+        result = responses.save_page(row, definition, n, **sent)
     except NotAskedError:
         return render(request, "surveys/refused.html", {"response": row}, status=REFUSED)
     if request.POST.get("go") == "back":
         # What was filled in so far is saved, and need not be complete.
-        earlier = [n for n in responses.pages_shown(row, definition) if n < number]
-        return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
+        earlier = [one for one in responses.pages_shown(row, definition) if one < n]
+        return redirect("survey_page", row.pk, (earlier[-1] if earlier else n) + 1)
     if not result.is_done:
-        return _show(request, row, definition, number, result=result)
-    following = responses.leave_page(row, definition, number)
-    return _to_page(row, definition, following, saving.now)
+        return _show(request, row, definition, n, result=result)
+    return _to_page(row, definition, responses.leave_page(row, definition, n), saving.now)
 
 
 def _show(
@@ -88,11 +84,7 @@ def _show(
 ) -> HttpResponse:
     shown = responses.pages_shown(row, definition)
     reader = Reader(
-        language=_language(definition),
-        seed=row.seed,
-        stored=row.given(),
-        circumstances=row.circumstances,
-        now=timezone.now(),
+        *(_language(definition), row.seed, timezone.now(), row.given(), row.circumstances),
         errors=result.errors if result else {},
         sent=_fields(request) if result else {},
     )
@@ -186,17 +178,8 @@ def _saving(request: HttpRequest, definition: Definition) -> Saving:
     """Return how the page saves; malformed fields are left out, because no answer needs them."""
     writing = request.POST.get("writing", "")
     is_number = writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2
-    return Saving(
-        now=timezone.now(),
-        language=_language(definition),
-        seconds=_seconds(request.POST.get("seconds", "")),
-        writer=request.POST.get("writer", "")[:MAX_WRITER],
-        writing=int(writing) if is_number else 0,
-    )
-
-
-def _seconds(text: str) -> dict[str, float]:
-    try:
-        return msgspec.json.decode(text, type=dict[str, float]) if text else {}
-    except msgspec.DecodeError:
-        return {}
+    seconds: dict[str, float] = {}
+    with suppress(msgspec.DecodeError):
+        seconds = msgspec.json.decode(request.POST.get("seconds", ""), type=dict[str, float])
+    writer, number = request.POST.get("writer", "")[:MAX_WRITER], int(writing) if is_number else 0
+    return Saving(timezone.now(), _language(definition), seconds, writer, number)

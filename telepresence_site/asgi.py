@@ -15,9 +15,7 @@ http = get_asgi_application()
 
 from robots.interpreter import set_up_for_latency
 from sessions.backpressure import Backpressure
-from sessions.urls import (
-    websocket_urlpatterns,
-)
+from sessions.urls import websocket_urlpatterns
 from telepresence_site.web.asgi_limits import (
     BodyLimit,
     ConnectLimit,
@@ -32,31 +30,30 @@ from telepresence_site.web.shutdown import bound_exit
 from telepresence_site.web.static_answers import StaticAnswers
 
 pages = OpenLimit(URLRouter(websocket_urlpatterns), settings.SOCKETS_PER_USER, user_of)
-# Refuses a foreign Origin, and a missing one.
-known = SameOrigin(
+# Refuses another site's Origin, and a missing one.
+own_pages = SameOrigin(
     AuthMiddlewareStack(pages),
     settings.CSRF_TRUSTED_ORIGINS,
     secure_only=settings.SECURE_SSL_REDIRECT,
 )
 counted = OpenLimit(
-    AllowedHostsOriginValidator(known),
+    AllowedHostsOriginValidator(own_pages),
     settings.SOCKETS_PER_ADDRESS,
     lambda scope: address_of(scope, settings.TRUSTED_PROXIES),
 )
 sockets = ConnectLimit(KnownPaths(counted, websocket_urlpatterns), settings.TRUSTED_PROXIES)
 
-kept = WhiteNoiseMiddleware(lambda _: None).files
-
+static_files = WhiteNoiseMiddleware(lambda _: None).files
 application = ProtocolTypeRouter(
     {
         "http": RequestLog(
-            BodyLimit(StaticAnswers(http, kept, secure_only=settings.SECURE_SSL_REDIRECT))
+            BodyLimit(StaticAnswers(http, static_files, secure_only=settings.SECURE_SSL_REDIRECT))
         ),
         "websocket": Backpressure(RequestLog(sockets)),
     }
 )
 
-# Addresses, forms and administration are loaded now and not with the first page.
+# Load addresses, forms and administration now and not with the first page.
 get_resolver().url_patterns  # noqa: B018 -- reading it loads them
 set_up_for_latency()
 bound_exit()

@@ -1,6 +1,4 @@
-"""What the environment of the process says, read once; docs/reference/settings.md
-lists every name.
-"""
+"""Settings from environment variables (listed in docs/reference/settings.md), and private files."""
 
 import contextlib
 import os
@@ -16,25 +14,24 @@ def text(name: str, default: str = "") -> str:
 
 
 def flag(name: str, *, default: bool = False) -> bool:
-    """Return whether an environment variable says yes (1, true, yes, on)."""
+    """Tell whether an environment variable is 1, true, yes or on."""
     value = os.environ.get(name)
     return default if not value else value.strip().lower() in {"1", "true", "yes", "on"}
 
 
 def words(name: str, default: str = "") -> list[str]:
-    """Return the comma-separated words of an environment variable."""
     return [word.strip() for word in text(name, default).split(",") if word.strip()]
 
 
 def kept_secret(path: Path, nbytes: int = 48) -> str:
-    """Return the secret kept in a file, made on the first call and readable by its owner alone.
+    """Return the secret in a file that only its owner can read, created by the first call.
 
     Raises:
         ValueError: the file is empty.
     """
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        # of two processes that start together one makes the secret and the other reads it
+        # of two processes that start together, one creates the secret and the other reads it
         with contextlib.suppress(FileExistsError):
             write_private(path, secrets.token_urlsafe(nbytes), replace=False)
     secret = path.read_text().strip()
@@ -44,16 +41,16 @@ def kept_secret(path: Path, nbytes: int = 48) -> str:
 
 
 def private_folder(path: Path) -> Path:
-    """Make a folder that its owner alone may look into; one that is there stays as it is (check
-    telepresence.W009 looks at it).
+    """Create a folder that only its owner can read. An existing one stays as it is (check
+    telepresence.W009 reports it).
     """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     return path
 
 
 def private_sqlite(name: str) -> None:
-    """Have a database's file readable by its owner alone, before SQLite makes it: the files beside
-    it (-wal, -shm) get the same mode.
+    """Create a database's file, readable by its owner alone, before SQLite does, which gives the
+    files beside it (-wal, -shm) the same mode.
     """
     path = Path(name)
     # in memory, or an address of SQLite's own
@@ -62,6 +59,6 @@ def private_sqlite(name: str) -> None:
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
     for file in (path, *(path.with_name(path.name + part) for part in ("-wal", "-shm"))):
-        # another user's, who sees to it
+        # absent, or of another user
         with contextlib.suppress(FileNotFoundError, PermissionError):
             file.chmod(0o600)

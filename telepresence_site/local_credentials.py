@@ -1,6 +1,4 @@
-"""Credentials of robots that run on this very machine, kept where `manage.py run_robot NAME` finds
-them.
-"""
+"""Credentials of robots on this machine, in the files that `manage.py run_robot NAME` reads."""
 
 import tomllib
 from pathlib import Path
@@ -13,18 +11,15 @@ from robots.models import Robot
 
 
 def keep_credentials_here(robot: Robot, mqtt_url: str) -> None:
-    """Write the robot's credentials file; a token that still fits is kept, so that a copy of it
-    elsewhere goes on working.
+    """Write the robot's credentials file. A token in it that is still valid stays, so that copies
+    of it elsewhere remain valid.
     """
     file = settings.CREDENTIALS_DIR / f"{robot.name}.toml"
-    token = _token_in(file)
-    fits = token is not None and credentials.matches(token, robot.credentials.credential_hash)
-    same = (
-        credentials.Credentials(robot.name, token, robot.credentials.credential_user)
-        if fits and token
-        else None
-    )
-    kept = same or credentials.make_credentials(robot, timezone.now())
+    token, row = _token_in(file), robot.credentials
+    if token and credentials.matches(token, row.credential_hash):
+        kept = credentials.Credentials(robot.name, token, row.credential_user)
+    else:
+        kept = credentials.make_credentials(robot, timezone.now())
     credentials.keep_credentials(kept, file, mqtt_url=mqtt_url)
 
 

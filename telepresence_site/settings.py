@@ -1,8 +1,8 @@
-"""Settings of the site. Everything that differs between machines comes from the environment
+"""Settings of the site. What differs between machines is read from environment variables
 (telepresence_site/environment.py).
 
-The defaults are those of a public server: HTTPS, secure cookies, no debug. `HTTP_ONLY=1`, which
-`make demo` sets, is the one switch that allows cookies over plain http, for 127.0.0.1.
+The defaults are for a public server: HTTPS, secure cookies, no debug. Only `HTTP_ONLY=1`, which
+`make demo` sets, allows cookies over plain http, for 127.0.0.1.
 """
 
 from pathlib import Path
@@ -106,7 +106,7 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
             "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA secure_delete=ON;"
         ),
     }
-    # A file, so that live-server tests and the processes that they start share it.
+    # A file, which tests share with the processes that they start.
     DATABASES["default"]["TEST"] = {"NAME": str(VAR_DIR / "test.sqlite3")}
 
 REDIS_URL = env.text("REDIS_URL")
@@ -169,7 +169,7 @@ EMAIL_HOST_USER = env.text("EMAIL_HOST_USER")
 EMAIL_HOST_PASSWORD = env.text("EMAIL_HOST_PASSWORD")
 EMAIL_USE_TLS = env.flag("EMAIL_USE_TLS", default=True)
 DEFAULT_FROM_EMAIL = env.text("DEFAULT_FROM_EMAIL", "telepresence@localhost")
-# Without a mail server nothing is sent: messages are kept as files, where the operator finds them.
+# Without a mail server, messages are stored as files for the operator.
 EMAIL_BACKEND = (
     "django.core.mail.backends.smtp.EmailBackend"
     if EMAIL_HOST
@@ -197,9 +197,9 @@ TURN_MINUTES = float(env.text("TURN_MINUTES", "15"))
 TURN_WARNING_SECONDS = float(env.text("TURN_WARNING_SECONDS", "120"))
 START_SECONDS = float(env.text("START_SECONDS", "60"))
 GRACE_SECONDS = float(env.text("GRACE_SECONDS", "30"))
-# free on the disk of VAR_DIR, below which people are told
+# free space on the disk of VAR_DIR, below which there are warnings
 DISK_LOW_MB = float(env.text("DISK_LOW_MB", "500"))
-IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: nobody is asked
+IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: the page never asks
 # simulated ones for visitors who wait; run_practice runs them
 PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))
 PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))
@@ -210,11 +210,10 @@ TRUSTED_PROXIES = env.words("TRUSTED_PROXIES")
 # Open WebSockets, in each web process.
 SOCKETS_PER_ADDRESS = int(env.text("SOCKETS_PER_ADDRESS", "200"))
 SOCKETS_PER_USER = int(env.text("SOCKETS_PER_USER", "20"))
-# Set by `manage.py demo` alone, anew at each start: the secret part of its one-click link.
+# The secret part of the demo's one-click link; `manage.py demo` sets it at each start.
 DEMO_TOKEN = env.text("DEMO_TOKEN")
 
-# --- how long things are kept, in days; 0 is for ever. `manage.py forget` keeps to it
-# (telepresence_site/ops/retention.py) ---------
+# --- how long data is kept, in days; 0 is for ever. `manage.py forget` deletes older data ---------
 
 RETENTION_DAYS = {
     "sessions": float(env.text("RETENTION_SESSIONS_DAYS", "365")),
@@ -229,7 +228,7 @@ RETENTION_DAYS = {
 
 LANGUAGE_CODE = "en"
 LANGUAGES = [("en", "English"), ("es", "Español")]
-# Ours first, then our words for what Django and django-allauth say.
+# Our texts first, then our translations of Django and django-allauth.
 LOCALE_PATHS = [BASE_DIR / "locale", BASE_DIR / "locale" / "libraries"]
 TIME_ZONE = env.text("TIME_ZONE", "UTC")
 USE_TZ = True
@@ -242,7 +241,7 @@ STATIC_ROOT = Path(env.text("STATIC_ROOT", str(VAR_DIR / "static")))
 MEDIA_ROOT = VAR_DIR / "media"
 STORAGES = {
     "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
-    # The proxy reads them as another user, whatever the umask of whoever collects them.
+    # The proxy reads them as another user, whatever the umask of collectstatic.
     "staticfiles": {
         "BACKEND": "telepresence_site.web.static_files.HashedModules",
         "OPTIONS": {"directory_permissions_mode": 0o755},
@@ -275,15 +274,13 @@ SESSION_COOKIE_SECURE = not HTTP_ONLY
 CSRF_COOKIE_SECURE = not HTTP_ONLY
 SESSION_COOKIE_SAMESITE = "Lax"
 CSRF_COOKIE_HTTPONLY = True
-# Behind a proxy too, which says by X-Forwarded-Proto how the visitor came; only what asks how the
-# server does may come plainly.
+# Also behind a proxy, which sends X-Forwarded-Proto; only health checks may use plain http.
 SECURE_SSL_REDIRECT = not HTTP_ONLY
 SECURE_REDIRECT_EXEMPT = [r"^(healthz|readyz|metrics)$"]
 SECURE_HSTS_SECONDS = 0 if HTTP_ONLY else int(env.text("HSTS_SECONDS", "3600"))
 SECURE_HSTS_INCLUDE_SUBDOMAINS = env.flag("HSTS_SUBDOMAINS")
 SECURE_HSTS_PRELOAD = env.flag("HSTS_PRELOAD")
-# Whether the other sites of a domain can do without plain http, now and for years, is for whoever
-# runs them to say; by default they need not.
+# HSTS for a whole domain and for years is for the operator to decide; it is off by default.
 SILENCED_SYSTEM_CHECKS = ["security.W005", "security.W021"]
 if env.flag("BEHIND_TLS_PROXY"):
     SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
@@ -292,8 +289,8 @@ DATA_UPLOAD_MAX_MEMORY_SIZE = 1024 * 1024
 # fields each.
 DATA_UPLOAD_MAX_NUMBER_FIELDS = 4000
 
-# Who may read /metrics: whoever has the token, and what connects straight from these addresses or
-# networks; without either, nobody.
+# /metrics is for clients with the token and for direct connections from these addresses or
+# networks; without either, for no one.
 METRICS_TOKEN = env.text("METRICS_TOKEN")
 METRICS_ALLOWED = env.words("METRICS_ALLOWED")
 LOG_FORMAT = env.text("LOG_FORMAT", "text")
@@ -312,6 +309,6 @@ LOGGING = {
         }
     },
     "root": {"handlers": ["console"], "level": env.text("LOG_LEVEL", "INFO")},
-    # it tells of every table of the font that each figure embeds
+    # it logs every table of the font in each figure
     "loggers": {"fontTools": {"level": "WARNING"}},
 }

@@ -75,7 +75,6 @@ class Rig:
         self._volley = 0
 
     def drive(self, wanted: Velocity) -> None:
-        """Let one tick pass with this on the stick."""
         bench, tick, motion = self.bench, next(self._ticks), self.world.motion
         bench.now += TICK
         if tick % RENEWED == 0:
@@ -94,17 +93,14 @@ class Rig:
 
     @property
     def told(self) -> Velocity:
-        """What the base was last told."""
         return self.bench.kernel.commanded
 
     @property
     def why(self) -> str:
-        """What the assistance does, in one word."""
         return self.monitor.why(self.bench.now)[0]
 
     @property
     def stands(self) -> bool:
-        """Tell whether the robot hardly moves."""
         return self._speed() < STANDS
 
     def _speed(self) -> float:
@@ -180,7 +176,6 @@ class Careless:
     stood: float = 0.0
 
     def wish(self, rig: Rig) -> Velocity:
-        """Return what is on the stick now."""
         now, limits = rig.world.time, rig.world.model.limits
         self.stood = self.stood + TICK if rig.stands else 0.0
         if self.stood > 1.5:
@@ -205,7 +200,6 @@ def careless_drive(
     *,
     sensors: tuple[str, ...] = LASER,
 ) -> Rig:
-    """Return a robot after a drive from one of the plan's starts."""
     rng = np.random.default_rng(seed)
     start = plan.starts[int(rng.integers(len(plan.starts)))].name
     rig = Rig(Simulation(model, plan, seed=seed, start=start, charge=1.0), level, sensors)
@@ -226,7 +220,6 @@ class Crossing:
     theta: float
 
     def beyond(self, ahead: float, aside: float = 0.0) -> tuple[float, float]:
-        """Return the point so far beyond the door's middle."""
         return Pose2D(self.x, self.y, self.theta).apply(ahead, aside)
 
     def within(self, pose: Pose2D) -> tuple[float, float]:
@@ -279,7 +272,6 @@ class Novice:
 
 
 def crossings(plan: FloorPlan) -> list[Crossing]:
-    """Return every door and passage of a plan, both ways."""
     found = []
     for gap in (*plan.doors, *plan.passages):
         (x0, y0), (x1, y1) = gap.start, gap.end
@@ -346,7 +338,6 @@ def through(
 
 
 def careless(first: int, runs: int, minutes: float) -> list[Figure]:
-    """Drive carelessly everywhere, and return the figures."""
     figures = []
     for level, (name, sensors) in itertools.product(LEVELS, SENSORS.items()):
         driven, hits, touches, way, costs, hardest = 0.0, 0, 0, 0.0, list[float](), 0.0
@@ -422,7 +413,6 @@ def novice(first: int, runs: int) -> list[Figure]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=6, help="drives per robot, site and level")
     parser.add_argument("--minutes", type=float, default=10.0, help="length of a careless drive")

@@ -43,31 +43,27 @@ class NodeThread:
         """Nothing: settled by `run`."""
 
     def run(self) -> None:
-        """Begin."""
         self._loop = asyncio.get_running_loop()
         self._spoken.put(wire.Settle(self._process._body, self._process._area, 0))
         self._thread.start()
 
     def check(self) -> None:
-        """Nothing to check."""
+        pass
 
     def give_up(self, why: str) -> None:
         """A thread cannot be given up, which is one more thing against it."""
         print("stuck:", why)
 
     def say(self, message: wire.NodeMessage) -> bool:
-        """Hand a message to the thread."""
         self._spoken.put(message)
         return True
 
     async def order(self, action: Any) -> None:
-        """Give an order."""
         self._order = self._loop.create_future()
         self._spoken.put(wire.BeginAction(0, action))
         await self._order
 
     async def close(self) -> None:
-        """End the thread."""
         self._spoken.put(None)
 
     def _run(self) -> None:
@@ -93,7 +89,6 @@ class NodeThread:
 
 
 def main() -> int:
-    """Measure the three variants and return how many bounds were missed."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=20.0)
     seconds = parser.parse_args().seconds
@@ -103,9 +98,7 @@ def main() -> int:
     }
     figures = []
     for name, (late, _) in measured.items():
-        figures += quantiles(
-            f"tick late, {name}", late, "ms", {"p50": None, "p99": None, "max": None}
-        )
+        figures += quantiles(f"tick late, {name}", late, "ms", p50=None, p99=None, max=None)
     worse = figures[-2].value - figures[1].value
     figures += [
         Figure(f"control thread's share of a core, {name}", 100.0 * share, "%")

@@ -95,7 +95,6 @@ def _near(place: Place, checkpoint: Checkpoint) -> bool:
 
 
 def main() -> int:
-    """Dock and drive, print and keep the figures; return how many missed their bound."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--runs", type=int, default=25, help="for each site and robot: so many dockings"

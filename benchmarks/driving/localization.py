@@ -56,13 +56,11 @@ class LocalizationRun:
         return truth.distance(estimate.pose), abs(wrap_angle(estimate.pose.theta - truth.theta))
 
     def is_found(self, estimate: Estimate) -> bool:
-        """Tell whether the robot believes to be where it is."""
         away, turned = self.errors(estimate)
         return estimate.localized and away < NEAR and turned < TURNED
 
 
 def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> LocalizationRun:
-    """Return a robot somewhere in a site; robots and sites take turns."""
     names = sorted(sites)
     site, ways = sites[names[seed // 2 % len(names)]]
     model = MODELS[sorted(MODELS)[seed % 2]]
@@ -142,7 +140,6 @@ def missed(values: list[float], limit: float = math.inf) -> float:
 
 
 def arguments() -> argparse.Namespace:
-    """Return what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=300.0)
@@ -151,7 +148,6 @@ def arguments() -> argparse.Namespace:
 
 
 def drives(seeds: range, seconds: float, sites: dict[str, tuple[Site, Ways]]) -> list[Tracked]:
-    """Drive once for each seed, and print each drive's errors."""
     tracked = []
     for seed in seeds:
         one = track(begin(seed, sites), seconds)
@@ -205,7 +201,6 @@ def carried_figures(carried: list[tuple[float, float]]) -> list[Figure]:
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     asked = arguments()
     print(Settings(), flush=True)
     loaded = {name: load_site(name) for name in shipped_sites()}

@@ -124,7 +124,6 @@ def spread_goals(site: Site, model: RobotModel, seed: int, count: int) -> list[S
 
 
 def tour(site: Site, model: RobotModel, goals: list[Spot], seed: int) -> Drives:
-    """Go from the station to each goal in turn and back, and count."""
     sim = Simulation(model, site.plan, seed=seed)
     rig, drives = Rig(sim, site.grid, seed, localizer=True), Drives()
     for number, goal in enumerate(goals, start=1):
@@ -159,7 +158,6 @@ def tour(site: Site, model: RobotModel, goals: list[Spot], seed: int) -> Drives:
 
 
 def main() -> int:
-    """Drive, print and keep the figures; return how many missed their bound."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("maps", nargs="+", metavar="MAP.yaml[:OCCUPIED]")
     parser.add_argument("--goals", type=int, default=20, help="for each map and robot")

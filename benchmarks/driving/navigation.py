@@ -54,7 +54,6 @@ class Tally:
 
 
 def one_run(world: TrueWorld, seed: int, people: int, tally: Tally) -> None:
-    """Drive once and count."""
     rng = np.random.default_rng([seed, 77])
     plan = world.site.plan
     doors: dict[str, DoorState] = with_doors(plan, {})
@@ -120,7 +119,6 @@ def _count(world: TrueWorld, rig: Rig, task: NavigationTrial, tally: Tally, what
 
 
 def main() -> int:
-    """Drive, print and keep the figures; return how many missed their bound."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=25, help="for each site and robot")
     parser.add_argument("--first", type=int, default=JUDGING, help="the first seed")

@@ -61,7 +61,6 @@ def large(sessions: int) -> Dataset:
 
 
 def main() -> int:
-    """Measure, print and keep the figures; return how many bounds were missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=1000)
     wanted = parser.parse_args().sessions

@@ -50,7 +50,6 @@ def measured(*words: str) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Measure, print and keep the figures; return how many bounds were missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=1000)
     wanted = parser.parse_args().sessions

@@ -68,7 +68,6 @@ class Case:
 
 
 def holds(found: IntervalEstimate, true: float) -> bool | None:
-    """Tell whether an interval holds the true value."""
     return found.low <= true <= found.high if np.isfinite([found.low, found.high]).all() else None
 
 
@@ -78,7 +77,6 @@ def named(n: int, at: int, *, paired: bool) -> list[str]:
 
 
 def compared(*arrays: Floats, paired: bool = False, by: Compared = "means") -> Test:
-    """Return the test of conditions with a value a participant."""
     groups = {
         f"c{at}": dict(zip(named(len(own), at, paired=paired), own.tolist(), strict=True))
         for at, own in enumerate(arrays)
@@ -157,12 +155,10 @@ def successes(rng: Rng, n: int, k: int, share: float, *, paired: bool) -> Floats
 
 
 def completed(rng: Rng, n: int, k: int, share: float) -> Drives:
-    """Return the successes of participants under every condition."""
     return drives_of(*successes(rng, n, k, share, paired=True).T)
 
 
 def shares(rng: Rng, first: float, second: float) -> Test:
-    """Compare successes of two groups of different size."""
     groups = (rng.random(24) < first, rng.random(40) < second)
     return by_drives("proportions", drives_of(*(one.astype(float) for one in groups), paired=False))
 
@@ -198,7 +194,6 @@ def mixed(
 
 
 def terms(model: FittedModel | None, *names: str) -> dict[str, bool | None]:
-    """Tell of terms of a model whether they are significant."""
     found = {} if model is None else {one.name: one.p < 0.05 for one in model.terms}
     return {name: found.get(name) for name in names}
 
@@ -252,7 +247,6 @@ def with_age(rng: Rng, n: int) -> FittedModel | None:
 
 
 def family_model(family: Family, drives: Drives) -> FittedModel | None:
-    """Fit a model of both factors to the drives of each cell."""
     outcomes = [one for own in drives for one in own]
     rows = [{"delay": a, "help": b} for (a, b), own in zip(CELLS, drives, strict=True) for _ in own]
     design = design_of(LEVELS, CROSSED, rows)
@@ -364,7 +358,6 @@ def drive_of(
 
 
 def _normal(rng: Rng, *groups: tuple[int, float]) -> Test:
-    """Compare groups of a size and an SD each."""
     return compared(*(rng.normal(0.0, sd, n) for n, sd in groups))
 
 
@@ -377,7 +370,6 @@ def _two_each(drives: Drives) -> Drives:
 
 
 def _whole(values: Floats) -> Floats:
-    """Return values with many ties: rounded to halves."""
     return np.asarray(np.round(2.0 * values) / 2.0)
 
 
@@ -569,7 +561,6 @@ def _pairs(rng: Rng) -> dict[str, bool | None]:
 
 
 def _skewed(rng: Rng, shift: float) -> Test:
-    """Two groups of one skewed distribution, the first shifted."""
     return compared(rng.gamma(2.0, 1.0, 14) + shift, rng.gamma(2.0, 1.0, 20), by="ranks")
 
 
@@ -646,9 +637,7 @@ INTERVALS = (
         lambda rng: holds(_skewed(rng, 1.0).difference, 1.0),
     ),
     Case(
-        "r, groups",
-        "n = 16 and 24, SD 1.3 and 0.6",
-        lambda rng: holds(_placed(rng).effect, PLACED),
+        "r, groups", "n = 16 and 24, SD 1.3 and 0.6", lambda rng: holds(_placed(rng).effect, PLACED)
     ),
     Case(
         "ρ",
@@ -737,7 +726,6 @@ def table(cases: Sequence[Case], bounds: tuple[float, float], runs: int, head: s
 
 
 def main() -> int:
-    """Print both tables, and return how many rates are out of their bounds."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--only", default="", help="of cases whose name has these words")

@@ -35,14 +35,12 @@ class BasedRobot(ScriptedRobot):
         return SyntheticCamera(FPS)
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Tell the base."""
         self._socket.send(f"{self._name} {velocity.linear} {velocity.angular}".encode())
         self.reading = replace(self.reading, velocity=velocity)
         return velocity
 
 
 def main() -> None:
-    """Run until signalled."""
     parser = argparse.ArgumentParser()
     parser.add_argument("robot")
     for name in ("--mqtt", "--token", "--var", "--base"):

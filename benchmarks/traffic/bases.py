@@ -47,7 +47,6 @@ class Bases:
             self._told[name].append((time.time(), bool(float(linear) or float(angular))))
 
     def moves(self) -> dict[str, list[tuple[float, float]]]:
-        """Return from when to when each base moved."""
         return {name: motion(list(told)) for name, told in list(self._told.items())}
 
 

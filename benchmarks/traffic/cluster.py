@@ -123,7 +123,6 @@ class ClusterDrive:
 
 
 def main() -> int:
-    """Lose every engine in turn, print and keep what was seen."""
     folder = RESULTS / "cluster"
     folder.mkdir(parents=True, exist_ok=True)
     print("starting three machines, which takes a minute or two …", flush=True)
@@ -173,7 +172,6 @@ def _keep(place: RunningSite) -> None:
 
 
 def parts_of(place: RunningSite) -> list[str]:
-    """Return what is killed or cut: everything but the robot."""
     return [name for name in place.processes if not name.startswith(ROBOT)] + list(place.cables)
 
 

@@ -124,7 +124,6 @@ class Flooder:
 
 
 async def main(flood: str, port: str, user: str, token: str, connections: str, *ca: str) -> None:
-    """Flood for ever."""
     flooder = Flooder(
         int(port), user, token, ssl.create_default_context(cafile=ca[0]) if ca else None
     )

@@ -89,7 +89,6 @@ class IdleRobot:
     # --- its connection ---------------------------------------------------------------------------
 
     def opened(self) -> None:
-        """Say who we are and how."""
         self.is_open = True
         self._say("factsheet", codec.encode(factsheet_of(self.name, self.boot)))
         self._say("connection", self._presence("ONLINE"))
@@ -102,7 +101,7 @@ class IdleRobot:
         self._opened.set()
 
     def acknowledged(self, packet_id: int) -> None:
-        """Need nothing of it."""
+        pass
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Wake up when somebody needs the robot, and answer a will that came late."""
@@ -159,7 +158,6 @@ class IdleRobot:
             self._later(1, BEAT, self._say_beat)
 
     def _later(self, place: int, seconds: float, act: Any) -> None:
-        """Do something later, instead of what was due before in the same place."""
         handle = asyncio.get_running_loop().call_later(seconds, act)
         if place < len(self._timers):
             self._timers[place].cancel()
@@ -195,11 +193,9 @@ class IdleRobots:
         self._living.add(asyncio.create_task(robot.live("127.0.0.1", port)))
 
     def online(self) -> int:
-        """Return how many are connected."""
         return sum(robot.is_open for robot in self._robots)
 
     def attempts(self) -> int:
-        """Return how often all have tried to connect."""
         return sum(robot.attempts for robot in self._robots)
 
     def woken(self) -> list[float]:

@@ -22,16 +22,16 @@ class PacketListener(Protocol):
     """Whoever a line belongs to."""
 
     def opened(self) -> None:
-        """The broker has let us in and knows our subscriptions."""
+        pass
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """A message came."""
+        pass
 
     def acknowledged(self, packet_id: int) -> None:
-        """The broker has a message of ours."""
+        pass
 
     def closed(self) -> None:
-        """The connection is over."""
+        pass
 
 
 class MqttLine(asyncio.Protocol):
@@ -70,18 +70,15 @@ class MqttLine(asyncio.Protocol):
     # --- asyncio's side ---------------------------------------------------------------------------
 
     def connection_made(self, transport: Any) -> None:
-        """Introduce ourselves."""
         self._transport: asyncio.Transport = transport
         transport.write(self._hello)
 
     def connection_lost(self, _error: Exception | None) -> None:
-        """Tell the owner."""
         if self._pinging is not None:
             self._pinging.cancel()
         self._owner.closed()
 
     def data_received(self, data: bytes) -> None:
-        """Hand on every packet that is whole."""
         data, at = self._buffer + data if self._buffer else data, 0
         while (end := _end(data, at)) is not None:
             start, stop = end
@@ -157,7 +154,6 @@ def hello(
 
 
 def subscribe(filters: Iterable[tuple[str, int]]) -> bytes:
-    """Return a SUBSCRIBE, the one of a connection."""
     body = (1).to_bytes(2, "big") + b"".join(
         _text(filter_.encode()) + bytes([qos]) for filter_, qos in filters
     )

@@ -139,7 +139,6 @@ class Database:
 
     @property
     def pid(self) -> int:
-        """Return the id of its first process."""
         return int(
             (self.postgres.directory / "data" / "postmaster.pid").read_text().splitlines()[0]
         )
@@ -161,7 +160,6 @@ class BrokerNode:
 
     @property
     def pid(self) -> int:
-        """Return the id of its process."""
         return int(self.node.process.pid)
 
     def start(self) -> None:
@@ -189,19 +187,16 @@ class RunningSite:
 
     @property
     def brokers(self) -> list[tuple[str, int]]:
-        """Return host and port of each node of the broker."""
         if isinstance(self.site, ClusterSite):
             return [(node.host, node.mqtt) for node in self.site.cluster.places]
         return [(LOOPBACK, self.site.mqtt_port)]
 
     @property
     def processes(self) -> dict[str, int]:
-        """Return the pid of every part of the site."""
         ours = {name: process.pid for name, process in self.site.processes.items()}
         return {**ours, **{name: part.pid for name, part in self.outside.items()}}
 
     def kill(self, part: str) -> None:
-        """Kill a part, or cut a cable."""
         if part in self.cables:
             self.cables[part].begin()
         elif part in self.outside:
@@ -210,7 +205,6 @@ class RunningSite:
             self.site.stop(part, signal.SIGKILL)
 
     def start(self, part: str) -> None:
-        """Start a part that was killed, or mend a cable."""
         if part in self.cables:
             self.cables[part].end()
         elif part in self.outside:
@@ -219,7 +213,6 @@ class RunningSite:
             self.site.start(part)
 
     def make_robots(self, names: list[str]) -> list[list[str]]:
-        """Return [name, token] of new robots."""
         made: list[list[str]] = json.loads(self.site.django(ROBOTS.format(names=names)))
         if isinstance(self.site, ClusterSite):
             self.site.write_users()
@@ -244,7 +237,6 @@ class RunningSite:
         return found
 
     def record(self) -> StateRecord:
-        """Return every state that is stored, and what is known to be missing."""
         found = json.loads(self.site.django(RECORD))
         return StateRecord([NumberedState(*row) for row in found["states"]], dict(found["missing"]))
 
@@ -266,7 +258,6 @@ class RunningSite:
         return found
 
     def sessions(self) -> list[DrivePeriod]:
-        """Return every session that had its robot, in order of their grants."""
         return [DrivePeriod(*row) for row in json.loads(self.site.django(SESSIONS))]
 
     def managers(self) -> int:

@@ -68,7 +68,6 @@ class ObservedLease:
 
 
 def factsheet_of(name: str, boot: str) -> m.Factsheet:
-    """Return what a light robot says of itself."""
     return m.Factsheet(
         name=name,
         series="Light",
@@ -115,7 +114,6 @@ class LightRobot:
 
     @property
     def is_driven(self) -> bool:
-        """Tell whether its states belong to a session."""
         return self._leases.announced(time.monotonic()) is not None
 
     # --- its connection ---------------------------------------------------------------------------
@@ -152,7 +150,6 @@ class LightRobot:
             await asyncio.sleep(self._rng.uniform(*AGAIN))
 
     def _leave_a_mute_node(self) -> None:
-        """Try another node where this one has not answered for too long."""
         flying = next(iter(self._flying.values()), None)
         since = flying[1] if flying is not None else self._knocked_at
         if self._line is not None and since is not None and time.monotonic() - since > WORD:
@@ -160,13 +157,11 @@ class LightRobot:
             self._line.abort()
 
     def opened(self) -> None:
-        """Say who we are, and what has waited."""
         self.online, self._knocked_at = True, None
         self._put("connection", self._presence("ONLINE"))
         self._put("factsheet", codec.encode(factsheet_of(self.name, self.boot)))
 
     def closed(self) -> None:
-        """Keep what the broker has not confirmed."""
         if self.online:
             self._told.counts["connection_lost"] += 1
         self.online, self._knocked_at = False, None
@@ -175,7 +170,6 @@ class LightRobot:
         self._over.set()
 
     def acknowledged(self, packet_id: int) -> None:
-        """Send what waits for a place."""
         flying = self._flying.pop(packet_id, None)
         if flying is not None:
             self._outbox.acknowledged(flying[0])
@@ -208,7 +202,6 @@ class LightRobot:
     # --- what it hears ----------------------------------------------------------------------------
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """Take a message of the server."""
         now = time.time()
         suffix = topic.rpartition("/")[2]
         match suffix:
@@ -379,7 +372,6 @@ class Robots:
         return len(self._robots)
 
     def online(self) -> int:
-        """Return how many are connected."""
         return sum(robot.online for robot in self._robots)
 
     def driven(self) -> int:
@@ -387,7 +379,6 @@ class Robots:
         return sum(robot.is_driven for robot in self._robots)
 
     def measured(self) -> dict[str, Any]:
-        """Return what was seen since the last time, and begin anew."""
         found = {
             "delays": list(self._told.delays),
             "counts": dict(self._told.counts),

@@ -39,7 +39,6 @@ class NumberedState:
 
 
 def two_at_once(drives: Sequence[DrivePeriod]) -> list[str]:
-    """Find drives of one robot that overlap."""
     wrong = []
     for robot in {drive.robot for drive in drives}:
         own = sorted(

@@ -84,7 +84,6 @@ class LightViewer:
             await asyncio.sleep(random.uniform(*AGAIN))
 
     def look(self) -> None:
-        """Ask for pictures when there are none."""
         now = time.time()
         newest = self.page.seen[-1] if self.page.seen else 0.0
         tries = newest <= self._asked_at and not self.page.byes
@@ -104,14 +103,12 @@ class LightViewer:
     # --- what a page asks of its server -----------------------------------------------------------
 
     def join(self, _peer: str, tell: Send) -> None:
-        """Have the page told what the SFU says."""
         self._tell = tell
 
     def leave(self, _peer: str) -> None:
-        """Have the page told nothing more."""
+        pass
 
     def take(self, _peer: str, message: ToSfu) -> None:
-        """Pass on what the page says to the SFU."""
         self._say(protocol.SIGNAL, message)
 
     def _say(self, suffix: str, message: m.Message) -> None:
@@ -139,11 +136,9 @@ class Viewers:
         return len(self._viewers)
 
     def all_saw(self, since: float) -> bool:
-        """Send whether each of them has seen a picture after a moment."""
         return all(viewer.page.seen[-1:] > [since] for viewer in self._viewers)
 
     def seen(self) -> list[list[float]]:
-        """Return when each of them saw a picture."""
         return [viewer.page.seen for viewer in self._viewers]
 
 

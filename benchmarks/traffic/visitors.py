@@ -198,12 +198,10 @@ class LightVisitor:
         )
 
     def depart(self) -> None:
-        """Be done for good."""
         self._departed = True
         self.leave()
 
     def leave(self) -> None:
-        """Make room for others."""
         self.drives = False
         self._say("session/leave", protocol.Leave())
 
@@ -257,18 +255,15 @@ class Visitors:
         return len(self._visitors)
 
     def driving(self) -> int:
-        """Return how many drive."""
         return sum(visitor.drives for visitor in self._visitors)
 
     def leave(self) -> None:
-        """Have everybody leave, for good."""
         for task in self._living:
             task.cancel()
         for visitor in self._visitors:
             visitor.depart()
 
     def measured(self) -> dict[str, Any]:
-        """Return what was seen since the last time, and begin anew."""
         found = {
             "delays": list(self._told.delays),
             "counts": dict(self._told.counts),

@@ -66,11 +66,9 @@ class Signalling:
         self._ear = ear
 
     def signal(self, peer: str, message: m.Signal) -> None:
-        """Send a page's offer or goodbye."""
         self._ear.say(f"signal/{peer}", message)
 
     def answers(self, peer: str) -> list[str]:
-        """Return the SDP of the agent's answers to a page."""
         return [
             reply.sdp
             for reply in self._ear.all(f"signal/{peer}/reply")
@@ -155,7 +153,6 @@ def size_of(process: int) -> tuple[float, int, int]:
 
 @contextlib.contextmanager
 def running_agent(broker: Mosquitto, folder: Path, *, trace: bool) -> Iterator[int]:
-    """Run an agent with a simulated robot, and yield its process id."""
     program = ["-c", TRACED] if trace else ["-m", "robots.agent"]
     arguments = ["giraff", "--mqtt", broker.url, "--var", str(folder / "var")]
     with (folder / "log").open("w") as log:
@@ -191,7 +188,6 @@ async def visit(ear: Ear, agent: int, given: Any) -> tuple[list[tuple[float, int
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--visits", type=int, default=200)
     words.add_argument("--seconds", type=float, default=3.0, help="that each drives")

@@ -67,7 +67,6 @@ class CountingPage(SfuPage):
     _counts = False
 
     def count_only(self) -> None:
-        """Decrypt nothing from now on."""
         protocol = _protocol_of(self.connection)
         if protocol is None or self._counts:
             return
@@ -98,7 +97,6 @@ class CrowdedRig(SfuRig):
         super().__init__(janus, media=functools.partial(RobotProcess, kind))
 
     def reply(self, peer: str, message: SdpAnswer | Candidate | Bye) -> None:
-        """Pass on what the robot answers."""
         if peer == PEER:
             self.driver.reply(peer, message)
         else:
@@ -197,7 +195,6 @@ def figures_of(sfu: dict[int, Spent], which: str = "") -> list[Figure]:
 
 
 async def measure(audiences: tuple[int, ...], slow: tuple[int, ...]) -> list[Figure]:
-    """Return all figures."""
     direct = {number: await load("ours", number) for number in (1, 8)}
     async with chromium() as browser:
         found = figures_of(await through_janus(audiences, "ours", browser))

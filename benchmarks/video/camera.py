@@ -131,7 +131,6 @@ def standing(
 
 
 def main() -> int:
-    """Print and keep the figures; return how many missed their bound."""
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--frames", type=int, default=60)
     frames = words.parse_args().frames
@@ -142,18 +141,16 @@ def main() -> int:
     doors: dict[str, DoorState] = {door.name: "open" for door in plan.doors}
     for drive in (turning, people, mirror, tilting):
         first, best = measure(camera, list(islice(drive(plan), frames)), doors)
-        figures += quantiles(f"{drive.__name__}", first, "ms", {"p50": None, "p95": None})
+        figures += quantiles(f"{drive.__name__}", first, "ms", p50=None, p95=None)
         figures += quantiles(
             f"{drive.__name__}, at best",
             best,
             "ms",
-            {"p50": BOUND if drive is not tilting else None, "p95": None},
+            p50=BOUND if drive is not tilting else None,
+            p95=None,
         )
     figures += quantiles(
-        "standing",
-        standing(camera, doors, next(turning(plan)), frames),
-        "ms",
-        {"p50": 0.5, "p95": None},
+        "standing", standing(camera, doors, next(turning(plan)), frames), "ms", p50=0.5, p95=None
     )
     turn = next(figure.value for figure in figures if figure.what == "turning, p50")
     figures.append(Figure(f"turning at {FPS:g} frames a second", turn * FPS / 10.0, "% of a core"))

@@ -148,7 +148,6 @@ def p95(values: list[float]) -> float:
 
 
 async def measure() -> list[Measurement]:
-    """Run everything."""
     delays: dict[str, list[float]] = {"ours": [], "plain": []}
     async with chromium() as (browser, address):
         for _ in range(BLOCKS):
@@ -184,7 +183,6 @@ async def measure() -> list[Measurement]:
 
 
 def main() -> int:
-    """Measure, print the table, keep the numbers; 1 when a target is missed."""
     lines = asyncio.run(measure())
     for line in lines:
         print(line)

@@ -33,13 +33,13 @@ class RunnableRobot(Protocol):
     """What a robot process runs."""
 
     def start(self) -> None:
-        """Begin."""
+        pass
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take a signal of a page."""
+        pass
 
     def close(self) -> None:
-        """End."""
+        pass
 
 
 class RobotProcess:
@@ -58,16 +58,13 @@ class RobotProcess:
 
     @property
     def pid(self) -> int:
-        """Return the process id."""
         assert self._process.pid is not None
         return self._process.pid
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take a signal of a page."""
         self._pipe.send((peer, message))
 
     def close(self) -> None:
-        """End the process."""
         self._pipe.send(None)
         self._process.join(10.0)
 
@@ -122,17 +119,14 @@ class SimulatedRobot:
         self._thread = threading.Thread(target=lambda: asyncio.run(self._turn()))
 
     def start(self) -> None:
-        """Start the simulator and the media side."""
         self._thread.start()
         self._ready.wait()
         self._media.start()
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take a signal of a page."""
         self._media.signal(peer, message)
 
     def close(self) -> None:
-        """End both."""
         self._media.close()
         self._end.set()
         self._thread.join()
@@ -156,15 +150,12 @@ class PlainRobot:
         self._connections: dict[str, RTCPeerConnection] = {}
 
     def start(self) -> None:
-        """Begin."""
         self._thread.start()
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take a signal of a page."""
         asyncio.run_coroutine_threadsafe(self._take(peer, message), self._loop)
 
     def close(self) -> None:
-        """End."""
         asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(5.0)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -204,7 +195,6 @@ class CameraTrack(MediaStreamTrack):
         self._began: float | None = None
 
     async def recv(self) -> av.VideoFrame:
-        """Return the next frame."""
         frame = await asyncio.get_running_loop().run_in_executor(None, self._camera.read, 1.0)
         assert frame is not None
         self._began = self._began or time.time()

@@ -39,7 +39,6 @@ WATCH = """() => {
 
 
 def limit(network: Namespace, rate: str | None) -> None:
-    """Limit what goes to the namespace, or let it through."""
     subprocess.run(
         ["tc", "qdisc", "del", "dev", network.cable, "root"], check=False, capture_output=True
     )
@@ -90,7 +89,6 @@ class NarrowDrive:
 
 
 def turn_left(page: Page, milliseconds: float) -> None:
-    """Hold the key that turns the robot."""
     page.keyboard.down("ArrowLeft")
     page.wait_for_timeout(milliseconds)
     page.keyboard.up("ArrowLeft")
@@ -121,7 +119,6 @@ def drive(anna: Visitor, site: Site, network: Namespace) -> NarrowDrive:
 
 
 def measure() -> NarrowDrive:
-    """Drive once on a site of its own."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-narrow-") as folder,
         running_site(Path(folder), bind="0.0.0.0", ALLOWED_HOSTS=f"{LOOPBACK},{HERE}") as site,
@@ -167,14 +164,15 @@ def figures_of(driven: NarrowDrive) -> list[Figure]:
             "400 kbit/s: age of the picture",
             old or [float("inf")],
             "ms",
-            {"p50": None, "p95": 250.0, "max": None},
+            p50=None,
+            p95=250.0,
+            max=None,
         ),
         Figure("wide again: 24 pictures a second after", rate_until(seen, wide, 24), "s", 10.0),
     ]
 
 
 def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
     driven = measure()
     return keep("narrow", figures_of(driven), layers=driven.layers)
 

@@ -41,12 +41,9 @@ def _files(found: "Report", sets: SessionSets) -> Iterator[tuple[str, Any]]:
             for row in table.rows
         ]
         yield f"table-{table.name}", rows
-    summary = {
-        "tables": [_head(table, found.titles) for table in found.tables],
-        "figures": [_figure(one, sets) for one in found.figures],
-        "sessions": _sessions(found),
-    }
-    yield "summary", summary
+    tables = [_head(table, found.titles) for table in found.tables]
+    figures = [_figure(one, sets) for one in found.figures]
+    yield "summary", {"tables": tables, "figures": figures, "sessions": _sessions(found)}
     yield "sets", list(sets)
 
 

@@ -15,6 +15,7 @@ excluded: a sensitivity analysis with the excluded drives.
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ from experiments.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
 
+PEOPLE: Sequence[Kind] = ("participant",)
 _NO_TEST = "No test could be computed: there are too few cases."
 
 
@@ -66,7 +68,7 @@ class Report:
     note: str = ""
 
 
-def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
+def reports(dataset: Dataset, kinds: Sequence[Kind] = PEOPLE) -> Iterator[Report]:
     """Yield the report on what counts and, if something is excluded, the sensitivity analysis."""
     planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
     task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
@@ -74,12 +76,9 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     if [one.id for one in every.sessions] == [one.id for one in planned.sessions]:
         yield report(planned, measured, dataset)
         return
-    effects = hypotheses.exclusion_effects(
-        declared(planned, _measured(attempted(planned), measured)),
-        declared(every, _measured(attempted(every), measured)),
-        alpha_of(dataset.study),
-    )
-    yield report(planned, measured, dataset, effects)
+    tested = [declared(one, _measured(attempted(one), measured)) for one in (planned, every)]
+    changed = hypotheses.exclusion_effects(tested[0], tested[1], alpha_of(dataset.study))
+    yield report(planned, measured, dataset, changed)
     yield report(every, measured, dataset)
 
 
@@ -110,16 +109,13 @@ def report(
         tables += [hypotheses.hypotheses_table(study, decisions), *also]
         tables += [hypotheses.exclusions_table(dataset.exclusions), sheet]
     tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
-    figures = (
-        hypotheses.marked_figure(study, one, is_sensitivity=is_sensitivity)
-        for one in _figures(dataset, measured)
-    )
+    marked = partial(hypotheses.marked_figure, study, is_sensitivity=is_sensitivity)
     who = dataset.participants
     notes = (people.note_of(who), hypotheses.SENSITIVITY if is_sensitivity else "")
     return Report(
         name=EVERY if is_sensitivity else COUNTING,
         tables=(*(people.of_whom(one, who) for one in tables), software_table()),
-        figures=tuple(drawn_of_whom(one, who) for one in figures),
+        figures=tuple(drawn_of_whom(marked(one), who) for one in _figures(dataset, measured)),
         measured=tuple(measured),
         others=tuple(others),
         problems=problems,
@@ -146,11 +142,9 @@ def _tables(
     yield from (people.participants_table(dataset), flow.flow(dataset), flow.orders(dataset))
     yield from (flow.funnel(dataset, all_drives), summaries.metrics_table(measured))
     yield summaries.segment_spreads(measured)
-    yield summaries.sessions_table(all_drives, problems)
-    yield summaries.segments_table(measured)
+    yield from (summaries.sessions_table(all_drives, problems), summaries.segments_table(measured))
     yield summaries.verdicts_table(measured, problems, others)
-    yield flow.fault_sides(dataset)
-    yield effects.outcomes_by_condition(dataset, attempts)
+    yield from (flow.fault_sides(dataset), effects.outcomes_by_condition(dataset, attempts))
     yield effects.compare_conditions(dataset, attempts)
     yield paper_tables.compare_answers(dataset)
     yield from (*score_tables(dataset), reliability_table(dataset))
@@ -172,10 +166,7 @@ Also = Callable[[Report, Path], None]
 
 
 def analyse(
-    dataset: Dataset,
-    folder: Path,
-    kinds: Sequence[Kind] = ("participant",),
-    also: Also | None = None,
+    dataset: Dataset, folder: Path, kinds: Sequence[Kind] = PEOPLE, also: Also | None = None
 ) -> list[Path]:
     """Write the reports on a dataset into a folder, which is made; return what was written, the
     sums last.
@@ -270,9 +261,5 @@ def sources(found: Report) -> dict[str, Any]:
         drawing.name: {gid: sets.number(ids) for gid, ids in drawing.behind.items()}
         for drawing in found.figures
     }
-    return {
-        "metrics_version": VERSION,
-        "sets": [list(ids) for ids in sets],
-        "tables": tables,
-        "figures": figures,
-    }
+    stored = [list(ids) for ids in sets]
+    return {"metrics_version": VERSION, "sets": stored, "tables": tables, "figures": figures}

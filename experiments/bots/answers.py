@@ -2,9 +2,9 @@
 types of questions together.
 """
 
-import datetime
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, datetime, timedelta
 from itertools import groupby
 
 from experiments.bots.page import FormField, HtmlForm
@@ -20,14 +20,9 @@ class UnknownControlError(Exception):
     """A control that no bot knows how to answer."""
 
 
-def fill(
-    form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
-) -> Sent:
+def fill(form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime) -> Sent:
     """Return the fields of a form as a person would send them; the browser adds buttons and hidden
-    fields.
-
-    Raises:
-        UnknownControlError: no bot knows a control of the form.
+    fields. Raises an UnknownControlError for a control that no bot knows.
     """
     bot, sent = Answering(persona, circumstances, now), Sent()
     # the reasons to decline belong to the question before
@@ -46,14 +41,10 @@ class Answering:
 
     persona: Persona
     circumstances: Mapping[str, str]
-    now: datetime.datetime
+    now: datetime
 
     def answer(self, asked: FormField) -> Sent:
-        """Return the fields of the form that answer one question.
-
-        Raises:
-            UnknownControlError: CONTROLS has nothing for its kind.
-        """
+        """Return what answers one control; an UnknownControlError for a kind not in CONTROLS."""
         if asked.kind not in CONTROLS:
             raise UnknownControlError(f"{asked.name} is of the unknown kind {asked.kind!r}")
         return [(asked.name, value) for value in CONTROLS[asked.kind](asked, self)]
@@ -80,8 +71,7 @@ def _some_of(asked: FormField, bot: Answering) -> list[str]:
         return [asked.choices[0].value]
     first = asked.choices[bot.persona.option(asked.name, len(asked.choices))]
     second = asked.choices[bot.persona.option(f"{asked.name}.second", len(asked.choices))]
-    excludes = first.alone or second.alone or first == second
-    is_one = excludes or bot.persona.explore is not None
+    is_one = first.alone or second.alone or first == second or bot.persona.explore is not None
     return [first.value] if is_one else [first.value, second.value]
 
 
@@ -102,12 +92,12 @@ def _number(asked: FormField, bot: Answering) -> list[str]:
 
 
 def _day(asked: FormField, bot: Answering) -> list[str]:
-    day = datetime.date.fromisoformat
+    day = date.fromisoformat
     latest, earliest = asked.attributes.get("max"), asked.attributes.get("min")
     last = day(latest) if latest else bot.now.date()
-    first = day(earliest) if earliest else last - datetime.timedelta(days=365)
+    first = day(earliest) if earliest else last - timedelta(days=365)
     days = bot.persona.option(asked.name, (last - first).days + 1)
-    return [(first + datetime.timedelta(days=days)).isoformat()]
+    return [(first + timedelta(days=days)).isoformat()]
 
 
 def _words(asked: FormField, bot: Answering) -> list[str]:

@@ -9,6 +9,7 @@ import urllib.request
 import urllib.response
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from urllib.request import ProxyHandler
 
 from websockets.asyncio.client import ClientConnection, connect
 
@@ -25,7 +26,7 @@ class BrowserError(Exception):
 
 @dataclass(frozen=True)
 class HttpAnswer:
-    """An answer: its address after all redirects, its status, its page if it is one, its body."""
+    """An answer; `url` is its address after all redirects, `page` is empty without one."""
 
     url: str
     status: int
@@ -39,11 +40,8 @@ class HttpAnswer:
 
 async def open_websocket(url: str, headers: Mapping[str, str]) -> ClientConnection:
     """Open a WebSocket (address as http:// or https://) as a page does: without extensions, and
-    without pings of its own.
-
-    Raises:
-        WebSocketException: the server refuses it.
-        OSError: the site cannot be reached.
+    without pings of its own. Raises a WebSocketException when the server refuses it, an OSError
+    when the site cannot be reached.
     """
     return await connect(
         f"ws{url.removeprefix('http')}",
@@ -65,14 +63,10 @@ class Browser:
     def __init__(self, site: str, agent: str = AGENT) -> None:
         self.site, self._agent = site.rstrip("/"), agent
         self.jar = http.cookiejar.CookieJar()
-        self._opener = urllib.request.build_opener(
-            urllib.request.HTTPCookieProcessor(self.jar), urllib.request.ProxyHandler({})
-        )
-        self._opener.addheaders = [
-            ("User-Agent", agent),
-            ("Accept-Language", "en"),
-            ("Accept", "text/html,application/json"),
-        ]
+        cookies, no_proxy = urllib.request.HTTPCookieProcessor(self.jar), ProxyHandler({})
+        self._opener = urllib.request.build_opener(cookies, no_proxy)
+        accepts = {"Accept-Language": "en", "Accept": "text/html,application/json"}
+        self._opener.addheaders = [("User-Agent", agent), *accepts.items()]
 
     async def websocket(self, path: str) -> ClientConnection:
         cookies = "; ".join(f"{cookie.name}={cookie.value}" for cookie in self.jar)
@@ -86,10 +80,8 @@ class Browser:
         fields: Iterable[tuple[str, str]],
         button: Button | None = None,
     ) -> HttpAnswer:
-        """Send a form of the current page with one of its buttons, by default the first.
-
-        Raises:
-            BrowserError: as `open`.
+        """Send a form of the current page with one of its buttons, by default the first; a
+        BrowserError as in `open`.
         """
         pressed = button or next(iter(form.buttons), Button())
         named = [(pressed.name, pressed.value)] if pressed.name else []
@@ -97,10 +89,8 @@ class Browser:
         return self.open(urllib.parse.urljoin(here.url, pressed.action or form.action), body)
 
     def open(self, address: str, body: bytes | None = None) -> HttpAnswer:
-        """Follow an address, or send the body of a form to it.
-
-        Raises:
-            BrowserError: there is no answer, or it is an error of the server.
+        """Follow an address, or send the body of a form to it; a BrowserError when there is no
+        answer, or it is an error of the server.
         """
         url = urllib.parse.urljoin(f"{self.site}/", address)
         headers = {} if body is None else {"Origin": self.site, "Referer": url}

@@ -12,7 +12,7 @@ import math
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
 from websockets.asyncio.client import ClientConnection
@@ -23,17 +23,8 @@ from websockets.frames import CloseCode
 from experiments.bots.browser import Browser
 from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.view import View
+from robots.api import messages
 from robots.api.codec import encode_frame
-from robots.api.messages import (
-    CommandHeartbeat,
-    Echo,
-    InputMethod,
-    Message,
-    Photo,
-    PictureRequest,
-    Stop,
-    VelocityCommand,
-)
 from sessions import protocol
 
 # Seconds between two of the page's messages, which a loop of ticks sends.
@@ -53,7 +44,7 @@ class Cockpit:
 
     browser: Browser
     address: str
-    method: InputMethod
+    method: messages.InputMethod
     clock: Callable[[], float] = time.time
     view: View = field(default_factory=View)
     is_mute: bool = False  # the page sends nothing by itself, as behind a firewall
@@ -76,12 +67,7 @@ class Cockpit:
         await self.close()
 
     async def connect(self) -> None:
-        """Open the connection.
-
-        Raises:
-            WebSocketException: the server refuses it.
-            OSError: the site cannot be reached.
-        """
+        """Open the connection; errors as in browser.open_websocket."""
         self._socket, self.closed = await self.browser.websocket(self.address), None
         loops = (self._listen(self._socket), self._keep_sending())
         self._tasks = [asyncio.create_task(loop) for loop in loops]
@@ -102,12 +88,7 @@ class Cockpit:
             self._socket.transport.abort()
 
     async def come_back(self) -> None:
-        """Connect again as the same page, and continue its session.
-
-        Raises:
-            WebSocketException: as `connect`.
-            OSError: as `connect`.
-        """
+        """Connect again as the same page, and continue its session; errors as in `connect`."""
         self.view.granted, self.view.awaiting_picture = False, False
         await self.connect()
         self._send("session/take", protocol.Take(session=self.view.session, peer=self.view.peer))
@@ -141,12 +122,12 @@ class Cockpit:
         """Press the stop button, and release the controller."""
         self.steer(STAND)
         self._seq += 1
-        stop = Stop(action_id=uuid.uuid4().hex, stamp=self.clock(), seq=self._seq)
+        stop = messages.Stop(action_id=uuid.uuid4().hex, stamp=self.clock(), seq=self._seq)
         self._send("command/action", stop)
 
     def photo(self) -> str:
         """Request a photo and return the action's id."""
-        action = Photo(action_id=uuid.uuid4().hex, stamp=self.clock())
+        action = messages.Photo(action_id=uuid.uuid4().hex, stamp=self.clock())
         self._send("command/action", action)
         return action.action_id
 
@@ -194,18 +175,12 @@ class Cockpit:
                 if self._is_due("command/heartbeat", now, BEAT - TICK / 2.0):
                     self._send("command/heartbeat", self._beat(now))
                 if self._is_due("page/network", now, NETWORK_PERIOD):
-                    network = protocol.PageNetwork(
-                        stamp=now,
-                        way="mqtt",
-                        round_trip=view.round_trip,
-                        frame_age=self._frame_age(now),
-                        path="server/jpeg",
-                    )
-                    self._send("page/network", network)
+                    self._send("page/network", self._network(now))
                 patience = PICTURE_PATIENCE if view.awaiting_picture else PICTURE_PERIOD
                 if self._is_due("command/picture", now, patience):
                     view.awaiting_picture = True
-                    request = PictureRequest(stamp=now, seen=view.frame, round_trip=view.round_trip)
+                    trip = view.round_trip
+                    request = messages.PictureRequest(stamp=now, seen=view.frame, round_trip=trip)
                     self._send("command/picture", request)
                 self._send_velocity(now)
             await asyncio.sleep(TICK)
@@ -220,14 +195,21 @@ class Cockpit:
     def _frame_age(self, now: float) -> float | None:
         return max(0.0, now - self.view.frame) if self.view.frame is not None else None
 
-    def _beat(self, now: float) -> CommandHeartbeat:
+    def _network(self, now: float) -> protocol.PageNetwork:
+        trip, age = self.view.round_trip, self._frame_age(now)
+        return protocol.PageNetwork(
+            stamp=now, way="mqtt", path="server/jpeg", round_trip=trip, frame_age=age
+        )
+
+    def _beat(self, now: float) -> messages.CommandHeartbeat:
         echo = None
         if self.view.beat is not None:
             number, stamp, received = self.view.beat
-            echo = Echo(peer="robot", n=number, stamp=stamp, received=received)
+            echo = messages.Echo(peer="robot", n=number, stamp=stamp, received=received)
         self._beats += 1
         odd = 2 * self._beats + 1  # it is sent by the WebSocket
-        return CommandHeartbeat(n=odd, stamp=now, echo=echo, frame_age=self._frame_age(now))
+        age = self._frame_age(now)
+        return messages.CommandHeartbeat(n=odd, stamp=now, echo=echo, frame_age=age)
 
     def _send_velocity(self, now: float) -> None:
         if self._speed.is_zero:
@@ -235,20 +217,15 @@ class Cockpit:
                 return
             self._zeros -= 1
         self._seq += 1
-        assert self.view.session is not None
-        command = VelocityCommand(
-            session=self.view.session,
-            epoch=self.view.epoch,
-            seq=self._seq,
-            stamp=now,
-            linear=self._speed.linear,
-            angular=self._speed.angular,
-            method=self.method,
-            frame=self.view.frame,
+        view, speed = self.view, asdict(self._speed)
+        assert view.session is not None
+        about: dict[str, Any] = {"session": view.session, "epoch": view.epoch, "frame": view.frame}
+        command = messages.VelocityCommand(
+            seq=self._seq, stamp=now, method=self.method, **about, **speed
         )
         self._send("command/velocity", command)
 
-    def _send(self, suffix: str, message: Message) -> None:
+    def _send(self, suffix: str, message: messages.Message) -> None:
         """Send without waiting, as a page does; on a closed connection, the message is lost."""
         if self._socket is not None:
             broadcast([self._socket], encode_frame(suffix, message))

@@ -62,9 +62,8 @@ class BotGroup:
     async def _run_one(self, number: int, places: asyncio.Semaphore) -> Diary:
         plan = self.plan
         persona = Persona(number, plan.seed, plan.effects, number if plan.explore else None)
-        bot = BotParticipant(
-            plan.site, plan.links[number], persona, plan.endings[number], self.clock, plan.visits
-        )
+        link, ending = plan.links[number], plan.endings[number]
+        bot = BotParticipant(plan.site, link, persona, ending, self.clock, plan.visits)
         async with places:
             self._active.add(bot)
             try:

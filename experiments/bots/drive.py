@@ -69,12 +69,10 @@ class BotDrive:
         # a hidden operator drives, and the page has no controllers
         self._is_driven = self.study.get("controllers") == []
         sheet = self.config.get("factsheet") or {}
-        self.limits, self.series = (
-            sheet.get("limits", {}),
-            sheet.get("series", self.config["robot"]),
-        )
+        self.limits = sheet.get("limits", {})
+        self.series = sheet.get("series", self.config["robot"])
         laser = sheet.get("laser") or {}
-        self._laser = Pose2D(laser.get("x", 0.0), laser.get("y", 0.0), laser.get("theta", 0.0))
+        self._laser = Pose2D(*(laser.get(name, 0.0) for name in ("x", "y", "theta")))
         self.cockpit = self._page()
 
     def _page(self) -> Cockpit:
@@ -116,14 +114,10 @@ class BotDrive:
     async def _prepare(self) -> Driver:
         answer = await asyncio.to_thread(self.browser.open, self.config["floorplan"])
         plan = floorplan.decode(json.dumps(json.loads(answer.body)["plan"]))
-        return Driver(
-            plan,
-            Guide.of(self.study, plan, self.series),
-            self._fastest(),
-            skips_photo=self.ending == Ending.SKIPS_PHOTO,
-            practises=self._is_practice,
-            docks_early=self.ending == Ending.DOCKS_EARLY and not self._is_practice,
-        )
+        driver = Driver(plan, Guide.of(self.study, plan, self.series), self._fastest())
+        driver.practises, driver.skips_photo = self._is_practice, self.ending == Ending.SKIPS_PHOTO
+        driver.docks_early = self.ending == Ending.DOCKS_EARLY and not self._is_practice
+        return driver
 
     def _fastest(self) -> SpeedSetting:
         """Return how fast the bot drives, which depends on what it sees."""

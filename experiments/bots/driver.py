@@ -218,9 +218,8 @@ class Driver:
                 return self._drive_to(view, pose, staging, now)
             self._docking = abs(seen.theta) <= FACING
             turn = math.copysign(max(GAIN * abs(seen.theta), SLOWEST_TURN), -seen.theta)
-            return (
-                STAND if self._docking else SpeedSetting(0.0, _within(turn, self.fastest.angular))
-            )
+            turning = SpeedSetting(0.0, _within(turn, self.fastest.angular))
+            return STAND if self._docking else turning
         too_far_aside = seen.x > -0.5 and abs(seen.y) > MISSED
         if too_far_aside or seen.x > 0.1 or abs(seen.theta) > 0.7:
             self._docking, self._backing_until = False, now + 3.0 * BACK_SECONDS

@@ -83,14 +83,10 @@ class Governor:
     rate: float = 1.0
 
     def decide(self, trips: Iterable[float], lag: float = 0.0, ages: Iterable[float] = ()) -> float:
-        """Return the pace for the next interval.
-
-        Args:
-            trips: the latest round trips of the drives, in seconds of the quick clock. Without any,
-                nothing shows that more than real time would do no harm, so the next drive begins at
-                the pace that was good for the last one.
-            lag: how late this process was itself, in seconds.
-            ages: how old the drives' images get, in seconds of the quick clock.
+        """Return the pace for the next interval, from the latest round trips of the drives and how
+        old their images get (seconds of the quick clock), and how late this process was itself (s).
+        Without round trips, nothing shows that more than real time would do no harm, so the next
+        drive begins at the pace that was good for the last one.
         """
         seen = list(trips)
         latest = max([*seen, lag])

@@ -96,11 +96,8 @@ class _TreeParser(HTMLParser):
 
 
 class HtmlPage:
-    """A page. A control's label is the `<label for>` of its id, else the legend around it.
-
-    Attributes:
-        forms: those of the main part that are sent by POST.
-        json: the blocks of `json_script`, by their ids.
+    """A page. A control's label is the `<label for>` of its id, else the legend around it. `forms`
+    are those of the main part that are sent by POST, `json` the blocks of `json_script` by id.
     """
 
     def __init__(self, html: str = "") -> None:
@@ -204,17 +201,10 @@ class HtmlPage:
         legends = (one.find("legend") for one in self._lineage(control) if one.tag == "fieldset")
         legend = next((_text(one) for one in legends if one is not None), "")
         is_choice = kind in {"radio", "checkbox"}
-        added = form.fields.setdefault(
-            name,
-            FormField(
-                name,
-                kind,
-                legend if is_choice else label or legend,
-                self._nearest(control, "data-question"),
-                self._nearest(control, "data-kind"),
-                dict(control.attrib),
-            ),
-        )
+        question, of_type = (self._nearest(control, f"data-{one}") for one in ("question", "kind"))
+        field_label = legend if is_choice else label or legend
+        new = FormField(name, kind, field_label, question, of_type, dict(control.attrib))
+        added = form.fields.setdefault(name, new)
         added.required |= "required" in control.attrib or control.get("aria-required") == "true"
         if is_choice:
             is_alone = "data-alone" in control.attrib
@@ -234,9 +224,8 @@ class HtmlPage:
         return next((one.attrib[attribute] for one in around if attribute in one.attrib), "")
 
     def _is_disabled(self, control: Element) -> bool:
-        return "disabled" in control.attrib or any(
-            one.tag == "fieldset" and "disabled" in one.attrib for one in self._lineage(control)
-        )
+        disabled = (one for one in self._lineage(control) if "disabled" in one.attrib)
+        return any(one is control or one.tag == "fieldset" for one in disabled)
 
 
 def _classes(element: Element) -> list[str]:

@@ -58,17 +58,14 @@ class BotParticipant:
     async def take_part(self) -> Diary:
         """Go through the study and return the log; an error of the site is in `stuck`."""
         try:
-            await self._go_through(await self._come_in())
+            here = await self._get(self.link)
+            sign_up = here.page.next_link
+            if here.page.next_form() is None and sign_up is not None:
+                here = await self._sign_up(await self._follow(here, sign_up))
+            await self._go_through(here)
         except (StuckError, BrowserError) as error:
             self.diary.stuck = str(error)
         return self.diary
-
-    async def _come_in(self) -> HttpAnswer:
-        here = await self._get(self.link)
-        sign_up = here.page.next_link
-        if here.page.next_form() is None and sign_up is not None:
-            return await self._sign_up(await self._follow(here, sign_up))
-        return here
 
     async def _sign_up(self, here: HttpAnswer) -> HttpAnswer:
         form = next((form for form in here.page.forms if "password1" in form.fields), None)
@@ -76,12 +73,9 @@ class BotParticipant:
             raise StuckError(f"there is no sign-up form: “{here.page.title}” at {here.path}")
         unique = f"{time.time_ns() % 1_000_000_000:09d}"
         self.diary.user = f"bot-{self.persona.seed}-{self.persona.number}-{unique}"
-        fields = [
-            ("username", self.diary.user),
-            ("display_name", f"Bot {self.persona.number}"),
-            ("password1", secrets.token_urlsafe(18)),
-        ]
-        after = await self._send(here, form, fields=fields)
+        fields = {"username": self.diary.user, "display_name": f"Bot {self.persona.number}"}
+        fields["password1"] = secrets.token_urlsafe(18)
+        after = await self._send(here, form, fields=fields.items())
         if after.path == here.path:
             raise StuckError(f"signing up was refused: {'; '.join(after.page.errors)}")
         return after
@@ -113,14 +107,9 @@ class BotParticipant:
     async def _take_step(self, here: HttpAnswer) -> HttpAnswer | None:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began, survey = self.clock(), here.page.form("survey")
-        entry = PageVisit(
-            heading_of(here),
-            here.path,
-            began,
-            words=len(here.page.text.split()),
-            questions=sum(not name.endswith("~") for name in (survey.fields if survey else ())),
-            drives=_task(here) is not None,
-        )
+        entry = PageVisit(heading_of(here), here.path, began, drives=_task(here) is not None)
+        entry.words = len(here.page.text.split())
+        entry.questions = sum(not name.endswith("~") for name in (survey.fields if survey else ()))
         self.diary.entries.append(entry)
         try:
             return await self._act(here)
@@ -187,9 +176,8 @@ class BotParticipant:
     async def _drive(self, here: HttpAnswer) -> HttpAnswer | None:
         config = here.page.json["config"]
         study = config.get("study", {})
-        ending = (
-            self.ending if self._participation == 1 and not self.diary.legs else Ending.COMPLETES
-        )
+        is_first = self._participation == 1 and not self.diary.legs
+        ending = self.ending if is_first else Ending.COMPLETES
         # a practice has the number of the drive that follows it
         number = self._tasks + (study.get("kind") == "task")
         self.drive = BotDrive(self.browser, config, self.persona, ending, self.clock, number)

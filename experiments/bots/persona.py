@@ -57,9 +57,7 @@ class Effect:
 def effect(text: str) -> Effect:
     """Return the effect that is written as `question@circumstance=value:size`, such as
     `easy@assist=steer:0.8`; several circumstances have commas between, `easy@assist=steer,drive=2`.
-
-    Raises:
-        EffectError: it is not written so.
+    Raises an EffectError for any other text.
     """
     found = FORM.match(text.strip())
     if found is None:

@@ -28,34 +28,26 @@ class NoRouteError(Exception):
 
 
 class RouteGrid:
-    """Routes between points of one plan.
-
-    Args:
-        plan: the site.
-        closed: names of doors that are taken to be closed; the leaf of an open one is in the way,
-            too.
+    """Routes between points of one plan. `closed` are the names of doors that are taken to be
+    closed; the leaf of an open one is an obstacle, too.
     """
 
     def __init__(self, plan: FloorPlan, closed: Iterable[str] = ()) -> None:
         self.plan, self.closed = plan, frozenset(closed)
-        leaves = tuple(
-            Wall(
-                start=door.start,
-                end=leaf_end(door, "closed" if door.name in self.closed else "open"),
-                thickness=LEAF,
-            )
-            for door in plan.doors
-        )
+
+        def leaf(door: Door) -> Wall:
+            end = leaf_end(door, "closed" if door.name in self.closed else "open")
+            return Wall(start=door.start, end=end, thickness=LEAF)
+
+        leaves = map(leaf, plan.doors)
         grid = rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves)), CELL)
         self._transform = grid.transform
         self._clearance = np.asarray(ndimage.distance_transform_edt(grid.free())) * CELL
         self._graphs: dict[float, CellGraph] = {}
 
     def route(self, start: Point, goal: Point) -> list[Point]:
-        """Return points from start to goal, in metres, each about a cell from the one before.
-
-        Raises:
-            NoRouteError: there is none, even with little clearance.
+        """Return points from start to goal, in metres, each about a cell from the one before; a
+        NoRouteError when there is no route, even with little clearance.
         """
         for clearance in (CLEARANCE, TIGHT):
             if found := self._route(start, goal, clearance):
@@ -72,12 +64,8 @@ class RouteGrid:
             return []
         price = 1.0 + SHUN / self._clearance[graph.rows, graph.columns]
         nodes = graph.path(self._nearest(graph, start), self._nearest(graph, goal), price)
-        return [
-            self._transform.to_world(
-                float(graph.columns[node]) + 0.5, float(graph.rows[node]) + 0.5
-            )
-            for node in nodes
-        ]
+        middles = zip(graph.columns[nodes] + 0.5, graph.rows[nodes] + 0.5, strict=True)
+        return [self._transform.to_world(float(x), float(y)) for x, y in middles]
 
     def _nearest(self, graph: CellGraph, point: Point) -> int:
         column, row = self._transform.to_pixel(*point)

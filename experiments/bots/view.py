@@ -1,7 +1,7 @@
 """What a bot that drives knows: what the server and the robot have sent to its page."""
 
+import cmath
 import contextlib
-import math
 import statistics
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -124,16 +124,12 @@ class View:
         """Return the points of the last sweep of the laser, in metres on the map."""
         if self.scan is None or self.scan_pose is None:
             return []
-        world_from_laser, scan = self.scan_pose.compose(self.laser), self.scan
-        beams = (
-            (distance, scan.angle_min + number * scan.angle_increment)
-            for number, distance in enumerate(scan.ranges)
-            if distance is not None and distance < scan.range_max
-        )
-        return [
-            world_from_laser.apply(distance * math.cos(angle), distance * math.sin(angle))
-            for distance, angle in beams
-        ]
+        world_from_laser, scan, points = self.scan_pose.compose(self.laser), self.scan, []
+        for number, distance in enumerate(scan.ranges):
+            if distance is not None and distance < scan.range_max:
+                beam = cmath.rect(distance, scan.angle_min + number * scan.angle_increment)
+                points.append(world_from_laser.apply(beam.real, beam.imag))
+        return points
 
 
 def _read(frame: str | bytes) -> tuple[str, Any]:

@@ -69,12 +69,9 @@ def renamed(part: Any, names: Renamed, key: str = "") -> Any:
 
 
 def arranged(study: StudyDefinition, former: StudyDefinition, blank: Condition) -> StudyDefinition:
-    """Return a study with what follows from its design.
-
-    Args:
-        study: as it was changed; references have their new names already.
-        former: before the change; tells which names were generated.
-        blank: the first condition of a study without any.
+    """Return a changed study, whose references have their new names already, with what follows from
+    its design. `former` tells which names were generated; `blank` is the first condition of a study
+    without any.
     """
     if study.factors:
         is_within = any(factor.design == "within" for factor in study.factors)
@@ -107,12 +104,6 @@ def _with_cells(
     for cell, own, is_new in _matched(study, cells, blank):
         key, title = _automatic(study, cell)
         former_key, former_titles = ("", {}) if is_new else written.get(own.key, ("", {}))
-        if not is_new:
-            title |= {
-                language: text
-                for language, text in own.title.items()
-                if language in title and text.strip() and text != former_titles.get(language)
-            }
         if is_new or own.key == former_key:
             others = [one.key for one in study.conditions if is_new or one is not own]
             key = free_key(key, (*others, *(one.key for one in made)))
@@ -120,6 +111,10 @@ def _with_cells(
             key = own.key
         if not is_new:
             keys[own.key] = key
+            for name in title:
+                text = own.title.get(name, "")
+                if text.strip() and text != former_titles.get(name):
+                    title[name] = text
         levels = {factor.key: level.key for factor, level in cell}
         made.append(with_levels(replace(own, key=key, title=title, levels=levels), cell))
     places = {cell_of(one, study.factors): n for n, one in enumerate(study.conditions)}

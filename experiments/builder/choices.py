@@ -1,6 +1,4 @@
-"""What a form of the study builder offers: sites, robots, questionnaires, and the parts of a study
-that others refer to.
-"""
+"""What forms of the study builder offer: sites, robots, questionnaires, parts of the study."""
 
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,7 +11,7 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from experiments import instruction_media, publishing
+from experiments import instruction_media, resources
 from experiments.builder.design import shared_fields
 from experiments.builder.labels import CHOICES
 from experiments.builder.pages import AtHand
@@ -40,9 +38,9 @@ _MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 
 def at_hand() -> AtHand:
     """Return the sites, and the series of robots that published a factsheet or have a station."""
-    sites = publishing.sites()
+    sites = resources.sites()
     stations = (dock.type for plan in sites.values() for dock in plan.docks)
-    return AtHand(sites, tuple(dict.fromkeys((*publishing.robots_here(), *stations))))
+    return AtHand(sites, tuple(dict.fromkeys((*resources.robots_here(), *stations))))
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
@@ -54,8 +52,9 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
     docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
     conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
-    measures = publishing.measures_here(study) if section in _MEASURING else {}
+    measures = resources.measures_here(study) if section in _MEASURING else {}
     pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
+    built_in = {name: name for name in sorted(PICTURES)}
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
@@ -70,10 +69,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
         **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
         "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
-        "pictures": {
-            **{name: name for name in sorted(PICTURES)},
-            **instruction_media.titles(row.slug, pictures),
-        },
+        "pictures": {**built_in, **instruction_media.titles(row.slug, pictures)},
         "shared": shared_fields(whole),
         "effects": effects(study, language),
         "claims": claims(study, language),
@@ -85,14 +81,11 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
     about_person = {step.questionnaire for step in study.asking if step.is_about_person}
-    named = {
-        f"{one.slug}.{item.key}": spoken(item.text, language)
-        for one in publishing.usable()
-        if one.slug in about_person
-        for item in one.questions()
-        if not item.item.is_free_text
-    }
-    return {AGE: _("Age"), **named}
+    named = {AGE: _("Age")}
+    for one in (one for one in resources.usable() if one.slug in about_person):
+        items = (item for item in one.questions() if not item.item.is_free_text)
+        named |= {f"{one.slug}.{item.key}": spoken(item.text, language) for item in items}
+    return named
 
 
 def effects(study: StudyDefinition, language: str) -> dict[str, str]:
@@ -105,15 +98,13 @@ def effects(study: StudyDefinition, language: str) -> dict[str, str]:
 
 def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
     """Return what hypotheses can expect, by analysis: a sentence for each direction."""
-    return {
-        spoken(one.title, language) or one.key: dict(_claims(study, one, language))
-        for one in study.analyses
-    }
+    names = ((spoken(one.title, language) or one.key, one) for one in study.analyses)
+    return {name: dict(_claims(study, one, language)) for name, one in names}
 
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
     """Write the missing texts of hypotheses from their choices."""
-    named = ChainMap(*publishing.measures_here(study).values())
+    named = ChainMap(*resources.measures_here(study).values())
     sentences = ChainMap(*claims(study, study.languages[0]).values())
     for one in plan.get("hypotheses", ()):
         claim = sentences.get(claim_of(one), "")
@@ -139,10 +130,9 @@ def _claims(
     if one.is_model:
         for effect in one.effects:
             # an effect that depends on another factor has no direction
-            directed = [
-                it for it in study.factors if it.key == effect and not one.interacts(effect)
-            ]
-            sides = [spoken(level.title, language) for it in directed for level in it.levels]
+            directed = [] if one.interacts(effect) else study.factors
+            levels = [level for it in directed if it.key == effect for level in it.levels]
+            sides = [spoken(level.title, language) for level in levels]
             last = effect.replace(":", ".")
             yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
     elif not one.contrasts:
@@ -172,7 +162,7 @@ def _directions(title: str, sides: Sequence[str], rest: str) -> Iterator[tuple[s
 
 def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
     versions, titles = {}, {}
-    for one in publishing.usable():
+    for one in resources.usable():
         title = spoken(one.title, language_for(one, get_language() or ""))
         title = titles[one.slug] = questionnaires.listed_title(one.slug, title)
         words = _("%(title)s, version %(n)d") % {"title": title, "n": one.version}
@@ -184,13 +174,11 @@ def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:
-    titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
+    titles = {key: one.title for key, one in resources.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
     titles |= {(slug, version): definition["title"] for slug, version, definition in rows}
-    return {
-        key: questionnaires.listed_title(key[0], spoken(title, get_language() or ""))
-        for key, title in titles.items()
-    }
+    words = {key: spoken(title, get_language() or "") for key, title in titles.items()}
+    return {key: questionnaires.listed_title(key[0], title) for key, title in words.items()}
 
 
 def speeds_refused(part: Document) -> dict[str, str]:
@@ -199,7 +187,7 @@ def speeds_refused(part: Document) -> dict[str, str]:
         condition = msgspec.convert(part, Condition)
     except msgspec.ValidationError:
         return {}
-    robot = publishing.robots_here().get(condition.robot)
+    robot = resources.robots_here().get(condition.robot)
     found = too_fast(condition, robot) if robot is not None else {}
     return {f"speed.{key}": capfirst(one.text(_)) for key, one in found.items()}
 

@@ -1,6 +1,4 @@
-"""The design page of a study: its factors, what each level sets, what all conditions share, and the
-assignment. The conditions follow from it (arrangement.py); a table shows them.
-"""
+"""The design page: factors, what levels set, what conditions share, assignment, and a table."""
 
 import math
 import re
@@ -46,26 +44,19 @@ class StudyDesign(DocumentPart, frozen=True, kw_only=True):
 
 def design_of(whole: Document) -> Document:
     fields, first = shared_fields(whole), next(iter(whole["conditions"]), {})
-    return {
-        "factors": whole["factors"],
-        "shared": {key: value for key, value in first.items() if key in fields},
-        "allocation": whole.get("allocation", {}),
-    }
+    shared = {key: value for key, value in first.items() if key in fields}
+    allocation = whole.get("allocation", {})
+    return {"factors": whole["factors"], "shared": shared, "allocation": allocation}
 
 
 def shared_fields(whole: Document) -> tuple[str, ...]:
     """Return the fields of conditions that no factor changes and in which all are the same."""
     conditions = whole["conditions"]
-    changed = {
-        SETTINGS[name][0] for factor in whole["factors"] for name in factor.get("changes", ())
-    }
-    return tuple(
-        field
-        for field in Condition.__struct_encode_fields__
-        if conditions
-        and field not in _OWN_PAGE | changed
-        and all(one.get(field) == conditions[0].get(field) for one in conditions)
-    )
+    names = (name for factor in whole["factors"] for name in factor.get("changes", ()))
+    own = _OWN_PAGE.union(SETTINGS[name][0] for name in names)
+    fields = [name for name in Condition.__struct_encode_fields__ if conditions and name not in own]
+    values = {name: [one.get(name) for one in conditions] for name in fields}
+    return tuple(name for name, of_all in values.items() if of_all == of_all[:1] * len(of_all))
 
 
 def with_design(whole: Document, design: Document) -> Document:
@@ -81,11 +72,9 @@ def with_design(whole: Document, design: Document) -> Document:
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
     """Return the fields that levels set ("network.video.delay") with the titles of the levels."""
     condition = study.condition(key)
-    return {
-        ".".join(SETTINGS[name]): shown(level)
-        for factor, level in (levels_of(study, condition) if condition is not None else ())
-        for name in factor.changes
-    }
+    own = levels_of(study, condition) if condition is not None else []
+    titles = {name: shown(level) for factor, level in own for name in factor.changes}
+    return {".".join(SETTINGS[name]): title for name, title in titles.items()}
 
 
 def shown(part: Condition | Factor | Level) -> str:
@@ -110,12 +99,11 @@ def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) 
     taken = [one["key"] for one in factors]
     factor: Document = {"key": _next("factor", taken), "title": {}}
     if setting:
-        title = {}
+        factor = {"key": free_key(_SHORT.get(setting, setting), taken), "title": {}}
+        factor["changes"] = [setting]
         for language in languages:
             with _translated(language):
-                title[language] = capfirst(_(SETTING_NAMES[setting]))
-        key = free_key(_SHORT.get(setting, setting), taken)
-        factor = {"key": key, "title": title, "changes": [setting]}
+                factor["title"][language] = capfirst(_(SETTING_NAMES[setting]))
     if factors and "design" in factors[-1]:
         factor["design"] = factors[-1]["design"]
     return factor | {"levels": [{"key": f"level_{n + 1}", "title": {}} for n in range(NEW_LEVELS)]}
@@ -151,16 +139,13 @@ def complete(design: Document, former: Document, languages: Collection[str]) -> 
 
 def _values(changes: Iterable[str], sets: Document, former: Document) -> Document:
     first = msgspec.convert(former["conditions"][0], Condition) if former["conditions"] else None
-    found = {}
-    for name in changes:
-        value = sets.get(name)
-        if value is None and first is not None:
-            value = msgspec.to_builtins(setting_of(first, name))
-        if value is None and SETTINGS[name][0] == "network":
-            value = 0.0
-        if value is not None:
-            found[name] = value
-    return found
+    values = {name: sets.get(name) for name in changes}
+    for name in (name for name, value in values.items() if value is None):
+        if first is not None:
+            values[name] = msgspec.to_builtins(setting_of(first, name))
+        if values[name] is None and SETTINGS[name][0] == "network":
+            values[name] = 0.0
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _title(
@@ -182,10 +167,8 @@ def _name(
         key, was = part.get("key", ""), part.get("was", "")
         former = known.get(was, {})
         stem = _stem(former, languages, word)
-        is_written = bool(key) and not _AUTOMATIC.fullmatch(key)
-        if key == was and stem and re.fullmatch(rf"{stem}(_\d+)?", key):
-            is_written = False
-        if not is_written:
+        is_from_title = key == was and bool(stem) and re.fullmatch(rf"{stem}(_\d+)?", key)
+        if not key or _AUTOMATIC.fullmatch(key) or is_from_title:
             taken = [one.get("key", "") for one in parts[:n] + parts[n + 1 :]]
             stem = _stem(part, languages, word)
             part["key"] = free_key(stem, taken) if stem else key or _next(word, taken)
@@ -250,16 +233,11 @@ def condition_facts(condition: Document, *, but: Collection[str] = ()) -> Iterat
 def design_table(study: StudyDefinition) -> dict[str, Any]:
     """Return the conditions as a table with a column for each factor, and counts as `facts`."""
     changed = {name for factor in study.factors for name in factor.changes}
-    rows = [
-        {
-            "n": n,
-            "title": shown(one),
-            "key": one.key,
-            "levels": [_level_text(factor, level) for factor, level in levels_of(study, one)],
-            "facts": list(condition_facts(msgspec.to_builtins(one), but=changed)),
-        }
-        for n, one in enumerate(study.conditions)
-    ]
+    rows: list[Document] = []
+    for n, one in enumerate(study.conditions):
+        levels = [_level_text(factor, level) for factor, level in levels_of(study, one)]
+        facts = list(condition_facts(msgspec.to_builtins(one), but=changed))
+        rows.append({"n": n, "title": shown(one), "key": one.key, "levels": levels, "facts": facts})
     heads = [shown(factor) for factor in study.factors]
     return {"heads": heads, "rows": rows, "facts": list(_numbers(study))}
 
@@ -280,9 +258,8 @@ def _numbers(study: StudyDefinition) -> Iterator[str]:
     yield ngettext("each participant does %(n)d", "each participant does %(n)d", most) % {"n": most}
     count = len(cells(study, "open")) + len(cells(study, "invitation"))
     if most > 1:
-        yield ngettext("%(n)d order of conditions", "%(n)d orders of conditions", count) % {
-            "n": count
-        }
+        words = ngettext("%(n)d order of conditions", "%(n)d orders of conditions", count)
+        yield words % {"n": count}
     quota, planned = study.allocation.quota, study.plan.participants if study.plan else None
     if quota is not None:
         words = _("%(quota)d participants in each: %(total)d participants needed")
@@ -290,7 +267,5 @@ def _numbers(study: StudyDefinition) -> Iterator[str]:
     elif count > 1:
         yield _("participants needed: %(n)d, or a multiple of it") % {"n": count}
     if planned is not None and planned % count:
-        yield _("the plan has %(n)d participants, which is not a multiple of %(cells)d") % {
-            "n": planned,
-            "cells": count,
-        }
+        words = _("the plan has %(n)d participants, which is not a multiple of %(cells)d")
+        yield words % {"n": planned, "cells": count}

@@ -1,10 +1,10 @@
 """Forms of the studies' administration."""
 
 import datetime
+from functools import partial
 from typing import Any
 
 from django import forms
-from django.conf import settings
 from django.core.validators import validate_email
 from django.db.models import Q
 from django.utils import timezone
@@ -17,13 +17,19 @@ from experiments.access import may
 from experiments.definition.problems import MAX_BYTES, parse
 from experiments.definition.schema import StudyDefinition, to_json
 from experiments.models import Study, StudyMember
-from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
-from surveys.forms import DocumentForm
+from surveys.forms import DocumentForm, LanguagesField
 
-MOST_LINKS = 500
-MOST_DAYS = 366
+MOST_LINKS, MOST_DAYS = 500, 366
+
+
+NameField = partial(
+    forms.SlugField,
+    label=_("Name"),
+    max_length=40,
+    help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
+)
 
 
 class StudyForm(DocumentForm):
@@ -31,20 +37,9 @@ class StudyForm(DocumentForm):
 
     reference, limit = "studies", MAX_BYTES
 
-    name = forms.SlugField(
-        label=_("Name"),
-        required=False,
-        max_length=40,
-        help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
-    )
+    name = NameField(required=False)
     called = forms.CharField(label=_("Title"), required=False, max_length=200)
-    spoken = forms.MultipleChoiceField(
-        label=_("Languages"),
-        required=False,
-        initial=["en"],
-        choices=lambda: [(code, language_name(code)) for code, _name in settings.LANGUAGES],
-        widget=forms.CheckboxSelectMultiple,
-    )
+    spoken = LanguagesField(required=False, initial=["en"])
 
     class Meta:
         model = Study
@@ -55,10 +50,8 @@ class StudyForm(DocumentForm):
     def clean(self) -> dict[str, Any]:
         """Store the definition here, so that a conflict is an error of the form."""
         cleaned = super().clean() or self.cleaned_data
-        if self.errors:
-            return cleaned
         document = self.sent()
-        if not document and not self.is_new:
+        if self.errors or not (document or self.is_new):
             return cleaned
         try:
             self.stored = self._take(parse(document)) if document else self._begin(cleaned)
@@ -108,11 +101,7 @@ class PublishForm(forms.Form):
 
 
 class CopyForm(forms.Form):
-    name = forms.SlugField(
-        label=_("Name"),
-        max_length=40,
-        help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
-    )
+    name = NameField()
     title = forms.CharField(label=_("Title"), max_length=200)
 
 

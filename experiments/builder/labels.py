@@ -20,6 +20,8 @@ from surveys.editor.labels import LABELS as SURVEY_LABELS
 Words = str | Promise
 # Settings without a button for a new factor.
 RARE_FACTORS = frozenset({"video_jitter", "control_jitter", "control_way", "angular"})
+SETTINGS = {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()}
+FACTORS = {name: words for name, words in SETTINGS.items() if name not in RARE_FACTORS}
 ENDING_NAMES: dict[str, Words] = {
     "done": _("completed"),
     "timed_out": _("time ran out"),
@@ -452,7 +454,7 @@ CHOICES: dict[str, dict[str, Words]] = {
         "slow": _("slows down and stops at obstacles"),
         "steer": _("steers around obstacles and through doors"),
     },
-    "changes": {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()},
+    "changes": SETTINGS,
     "design": {
         "between": _("between participants: one condition each"),
         "within": _("within participants: all conditions"),
@@ -533,10 +535,7 @@ GUIDE = FormGuide(
     CHOICES,
     kinds={
         "WizardStage.steps": {"": _("Line")} | CHOICES["move"],
-        "StudyDesign.factors": {
-            name: words for name, words in CHOICES["changes"].items() if name not in RARE_FACTORS
-        }
-        | {"": _("Something else")},
+        "StudyDesign.factors": FACTORS | {"": _("Something else")},
     },
     hidden={
         StudyCheckpoint: frozenset({"number"}),  # its place in the list says it

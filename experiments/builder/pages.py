@@ -186,14 +186,9 @@ def _taken(whole: Document, section: str) -> list[str]:
 def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Document | None:
     """Return a step of a script: with a line, or a move of a kind; None for an unknown kind."""
     key = free_key(f"{stage['key']}_1", [one["key"] for one in stage.get("steps", ())])
-    moves: dict[str, Document] = {
-        "place": {"name": next(iter(places), "place")},
-        "dock": {},
-        "undock": {},
-        "tilt": {"angle": 0.0},
-        "turn": {},
-        "drive": {"linear": 0.2, "seconds": 2.0},
-    }
+    moves: dict[str, Document] = {"dock": {}, "undock": {}, "turn": {}, "tilt": {"angle": 0.0}}
+    moves["place"] = {"name": next(iter(places), "place")}
+    moves["drive"] = {"linear": 0.2, "seconds": 2.0}
     if kind and kind not in moves:
         return None
     move = {"move": {"kind": kind, **moves[kind]}} if kind else {}
@@ -210,13 +205,11 @@ def new_course(whole: Document, at_hand: AtHand) -> Document:
 
 def with_courses(whole: Document, at_hand: AtHand) -> Document:
     """Return a study with a course for each robot and site of its conditions."""
-    courses = list(whole.get("courses", []))
+    courses = whole.get("courses", [])
     taken = {(one["robot"], one["site"]) for one in courses}
     wanted = dict.fromkeys((one["robot"], one["site"]) for one in whole["conditions"])
-    for robot, site in wanted:
-        if site in at_hand.sites and (robot, site) not in taken:
-            courses.append(_suggested(robot, site, at_hand))
-    return {**whole, "courses": courses}
+    new = [one for one in wanted if one[1] in at_hand.sites and one not in taken]
+    return {**whole, "courses": [*courses, *(_suggested(*one, at_hand) for one in new)]}
 
 
 def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
@@ -231,11 +224,8 @@ def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
     if (route := plan.route_of(robot)) is None:
         stations = [{"number": 0, "x": dock.x, "y": dock.y} for dock in docks[:1]]
         return course | {"checkpoints": stations}
-    points = [
-        {"number": one.number, "x": one.x, "y": one.y, "radius": one.radius}
-        for one in route.checkpoints
-    ]
-    doors = [door.name for door in plan.doors]
+    fields, doors = ("number", "x", "y", "radius"), [door.name for door in plan.doors]
+    points = [{name: getattr(one, name) for name in fields} for one in route.checkpoints]
     return course | {"checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
 
 

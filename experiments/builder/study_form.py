@@ -90,10 +90,8 @@ class StudyPartForm(PartForm):
         if member.called.endswith("Step.questionnaire"):
             asked = f"{value}:{around.get('version', 1)}"
             field = SeveralField(member, {"": self.offered.get("versions", {})}, asked)
-            address = reverse("admin:surveys_questionnaire_write")
-            field.help_text = format_html(
-                '<a href="{}">{}</a>', address, gettext("Write a questionnaire")
-            )
+            link = (reverse("admin:surveys_questionnaire_write"), gettext("Write a questionnaire"))
+            field.help_text = format_html('<a href="{}">{}</a>', *link)
             yield self.add(name, field, asked)
         elif member.called == "InstructionPage.picture":
             named = {"": str(NONE), **self.offered.get("pictures", {})}
@@ -144,10 +142,6 @@ def claim_of(hypothesis: Mapping[str, Any]) -> str:
 def claimed(claim: str) -> Document:
     direction, analysis, contrast, effect = (*claim.split(":"), "", "", "", "")[:4]
     number = int(contrast[:3]) if contrast.isascii() and contrast.isdigit() else None
-    found = {
-        "direction": direction,
-        "analysis": analysis,
-        "contrast": number,
-        "effect": effect.replace(".", ":"),
-    }
+    found = {"direction": direction, "analysis": analysis, "contrast": number}
+    found["effect"] = effect.replace(".", ":")
     return {key: value for key, value in found.items() if value}

@@ -29,13 +29,9 @@ def kinds(section: str) -> list[tuple[str, Any]]:
 
 def title_of(part: Document, whole: Document) -> str:
     named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
-    return (
-        text_in(part.get("title", {}), whole["languages"])
-        or part.get("name")
-        or part.get("code")
-        or part.get("key")
-        or _("%(robot)s at %(site)s") % named
-    )
+    texts = [text_in(part.get("title", {}), whole["languages"])]
+    texts += [part.get(name, "") for name in ("name", "code", "key")]
+    return next(filter(None, texts), _("%(robot)s at %(site)s") % named)
 
 
 def about(
@@ -61,13 +57,9 @@ def about(
         yield part.get("key", "")
         yield part.get("group", "")
     elif section == "conditions":
-        own = part.get("levels", {})
-        chosen = [
-            title_of(level, whole)
-            for factor in whole["factors"]
-            for level in factor.get("levels", ())
-            if own.get(factor["key"]) == level["key"]
-        ]
+        cell = part.get("levels", {}).items()
+        known = [(one["key"], level) for one in whole["factors"] for level in one.get("levels", ())]
+        chosen = [title_of(level, whole) for key, level in known if (key, level["key"]) in cell]
         yield ", ".join(chosen)
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""

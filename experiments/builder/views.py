@@ -12,12 +12,12 @@ from typing import Any
 import msgspec
 from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
 
-from experiments import instruction_media, publishing
+from experiments import instruction_media, publishing, resources
 from experiments.access import may
 from experiments.builder import choices, pages
 from experiments.builder.advice import advice
@@ -26,7 +26,7 @@ from experiments.builder.design import complete, design_table, renaming, restore
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import DESIGN, INNER_LISTS, LISTS, PLAN, BuilderPlace, parts_in
 from experiments.builder.study_form import StudyPartForm
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.builder.summaries import about, kinds, title_of
 from experiments.definition.problems import doubts, problems
 from experiments.definition.schema import Condition, StudyDefinition
@@ -55,6 +55,7 @@ TITLES = {
     "coding": gettext_lazy("Coding of replays"),
 }
 WALK_THROUGH = "walk_through"  # the tab of experiments/study_admin/walk_through.py
+BUILD = "build/<slug:section>"  # the addresses of the builder, below that of a study
 MOST_SHOWN = 40  # problems above a form
 TEMPLATES = {"courses": "course", DESIGN: "design"}  # of forms; "part" of all others
 
@@ -80,15 +81,11 @@ def address(row: Row, place: BuilderPlace) -> str:
 
 def sections(row: Row) -> list[dict[str, Any]]:
     """Return the tabs of the builder, lists with their lengths; the last is the walk through."""
-    found = [
-        {
-            "key": name,
-            "label": str(title),
-            "url": address(row, BuilderPlace(name)),
-            "count": len(row.definition.get(name, ())) if name in LISTS else None,
-        }
-        for name, title in TITLES.items()
-    ]
+    found: list[dict[str, Any]] = []
+    for name, title in TITLES.items():
+        url, is_list = address(row, BuilderPlace(name)), name in LISTS
+        count = len(row.definition.get(name, ())) if is_list else None
+        found.append({"key": name, "label": str(title), "url": url, "count": count})
     walk = reverse("admin:experiments_study_walk_through", args=[row.pk])
     last = {"key": WALK_THROUGH, "label": _("Walk through"), "url": walk, "count": None}
     return [*found, last]
@@ -121,14 +118,7 @@ def linked(row: Row, found: Iterable[Problem]) -> list[LinkedProblem]:
 
 
 class BuilderPages(StudyPages):
-    def builder_urls(self) -> list[URLPattern]:
-        start = "build/<slug:section>/"
-        return [
-            self.study_path(start, self.section_view, "section"),
-            self.study_path(f"{start}<int:index>/", self.part_view, "part"),
-            self.study_path(f"{start}<int:index>/check/", self.check_view, "check"),
-        ]
-
+    @study_view(f"{BUILD}/", "section")
     def section_view(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
@@ -140,9 +130,11 @@ class BuilderPages(StudyPages):
             return HttpResponseRedirect(address(row, BuilderPlace(section)))
         return self._render(request, row, BuilderPlace(section), _list_of(row, section))
 
+    @study_view(f"{BUILD}/<int:index>/", "part")
     def part_view(self, request: HttpRequest, row: Row, section: str, index: int) -> HttpResponse:
         return self._form(request, row, BuilderPlace(section, index))
 
+    @study_view(f"{BUILD}/<int:index>/check/", "check")
     def check_view(self, request: HttpRequest, row: Row, section: str, index: int) -> JsonResponse:
         """Return the problems of a course as it is on the page, saved or not."""
         place = BuilderPlace(section, index)
@@ -168,8 +160,8 @@ class BuilderPages(StudyPages):
         draft = _read(request, row, place, whole)
         draft.above += [] if draft.errors else _save(request, row, place, draft)
         row.refresh_from_db()
-        if draft.errors or draft.above:
-            return self._show(request, row, place, draft, status=422)
+        if draft.is_refused:
+            return self._show(request, row, place, draft)
         n = "" if place.index is None else f" {place.index + 1}"
         publishing.log(row, request.user, f"Changed: {place.section}{n}.")
         messages.success(request, _("Saved."))
@@ -177,12 +169,7 @@ class BuilderPages(StudyPages):
         return HttpResponseRedirect(address(row, place) + anchor)
 
     def _show(
-        self,
-        request: HttpRequest,
-        row: Row,
-        place: BuilderPlace,
-        draft: SubmittedPart,
-        status: int = 200,
+        self, request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart
     ) -> HttpResponse:
         whole = whole_of(row)
         former = place.part(whole) or draft.part
@@ -190,14 +177,10 @@ class BuilderPages(StudyPages):
         if "questionnaire" in former:
             leads_here(request, row.shown_title, address(row, place))
         advised = advice(row.as_definition(), place, get_language() or "")
-        context: Document = {
-            "advice": [LinkedProblem(text, address(row, other)) for text, other in advised],
-            "form": form,
-            "place": place,
-            "above": draft.above,
-            "has_errors": bool(draft.errors),
-            "part_title": title_of(former, whole) if place.index is not None else "",
-        }
+        links = [LinkedProblem(text, address(row, other)) for text, other in advised]
+        title = title_of(former, whole) if place.index is not None else ""
+        context: Document = {"form": form, "place": place, "advice": links, "part_title": title}
+        context |= {"above": draft.above, "has_errors": bool(draft.errors)}
         if place.section == "steps":
             page = page_type(former["kind"])
             context |= {"kind": page.label, "told": page.note, "walked": former["key"]}
@@ -213,7 +196,7 @@ class BuilderPages(StudyPages):
             listed = reverse("admin:experiments_study_section", args=[row.pk, inner])
             context |= {"list_title": GUIDE.label(inner), "list_address": listed}
             context |= _list_of(row, inner)
-        return self._render(request, row, place, context, status)
+        return self._render(request, row, place, context, 422 if draft.is_refused else 200)
 
     def _render(
         self, request: HttpRequest, row: Row, place: BuilderPlace, more: Document, status: int = 200
@@ -232,9 +215,8 @@ class BuilderPages(StudyPages):
             "pilots": row.participants.count(),
         } | more
         page = TEMPLATES.get(place.section, "part") if is_form else "list"
-        return self.study_page(
-            request, row, f"builder_{page}", TITLES[tab], context, tab="builder", status=status
-        )
+        name, title = f"builder_{page}", TITLES[tab]
+        return self.study_page(request, row, name, title, context, tab="builder", status=status)
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         _require_change(request, row)
@@ -274,15 +256,11 @@ def _require_change(request: HttpRequest, row: Row) -> None:
 def _shown_form(
     row: Row, place: BuilderPlace, draft: SubmittedPart, whole: Document, former: Document
 ) -> StudyPartForm:
-    form = StudyPartForm(
-        place.cls(former),
-        draft.part,
-        languages=whole["languages"],
-        offered=choices.offered(row, whole, draft.part, place.section),
-        only=place.only,
-        is_sent=bool(draft.errors),
-        decided=("Allocation.design",) if whole["factors"] else (),
-    )
+    given: Document = {"languages": whole["languages"], "only": place.only}
+    given |= {"offered": choices.offered(row, whole, draft.part, place.section)}
+    given["is_sent"] = bool(draft.errors)
+    given["decided"] = ("Allocation.design",) if whole["factors"] else ()
+    form = StudyPartForm(place.cls(former), draft.part, **given)
     for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
         form.add_error(name, draft.errors[name])
     if place.section == "conditions":
@@ -341,9 +319,9 @@ def _press(
         values[:] = change(values, verb, number(what))
         return name
     if name == "steps":
-        new = pages.new_script_step(part, what, choices.places(publishing.sites().values()))
+        new = pages.new_script_step(part, what, choices.places(resources.sites().values()))
     else:
-        middle = pages.middle_of(publishing.sites().get(part.get("site", "")))
+        middle = pages.middle_of(resources.sites().get(part.get("site", "")))
         at = pages.clicked_point(sent.get("at", ""), middle)
         new = pages.new_part(name, values, what, languages, at)
     values += [new] if new else []
@@ -386,21 +364,17 @@ def _list_of(row: Row, section: str) -> Document:
     whole = whole_of(row)
     is_derived = section == "conditions" and bool(whole["factors"])
     titles = choices.questionnaire_titles() if section == "steps" else {}
-    parts = [
-        {
-            "url": address(row, BuilderPlace(section, n)),
-            "n": n,
-            "title": title_of(part, whole),
-            "about": list(about(section, part, whole, titles)),
-        }
-        for n, part in enumerate(parts_in(whole, section))
-    ]
-    offered_kinds = [
-        (kind, words)
-        for kind, words in ([] if is_derived else kinds(section))
-        if section != "steps" or pages.landing(whole, _new(section, kind, whole)) is not None
-    ]
-    return {"parts": parts, "kinds": offered_kinds, "is_derived": is_derived}
+    parts: list[Document] = []
+    for n, part in enumerate(parts_in(whole, section)):
+        listed = {"url": address(row, BuilderPlace(section, n)), "n": n}
+        words = {"title": title_of(part, whole), "about": [*about(section, part, whole, titles)]}
+        parts.append({**listed, **words})
+
+    def fits(kind: str) -> bool:
+        return section != "steps" or pages.landing(whole, _new(section, kind, whole)) is not None
+
+    offered = [] if is_derived else [one for one in kinds(section) if fits(one[0])]
+    return {"parts": parts, "kinds": offered, "is_derived": is_derived}
 
 
 def drawn_course(course: Document) -> Document:
@@ -421,7 +395,7 @@ def course_check(study: StudyDefinition, n: int) -> Document:
     # Missing texts are listed above the form; on its page the course needs no name.
     found = [
         replace(one, names=one.names[1:]) if one.place.section == "courses" else one
-        for one in (*mine, *publishing.obstacles_here(alone))
+        for one in (*mine, *resources.obstacles_here(alone))
         if not one.language
     ]
     numbers = {one.path[1] for one in found if one.path[:1] == ("checkpoints",)}
@@ -433,7 +407,5 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         if kind not in KINDS:
             raise Http404
         return pages.new_step(kind, page_type(kind).blank, whole)
-    if section not in {"conditions", "courses"}:
-        return pages.new_in(section, whole)
-    make = pages.new_condition if section == "conditions" else pages.new_course
-    return make(whole, choices.at_hand())
+    make = {"conditions": pages.new_condition, "courses": pages.new_course}.get(section)
+    return make(whole, choices.at_hand()) if make else pages.new_in(section, whole)

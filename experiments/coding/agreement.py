@@ -117,9 +117,8 @@ def reliability(
     coders = range(len(sessions[0][1]) if sessions else 0)
     pairs = [pair for pair in combinations(coders, 2) if any(_of_both(sessions, pair))]
     subjects = {code: [code] for code in codes} | ({"": list(codes)} if len(codes) > 1 else {})
-    of_codes = (
-        _of_code(name, some, sessions, pairs, width, tolerance) for name, some in subjects.items()
-    )
+    named = subjects.items()
+    of_codes = (_of_code(name, some, sessions, pairs, width, tolerance) for name, some in named)
     of_events = (_of_events(codes, sessions, pair, tolerance) for pair in pairs)
     return Reliability(tuple(of_codes), tuple(of_events))
 
@@ -202,9 +201,6 @@ def estimate(
     return ReliabilityEstimate(value, low, high)
 
 
-# --- by time --------------------------------------------------------------------------------------
-
-
 def _of_code(
     name: str,
     codes: Sequence[str],
@@ -245,10 +241,8 @@ def _values(
         for row, events in zip(rows, codings, strict=True):
             if events is not None:
                 # at most 40 codes, so that their bits fit
-                bits = (
-                    coded_bins(events, code, duration, width) << n for n, code in enumerate(codes)
-                )
-                row[:] = sum(bits, start=np.zeros(count, dtype=np.int64))
+                coded = (coded_bins(events, code, duration, width) for code in codes)
+                row[:] = np.sum([one << n for n, one in enumerate(coded)], axis=0)
         bins = np.arange(count)
         parts.append(rows)
         is_single = len(sessions) == 1
@@ -300,16 +294,10 @@ def coincidences(values: Units, cluster: Units, shape: tuple[int, int]) -> Float
     of a unit that has m of them count 1 / (m - 1), in either order.
     """
     weight = 1.0 / np.maximum((values >= 0).sum(axis=0) - 1, 1)
-    return sum(
-        (
-            pair_tables(values[list(pair)], cluster, shape, weight)
-            for pair in permutations(range(len(values)), 2)
-        ),
-        start=np.zeros((*shape, shape[1])),
-    )
-
-
-# --- events ---------------------------------------------------------------------------------------
+    found = np.zeros((*shape, shape[1]))
+    for pair in permutations(range(len(values)), 2):
+        found += pair_tables(values[list(pair)], cluster, shape, weight)
+    return found
 
 
 def _of_events(

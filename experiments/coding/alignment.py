@@ -19,10 +19,8 @@ def matched(
     """Return the pairs of events of a code whose beginnings are at most `tolerance` seconds apart,
     the earliest first; then the events of the first coder alone, and those of the second alone.
     """
-    one, two = (
-        sorted((event for event in events if event.code == code), key=_begin)
-        for events in (first, second)
-    )
+    one = sorted((event for event in first if event.code == code), key=_begin)
+    two = sorted((event for event in second if event.code == code), key=_begin)
     pairs, left, right = [], list[CodedEvent](), list[CodedEvent]()
     while one and two:
         if abs(one[0].begin - two[0].begin) <= tolerance + 1e-9:
@@ -57,11 +55,8 @@ def _confused(
     for i, one in enumerate(left):
         first = bisect_left(right, one.begin - tolerance - 1e-9, key=_begin)
         last = bisect_right(right, one.begin + tolerance + 1e-9, key=_begin)
-        near += [
-            (abs(one.begin - right[j].begin), i, j)
-            for j in range(first, last)
-            if one.code != right[j].code
-        ]
+        others = (j for j in range(first, last) if one.code != right[j].code)
+        near += [(abs(one.begin - right[j].begin), i, j) for j in others]
     ones, twos = dict(enumerate(left)), dict(enumerate(right))
     for _distance, i, j in sorted(near):
         if i in ones and j in twos:

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 from django.utils.translation import gettext as _
 
-from experiments.coding.scheme import BadCodingError, CodedEvent, clean, json_in
+from experiments.coding.scheme import BadCodingError, CodedEvent, ImportedCoding, clean, json_in
 from experiments.definition.coding import Code
 
 UNCHOSEN = "None"
@@ -46,22 +46,15 @@ def to_boris(
 def _behavior(code: Code, codes: Sequence[Code]) -> dict[str, Any]:
     others = [one.code for one in codes if code.group and one.group == code.group and one != code]
     # as boris/add_modifier.py writes them; the type 0 is the choice of one value
+    same = {"description": "", "type": 0, "ask at stop": False}
     modifiers = {
-        str(n): {"name": one.name, "description": "", "type": 0, "ask at stop": False}
-        | {"values": list(one.values)}
+        str(n): {"name": one.name, **same, "values": list(one.values)}
         for n, one in enumerate(code.modifiers)
     }
-    return {
-        "type": KINDS[code.kind],
-        "key": code.key,
-        "code": code.code,
-        "description": f"{code.name}: {code.description}" if code.description else code.name,
-        "color": "",
-        "category": "",
-        "modifiers": modifiers or "",
-        "excluded": ",".join(others),
-        "coding map": "",
-    }
+    description = f"{code.name}: {code.description}" if code.description else code.name
+    about = {"type": KINDS[code.kind], "key": code.key, "code": code.code}
+    about |= {"description": description, "color": "", "category": ""}
+    return about | {"modifiers": modifiers or "", "excluded": ",".join(others), "coding map": ""}
 
 
 def _rows(events: Sequence[CodedEvent], codes: Mapping[str, Code]) -> list[list[Any]]:
@@ -78,9 +71,7 @@ def _rows(events: Sequence[CodedEvent], codes: Mapping[str, Code]) -> list[list[
     return [row for _at, _order, row in sorted(rows, key=lambda row: row[:2])]
 
 
-def from_boris(
-    document: bytes, codes: Sequence[Code], wanted: str = ""
-) -> tuple[list[CodedEvent], list[str]]:
+def from_boris(document: bytes, codes: Sequence[Code], wanted: str = "") -> ImportedCoding:
     """Return the events of the observation named `wanted`, and a sentence for each part that is not
     imported. The name is not needed where a project has one observation. A project that cannot be
     read, or without the observation, is a BadCodingError.
@@ -104,7 +95,6 @@ def from_boris(
 
 
 def _left_out(observation: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each part of an observation that a coding has no place for."""
     offset = observation.get("time offset")
     if isinstance(offset, int | float) and offset:
         yield _("The observation's time offset of %(n)g s is not applied.") % {"n": offset}

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 from django.utils.translation import gettext as _
 from msgspec import structs
 
-from experiments.coding.scheme import BadCodingError, CodedEvent, clean
+from experiments.coding.scheme import BadCodingError, CodedEvent, ImportedCoding, clean
 from experiments.definition.coding import Code, Modifier
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
@@ -27,6 +27,7 @@ SCHEMA = {
 POINT_MS = 1
 MAX_DIGITS = 12  # of a time in milliseconds
 MODIFIER, ASSOCIATION = "modifier", "Symbolic_Association"
+Slotted = tuple[CodedEvent, list[str]]  # an event with its two time slots
 
 
 def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date: str) -> bytes:
@@ -71,11 +72,7 @@ def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[list[str
 
 
 def _tiers(
-    root: ET.Element,
-    code: Code,
-    events: Sequence[tuple[CodedEvent, list[str]]],
-    coder: str,
-    numbers: Iterator[int],
+    root: ET.Element, code: Code, events: Sequence[Slotted], coder: str, numbers: Iterator[int]
 ) -> None:
     """Write the tier of a code and those of its modifiers."""
     tier = _tier(root, code.code, coder, {"LINGUISTIC_TYPE_REF": code.kind})
@@ -103,7 +100,7 @@ def _annotation(tier: ET.Element, kind: str, attributes: dict[str, str], text: s
     ET.SubElement(inner, "ANNOTATION_VALUE").text = printable
 
 
-def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], list[str]]:
+def from_eaf(document: bytes, codes: Sequence[Code]) -> ImportedCoding:
     """Return the events of a file, and a sentence for each tier that is not imported. The name of a
     tier is a code of the scheme, or a code's name. An unreadable file is a BadCodingError.
     """
@@ -131,9 +128,8 @@ class _Reading:
         self.events: dict[str, CodedEvent] = {}
         self.problems: list[str] = []
         self._codes = {name: code for code in codes for name in (code.name, code.code)}
-        self._times = {
-            slot.get("TIME_SLOT_ID"): slot.get("TIME_VALUE") for slot in root.iter("TIME_SLOT")
-        }
+        slots = root.iter("TIME_SLOT")
+        self._times = {slot.get("TIME_SLOT_ID"): slot.get("TIME_VALUE") for slot in slots}
 
     def take(self, tier: ET.Element) -> None:
         name = tier.get("TIER_ID", "")

@@ -35,6 +35,10 @@ class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modifiers: dict[str, str] = {}
 
 
+# The events of a file, and a sentence for each of its parts that is not imported.
+ImportedCoding = tuple[list[CodedEvent], list[str]]
+
+
 def scheme_from(document: Any) -> CodingScheme:
     """Return a scheme, or raise BadCodingError; a list alone is its codes."""
     whole = {"codes": document} if isinstance(document, list) else document
@@ -130,7 +134,6 @@ def clean(text: str) -> str:
 
 
 def _overlaps(events: Iterable[CodedEvent], known: Mapping[str, Code]) -> Iterator[str]:
-    """Yield events of one code, or states of one group, that overlap."""
     last: dict[str, float] = {}
     for event in events:
         where = _where(event, event.code)

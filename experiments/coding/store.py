@@ -63,9 +63,6 @@ class Saved:
     refused: dict[str, str]
 
 
-# --- schemes --------------------------------------------------------------------------------------
-
-
 def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | None:
     """Return the newest scheme of a study; that of its definition is stored at its first use."""
     newest = _newest(study)
@@ -97,12 +94,9 @@ def read_scheme(row: CodingSchemeVersion) -> CodingScheme:
     return scheme_from(row.document)
 
 
-# --- codings --------------------------------------------------------------------------------------
-
-
 def coding_of(session: uuid.UUID, scheme: CodingSchemeVersion, user: Any) -> Coding | None:
-    rows = Coding.objects.filter(session=session, scheme=scheme, coder=user)
-    found: Coding | None = rows.first()
+    found: Coding | None
+    found = Coding.objects.filter(session=session, scheme=scheme, coder=user).first()
     return found
 
 
@@ -132,10 +126,8 @@ def current(coding: Coding) -> list[CodingEdit]:
 
 
 def events_of(coding: Coding) -> list[CodedEvent]:
-    return [
-        CodedEvent(edit.code, edit.begin, edit.end, edit.comment, edit.modifiers)
-        for edit in current(coding)
-    ]
+    edits = current(coding)
+    return [CodedEvent(one.code, one.begin, one.end, one.comment, one.modifiers) for one in edits]
 
 
 def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> Saved:
@@ -173,8 +165,8 @@ def _store(coding: Coding, edit: EventEdit, now: datetime.datetime) -> bool:
             return False
         versions = CodingEdit.objects.filter(coding=coding, event=edit.event)
         newest: int = versions.aggregate(most=Max("version"))["most"] or 0
-        row = _row(coding, edit, now, event=edit.event, version=newest + 1)
-        row.pk, row.is_deleted = edit.id, edit.is_deleted
+        about = {"pk": edit.id, "event": edit.event, "is_deleted": edit.is_deleted}
+        row = _row(coding, edit, now, **about, version=newest + 1)
         try:
             with transaction.atomic():
                 row.save(force_insert=True)
@@ -184,18 +176,11 @@ def _store(coding: Coding, edit: EventEdit, now: datetime.datetime) -> bool:
     raise BadCodingError([_("The changes could not be saved. Try again.")])
 
 
-def _row(coding: Coding, noted: Any, now: datetime.datetime, **fields: Any) -> CodingEdit:
+def _row(coding: Coding, noted: Any, now: datetime.datetime, **more: Any) -> CodingEdit:
     """Return a row that is not stored yet, of anything with the fields of CodedEvent."""
-    return CodingEdit(
-        coding=coding,
-        code=noted.code,
-        begin=round(noted.begin, 3),
-        end=None if noted.end is None else round(noted.end, 3),
-        modifiers=noted.modifiers,
-        comment=noted.comment,
-        at=now,
-        **fields,
-    )
+    begin, end = round(noted.begin, 3), None if noted.end is None else round(noted.end, 3)
+    fields = {name: getattr(noted, name) for name in ("code", "modifiers", "comment")}
+    return CodingEdit(coding=coding, begin=begin, end=end, at=now, **fields, **more)
 
 
 def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.datetime) -> int:
@@ -232,9 +217,6 @@ def reopen(coding: Coding) -> None:
         )
         raise BadCodingError([text])
     Coding.objects.filter(pk=coding.pk).update(done_at=None)
-
-
-# --- access ---------------------------------------------------------------------------------------
 
 
 def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:

@@ -27,22 +27,17 @@ class StudyAgreement:
 def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
     """Return the agreement by one scheme; with a user as `only`, on this coder's sessions."""
     every = groupby(store.released(scheme), attrgetter("session"))  # ordered by session
-    found = ((session, list(codings)) for session, codings in every)
     sessions = [
         (session, codings)
-        for session, codings in found
-        if len(codings) > 1
-        and (only is None or any(coding.coder_id == only.pk for coding in codings))
+        for session, codings in ((session, list(codings)) for session, codings in every)
+        if len(codings) > 1 and (only is None or only.pk in [one.coder_id for one in codings])
     ]
     numbers = sorted({coding.number for _session, codings in sessions for coding in codings})
     definition = store.read_scheme(scheme)
     waiting = Coding.objects.filter(scheme=scheme, done_at=None).values_list("session", flat=True)
-    reliabilities = reliability(
-        [_codings(session, codings, numbers) for session, codings in sessions],
-        [code.code for code in definition.codes],
-        width=definition.bin,
-        tolerance=definition.tolerance,
-    )
+    parts = [_codings(session, codings, numbers) for session, codings in sessions]
+    codes, tolerance = [code.code for code in definition.codes], definition.tolerance
+    reliabilities = reliability(parts, codes, width=definition.bin, tolerance=tolerance)
     return StudyAgreement(tuple(numbers), len(sessions), len(set(waiting)), reliabilities)
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
-from experiments.dataset.columns import TIMES, Column, declared
+from experiments.dataset.columns import TIMES, Column, Tables, declared
 from experiments.dataset.levels import MISSING, Levels
 from experiments.dataset.records import TABLES, AnswerRecord, Dataset
 from experiments.dataset.states import NETWORK, STATES
@@ -20,16 +20,12 @@ from surveys.documents import spoken
 from surveys.item import Question
 from surveys.scoring import ScoredScale, WideTable, scales_of
 
-LAYOUTS = {name: declared(kind) for name, kind in TABLES.items()} | {
-    "states": STATES,
-    "network": NETWORK,
-}
+LAYOUTS = {name: declared(kind) for name, kind in TABLES.items()}
+LAYOUTS |= {"states": STATES, "network": NETWORK}
 
 
 def description(
-    dataset: Dataset,
-    more: Mapping[str, tuple[Column, ...]] | None = None,
-    without: Collection[str] = (),
+    dataset: Dataset, more: Tables | None = None, without: Collection[str] = ()
 ) -> dict[str, Any]:
     """Return the description of a dataset. `more` are the columns of tables that are written in
     addition to those of a dataset, `without` the tables that are not written because they would be
@@ -73,9 +69,7 @@ def _variable(file: str, column: Column) -> dict[str, Any]:
     return found
 
 
-def layouts(
-    dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
-) -> Iterator[tuple[str, Sequence[Column]]]:
+def layouts(dataset: Dataset, more: Tables) -> Iterator[tuple[str, Sequence[Column]]]:
     """Yield every table by name, with its columns; `more` takes precedence over LAYOUTS."""
     named = _named(dataset)
     for name, layout in {**LAYOUTS, **more}.items():
@@ -124,7 +118,6 @@ def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
 
 
 def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
-    """Return the meaning of a score: its scale, formula, range and direction."""
     about = spoken(scale.label, language) or spoken(definition.title, language)
     low, high = scale.bounds
     turned: dict[float, list[str]] = {}
@@ -141,14 +134,9 @@ def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
         f"to “{end}” in {', '.join(keys)}" if len(ends) > 1 else f"to “{end}”"
         for end, keys in ends.items()
     )
-    return "; ".join(
-        (
-            f"score of: {about} – {scale.formula}",
-            *(f"{', '.join(keys)} counted as {total:g} − answer" for total, keys in turned.items()),
-            f"from {low:g} to {high:g}",
-            f"higher is nearer {nearer}",
-        )
-    )
+    parts = [f"score of: {about} – {scale.formula}"]
+    parts += [f"{', '.join(keys)} counted as {total:g} − answer" for total, keys in turned.items()]
+    return "; ".join([*parts, f"from {low:g} to {high:g}", f"higher is nearer {nearer}"])
 
 
 def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
@@ -165,20 +153,13 @@ def _asked(definition: Definition, question: Question, language: str) -> Iterato
 
 
 def _bounded(column: Column, question: Question, language: str) -> Column:
-    """Return a column with the values that an answer can have, and their labels."""
     labelled = question.item.labelled_values(question.points)
     levels = {str(value): spoken(label, language) for value, label in labelled}
-    values = question.score_values
-    bounds = (values[0], values[-1]) if values else (None, None)
-    meaning = column.meaning
+    values, meaning = question.score_values, column.meaning
+    least, greatest = (values[0], values[-1]) if values else (None, None)
     low, high = (spoken(end, language) for end in question.ends)
     if low and not levels:
-        meaning += f" ({bounds[0]}: {low}; {bounds[1]}: {high})"
-    return replace(
-        column,
-        meaning=meaning,
-        levels=levels,
-        least=bounds[0],
-        greatest=bounds[1],
-        divider="|" if levels and question.item.takes_several else "",
-    )
+        meaning += f" ({least}: {low}; {greatest}: {high})"
+    divider = "|" if levels and question.item.takes_several else ""
+    bounded = replace(column, least=least, greatest=greatest)
+    return replace(bounded, meaning=meaning, levels=levels, divider=divider)

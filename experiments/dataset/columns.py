@@ -45,6 +45,9 @@ class Column:
     is_text: bool = False
 
 
+Tables = Mapping[str, tuple[Column, ...]]  # the columns of tables, by name
+
+
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
     return Column(name, "", meaning, late, levels=NO_YES)
 
@@ -117,9 +120,6 @@ def _hints(kind: type) -> Iterator[tuple[str, Any]]:
     for name, member in vars(kind).items():
         if isinstance(member, property):
             yield name, get_type_hints(member.fget, include_extras=True)["return"]
-
-
-# --- arrays of numbers ----------------------------------------------------------------------------
 
 
 def columns_of(layout: tuple[Column, ...], **given: npt.ArrayLike) -> Columns:

@@ -138,12 +138,9 @@ def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
     saw (intention to treat; only those who were not exposed may be left out: ICH E9, 5.2.1).
     """
     moved = {(one.participant, one.condition) for one in dataset.sessions}
-    unmoved = {
-        (one.participant, one.condition): one
-        for one in dataset.others
-        if one.counts_why == levels.NOT_DRIVEN and (one.participant, one.condition) not in moved
-    }
-    found = (*dataset.sessions, *unmoved.values())
+    still = [one for one in dataset.others if one.counts_why == levels.NOT_DRIVEN]
+    last = {(one.participant, one.condition): one for one in still}
+    found = (*dataset.sessions, *(one for place, one in last.items() if place not in moved))
     anew = {one.id for one in _drawn_anew(dataset.study, found)}
     return tuple(one for one in found if one.id not in anew)
 

@@ -55,9 +55,6 @@ def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
                 yield PlanExclusion(person.id, "", levels.INCOMPLETE, "; ".join(lacking))
 
 
-# --- attention checks -----------------------------------------------------------------------------
-
-
 def _failed(dataset: Dataset, check: AttentionCheck) -> Iterator[PlanExclusion]:
     for response in dataset.responses:
         if response.questionnaire != check.questionnaire or not response.finished:
@@ -85,18 +82,12 @@ def as_answer(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-# --- speeders -------------------------------------------------------------------------------------
-
-
 def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     """Yield the finished pages that were too fast, except those about uncounted drives."""
     steps = {one.key for one in dataset.study.asking if one.questionnaire == rule.questionnaire}
     other = {one.id for one in dataset.others}
-    pages = [
-        one
-        for one in dataset.pages
-        if one.finished and one.step in steps and one.session not in other
-    ]
+    finished = (one for one in dataset.pages if one.finished and one.step in steps)
+    pages = [one for one in finished if one.session not in other]
     limit, in_words = _limit(rule, pages)
     for page in pages:
         if page.seconds < limit:
@@ -105,7 +96,6 @@ def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
 
 
 def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
-    """Return the least seconds that are allowed, as a number and in words."""
     limit = rule.seconds or 0.0
     if rule.median_share is None or not pages:
         return limit, f"{limit:g} s"
@@ -114,9 +104,6 @@ def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
     if share <= limit:
         return limit, f"{limit:g} s"
     return share, f"{share:.1f} s ({rule.median_share:g} of the median of {median:.1f} s)"
-
-
-# --- incomplete cases -----------------------------------------------------------------------------
 
 
 def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
@@ -135,13 +122,8 @@ def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
 
 
 def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:
+    finished = [one for one in dataset.responses if one.finished and one.participant == who]
     for step in dataset.study.asking:
-        answered = any(
-            one.finished
-            and one.questionnaire == step.questionnaire
-            and (not step.repeat or one.session in sessions)
-            for one in dataset.responses
-            if one.participant == who
-        )
-        if not answered:
+        answers = (one for one in finished if one.questionnaire == step.questionnaire)
+        if not any(not step.repeat or one.session in sessions for one in answers):
             yield f"no answers to {step.questionnaire} ({condition})"

@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 
 from experiments.dataset import code_book
-from experiments.dataset.columns import Column, Columns, Floats
+from experiments.dataset.columns import Column, Columns, Floats, Tables
 from experiments.dataset.records import TABLES, Dataset, EventRecord
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
@@ -50,9 +50,7 @@ def contents(dataset: Dataset) -> Iterator[File]:
 
 
 def tables(
-    dataset: Dataset,
-    events: Iterable[EventRecord],
-    more: Mapping[str, tuple[Column, ...]] = MappingProxyType({}),
+    dataset: Dataset, events: Iterable[EventRecord], more: Tables = MappingProxyType({})
 ) -> Iterator[File]:
     """Yield everything but states and network samples. The events are read as they are written,
     because there may be too many for the memory; `more` are the columns of tables that are written
@@ -102,14 +100,9 @@ def _wide_rows(dataset: Dataset, slug: str) -> Iterator[list[Any]]:
             yield [one.id, one.version, one.participant, one.session, one.finished, *own]
 
 
-def _about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
-    """Yield what does not grow with the sessions, such as the description and the plans."""
-    series = {"states": dataset.states, "network": dataset.network}
-    empty = {
-        name
-        for name, read in series.items()
-        if not any(len(read(one.id)) for one in dataset.sessions)
-    }
+def _about(dataset: Dataset, more: Tables) -> Iterator[File]:
+    series, drives = {"states": dataset.states, "network": dataset.network}, dataset.sessions
+    empty = {name for name, read in series.items() if not any(len(read(one.id)) for one in drives)}
     found = code_book.description(dataset, more, empty)
     yield "dataset_description.json", [json.dumps(found, indent=2, ensure_ascii=False) + "\n"]
     yield "study.json", [study_json(dataset.study).decode()]
@@ -117,16 +110,13 @@ def _about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator
         yield "freeze.json", [_json(dataset.freeze)]
     yield "robots.json", [_json(dataset.robots)]
     for name, plan in sorted(dataset.plans.items()):
-        yield plan_path(name), [floorplan.encode(plan).decode() + "\n"]
+        yield f"plans/{_named(name, _PLAN)}.json", [floorplan.encode(plan).decode() + "\n"]
     for one in dataset.questionnaires:
         yield f"questionnaires/{one.slug}-{one.version}.json", [to_json(one).decode()]
 
 
 def _json(value: Any) -> str:
     return msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n"
-
-
-# --- tables ---------------------------------------------------------------------------------------
 
 
 def as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
@@ -159,9 +149,6 @@ def as_cell(value: Any) -> Any:
     return value
 
 
-# --- numbers --------------------------------------------------------------------------------------
-
-
 def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
     """Yield the file of the states or network samples of a session, unless it has none."""
     if len(found):
@@ -188,12 +175,7 @@ def table_path(name: str) -> str:
 
 
 def numbers_path(name: str, session: str) -> str:
-    """Return the path of the states or network samples of a session."""
     return f"data/{name}/session-{_named(session, _CODE).replace('-', '')}_data.csv"
-
-
-def plan_path(name: str) -> str:
-    return f"plans/{_named(name, _PLAN)}.json"
 
 
 def _named(name: str, pattern: re.Pattern[str]) -> str:
@@ -215,12 +197,10 @@ def keyword_values(slugs: Iterable[str]) -> dict[str, str]:
     """
     plain = {slug: _camel(slug) for slug in sorted(set(slugs))}
     shared = [value.casefold() for value in plain.values()]
-    return {
-        slug: value
-        if value and shared.count(value.casefold()) == 1
-        else f"{value}{sha256(slug.encode()).hexdigest()[:DIGEST]}"
-        for slug, value in plain.items()
-    }
+    for slug, value in plain.items():
+        if not value or shared.count(value.casefold()) > 1:
+            plain[slug] += sha256(slug.encode()).hexdigest()[:DIGEST]
+    return plain
 
 
 def _camel(slug: str) -> str:

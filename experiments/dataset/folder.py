@@ -39,6 +39,7 @@ from experiments.dataset.states import NETWORK, STATES
 from experiments.definition.publication import PublicationDetails, from_json_ld
 from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
+from robots.api.floorplan import FloorPlan, FloorPlanError
 from robots.files.csv_text import unguarded
 from surveys.definition import Definition
 
@@ -61,6 +62,8 @@ def put(file: File, folder: Path) -> None:
 
 def read(folder: Path) -> Dataset:
     """Return a folder's dataset, or raise DatasetError. States are read on each call."""
+    definitions = sorted((folder / "questionnaires").glob("*.json"))
+    plans, freeze = sorted((folder / "plans").glob("*.json")), folder / "freeze.json"
     return Dataset(
         study=_decoded(folder / "study.json", StudyDefinition),
         robots=_decoded(folder / "robots.json", tuple[RobotRecord, ...]),
@@ -69,14 +72,11 @@ def read(folder: Path) -> Dataset:
         events=_records(folder, "events"),
         pages=_records(folder, "pages"),
         responses=tuple(_responses(_records(folder, "answers"))),
-        questionnaires=tuple(
-            _decoded(path, Definition)
-            for path in sorted((folder / "questionnaires").glob("*.json"))
-        ),
-        plans={path.stem: _plan(path) for path in sorted((folder / "plans").glob("*.json"))},
+        questionnaires=tuple(_decoded(path, Definition) for path in definitions),
+        plans={path.stem: _decoded(path, FloorPlan) for path in plans},
         states=lambda session: read_numbers(folder, "states", session, STATES),
         network=lambda session: read_numbers(folder, "network", session, NETWORK),
-        freeze=_decoded(path, FreezeRecord) if (path := folder / "freeze.json").exists() else None,
+        freeze=_decoded(freeze, FreezeRecord) if freeze.exists() else None,
         publication=_publication(folder / "dataset_description.json"),
     )
 
@@ -176,13 +176,8 @@ def _responses(answers: Iterable[AnswerRecord]) -> Iterator[ResponseRecord]:
 
 def _decoded(path: Path, kind: Any) -> Any:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=kind)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path.name} cannot be read: {error}") from error
-
-
-def _plan(path: Path) -> floorplan.FloorPlan:
-    try:
-        return floorplan.decode(path.read_bytes())
-    except (OSError, floorplan.FloorPlanError) as error:
+        content = path.read_bytes()
+        is_plan = kind is FloorPlan
+        return floorplan.decode(content) if is_plan else msgspec.json.decode(content, type=kind)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, FloorPlanError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error

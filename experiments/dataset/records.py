@@ -8,7 +8,7 @@ those of a thousand sessions do not fit beside each other.
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import msgspec
@@ -27,6 +27,9 @@ COMPLETED = "completed"
 # The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
 # of folders in a report.
 COUNTING, EVERY = "counting", "all"
+Counts = Annotated[bool, described("1 when it counts in the results on participants", late=True)]
+IN_FIRST = "in the first state; empty when unknown"
+IN_LAST = "in the last state; empty when unknown"
 
 
 class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -160,28 +163,20 @@ class SessionRecord:
         " silent robot ends it when it was lost, not when waiting for it was over",
         "s",
     )
-    began_x: float = measure("position in the first state; empty when unknown", "m", late=True)
-    began_y: float = measure("position in the first state; empty when unknown", "m", late=True)
-    began_theta: float = measure(
-        "heading on the map in the first state; empty when unknown", "rad", late=True
-    )
+    began_x: float = measure(f"position {IN_FIRST}", "m", late=True)
+    began_y: float = measure(f"position {IN_FIRST}", "m", late=True)
+    began_theta: float = measure(f"heading on the map {IN_FIRST}", "rad", late=True)
     began_docked: float = measure(
         "1 when docked in the first state; empty when there is none", late=True, levels=NO_YES
     )
-    began_charge: float = measure(
-        "share of the battery's charge in the first state; empty when unknown", late=True
-    )
-    ended_x: float = measure("position in the last state; empty when unknown", "m", late=True)
-    ended_y: float = measure("position in the last state; empty when unknown", "m", late=True)
-    ended_theta: float = measure(
-        "heading on the map in the last state; empty when unknown", "rad", late=True
-    )
+    began_charge: float = measure(f"share of the battery's charge {IN_FIRST}", late=True)
+    ended_x: float = measure(f"position {IN_LAST}", "m", late=True)
+    ended_y: float = measure(f"position {IN_LAST}", "m", late=True)
+    ended_theta: float = measure(f"heading on the map {IN_LAST}", "rad", late=True)
     ended_docked: float = measure(
         "1 when docked in the last state; empty when there is none", late=True, levels=NO_YES
     )
-    ended_charge: float = measure(
-        "share of the battery's charge in the last state; empty when unknown", late=True
-    )
+    ended_charge: float = measure(f"share of the battery's charge {IN_LAST}", late=True)
     docked_seconds: float = measure(
         "how long the robot had to rest on its charging contacts to be docked; empty where one"
         " state in the station was enough",
@@ -210,9 +205,7 @@ class SessionRecord:
     definition_version: str = word(levels.VERSIONED["definition"], late=True)
 
     @property
-    def counts(
-        self,
-    ) -> Annotated[bool, described("1 when it counts in the results on participants", late=True)]:
+    def counts(self) -> Counts:
         return not self.counts_why
 
     @property
@@ -294,13 +287,8 @@ class AnswerRecord:
 
 
 # The tables of a dataset, by the names of their files.
-TABLES: Mapping[str, type] = {
-    "participants": ParticipantRecord,
-    "sessions": SessionRecord,
-    "events": EventRecord,
-    "pages": PageRecord,
-    "answers": AnswerRecord,
-}
+TABLES: dict[str, type] = {"participants": ParticipantRecord, "sessions": SessionRecord}
+TABLES |= {"events": EventRecord, "pages": PageRecord, "answers": AnswerRecord}
 
 
 @dataclass(frozen=True)
@@ -319,31 +307,22 @@ class ResponseRecord:
 
     def answers(self) -> Iterator[AnswerRecord]:
         """Yield its items as rows; without items, one row."""
-        about = AnswerRecord(
-            self.id, self.questionnaire, self.version, self.participant, self.session, self.finished
-        )
+        of_study = self.id, self.questionnaire, self.version
+        about = (*of_study, self.participant, self.session, self.finished)
         for item in dict.fromkeys((*self.values, *self.missing)) or [""]:
-            value = self.values.get(item)
-            yield replace(
-                about,
-                item=item,
-                value="" if value is None else json.dumps(value, ensure_ascii=False),
-                missing=self.missing.get(item, ""),
-                seconds=self.seconds.get(item, math.nan),
-            )
+            given = self.values.get(item)
+            value = "" if given is None else json.dumps(given, ensure_ascii=False)
+            why, seconds = self.missing.get(item, ""), self.seconds.get(item, math.nan)
+            yield AnswerRecord(*about, item, value, why, seconds)
 
     @classmethod
     def of(cls, answers: Sequence[AnswerRecord]) -> "ResponseRecord":
         """Return the response whose rows these are; a value that is not JSON is a ValueError."""
         first, items = answers[0], [one for one in answers if one.item]
+        values = {one.item: json.loads(one.value) for one in items if one.value}
         return cls(
-            first.response,
-            first.questionnaire,
-            first.participant,
-            {one.item: json.loads(one.value) for one in items if one.value},
-            first.version,
-            first.session,
-            first.finished,
+            *(first.response, first.questionnaire, first.participant, values),
+            *(first.version, first.session, first.finished),
             {one.item: one.missing for one in items if one.missing},
             {one.item: one.seconds for one in items if one.seconds == one.seconds},
         )
@@ -411,32 +390,23 @@ class Dataset:
 
     def robot(self, name: str) -> RobotRecord:
         """Return a robot; one that the dataset does not describe is called by its name."""
-        return next(
-            (one for one in self.robots if one.name == name),
-            RobotRecord(name=name, title=name, series=name),
-        )
+        known = {one.name: one for one in self.robots}
+        return known.get(name) or RobotRecord(name=name, title=name, series=name)
 
     def course(self, session: SessionRecord) -> Course | None:
         """Return what was to be driven in a session."""
-        series = self.robot(session.robot).series
-        return next(
-            (one for one in self.study.courses if (one.robot, one.site) == (series, session.site)),
-            None,
-        )
+        place = (self.robot(session.robot).series, session.site)
+        return next((one for one in self.study.courses if (one.robot, one.site) == place), None)
 
     def questionnaire(self, name: str) -> Definition | None:
         """Return the newest version of a questionnaire."""
-        return max(
-            (one for one in self.questionnaires if one.slug == name),
-            key=lambda one: one.version,
-            default=None,
-        )
+        versions = (one for one in self.questionnaires if one.slug == name)
+        return max(versions, key=lambda one: one.version, default=None)
 
     @property
     def included(self) -> tuple[ParticipantRecord, ...]:
         """The participants who neither withdrew nor are excluded by a rule of the plan."""
         excluded = {one.participant for one in self.exclusions if not one.session}
         excluded = set() if self.is_with_excluded else excluded
-        return tuple(
-            one for one in self.participants if not one.withdrawn and one.id not in excluded
-        )
+        people = (one for one in self.participants if not one.withdrawn)
+        return tuple(one for one in people if one.id not in excluded)

@@ -45,9 +45,9 @@ SERIES = {
 }
 TOO_OLD = ("stale", "frame_stale")  # reasons of robots/agent/safety/freshness.py
 _MODE = {name: number for number, name in enumerate(MODES)}
-
-
+_MODES = {str(number): name for number, name in enumerate(MODES)}
 Known = float | None  # None for what robot or page do not know
+HALF_TURN = {"least": -math.pi, "greatest": math.pi}
 
 
 class StoredPart(msgspec.Struct, gc=False, rename="camel"):
@@ -58,10 +58,7 @@ class StoredPose(StoredPart):
     x: Annotated[float, described("position on the map", "m")]
     y: Annotated[float, described("position on the map", "m")]
     theta: Annotated[
-        float,
-        described(
-            "heading on the map, counter-clockwise from x", "rad", least=-math.pi, greatest=math.pi
-        ),
+        float, described("heading on the map, counter-clockwise from x", "rad", **HALF_TURN)
     ]
     localized: Annotated[bool, described("1 when the robot trusts its position")] = True
     score: Annotated[float, amount("localization confidence", greatest=1.0)] = 1.0
@@ -140,15 +137,8 @@ class StoredSample(StoredPart):
     way: str | None = None
 
 
-# --- computed columns -----------------------------------------------------------------------------
-
 OF_COMMANDS = (
-    Column(
-        "mode",
-        "",
-        "what moves the robot, by number",
-        levels={str(number): name for name, number in _MODE.items()},
-    ),
+    Column("mode", "", "what moves the robot, by number", levels=_MODES),
     amount_of("commands", "", "commands applied since the previous state"),
     amount_of("refused", "", "commands refused since the previous state"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
@@ -191,32 +181,27 @@ class StateBatch:
         self._states = states
         self._commands = [command for state in states for command in state.applied]
         counts = [len(state.applied) for state in states]
-        self._counts = np.array(counts, dtype=np.float64)
-        self._owner = np.repeat(np.arange(len(states)), counts)
+        self._counts, self._owner = _floats(counts), np.repeat(np.arange(len(states)), counts)
 
     def columns(self) -> dict[str, npt.ArrayLike]:
         """Return OF_COMMANDS by name."""
         ages = read(self._commands, "age")
         methods = [command.method for command in self._commands]
         ways = [command.way for command in self._commands]
+        refusals = [state.refused for state in self._states]
         return {
             "mode": [_MODE.get(state.mode, NAN) for state in self._states],
             "commands": self._counts,
-            "refused": [sum(state.refused.values()) for state in self._states],
+            "refused": [sum(refused.values()) for refused in refusals],
             "age_sum": self.sum(ages),
             "age_max": self.greatest(ages),
             "answer_age": self.mean_of_known(read(self._commands, "frame_age")),
             **{f"by_{method}": self.count(methods, method) for method in METHODS},
             **{f"on_{one}": self.count(ways, one) for one in WAYS},
-            "too_old": [
-                sum(state.refused.get(reason, 0) for reason in TOO_OLD) for state in self._states
-            ],
+            "too_old": [sum(refused.get(reason, 0) for reason in TOO_OLD) for refused in refusals],
             "slowed": self.sum([_is_slowed(command) for command in self._commands]),
-            **{
-                f"{series}_{part}": self.mean_velocity(series, part)
-                for series in SERIES
-                for part in ("linear", "angular")
-            },
+            **{f"{one}_linear": self.mean_velocity(one, "linear") for one in SERIES},
+            **{f"{one}_angular": self.mean_velocity(one, "angular") for one in SERIES},
         }
 
     def sum(self, values: npt.ArrayLike) -> Floats:

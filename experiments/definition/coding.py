@@ -1,6 +1,4 @@
-"""What coders note on the replays of a study: point events and state events, which have a beginning
-and an end, in s since the grant.
-"""
+"""What coders note on replays: point events, and state events with an end, in s since the grant."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal

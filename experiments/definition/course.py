@@ -144,11 +144,7 @@ prepare(CourseTrack)
 
 
 def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> CourseTrack:
-    """Return the course of a condition on a plan.
-
-    Raises:
-        CourseError: study, condition and plan do not fit together.
-    """
+    """Return the course of a condition on a plan. CourseError: they do not fit together."""
     course, task = study.course_of(condition), study.task
     dock = dock_of(course, plan) if course is not None else None
     if course is None or task is None or dock is None:
@@ -162,15 +158,10 @@ def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> Co
     doorways = tuple(
         Doorway(door.name, door.start, door.end, door.name in required) for door in plan.doors
     )
-    return CourseTrack(
-        dock=Pose2D(dock.x, dock.y, dock.theta),
-        stops=stops,
-        doorways=doorways,
-        photo=_photo(course, stops, plan),
-        limit=task.minutes * 60.0,
-        last=task.last_minutes * 60.0,
-        docked=replace(DOCKED, seconds=task.docked_seconds),
-    )
+    pose, photo = Pose2D(dock.x, dock.y, dock.theta), _photo(course, stops, plan)
+    limit, last = task.minutes * 60.0, task.last_minutes * 60.0
+    docked = replace(DOCKED, seconds=task.docked_seconds)
+    return CourseTrack(pose, stops, doorways, photo, limit, last, docked)
 
 
 def _photo(course: Course, stops: tuple[CourseStop, ...], plan: FloorPlan) -> PhotoSpot | None:
@@ -180,8 +171,6 @@ def _photo(course: Course, stops: tuple[CourseStop, ...], plan: FloorPlan) -> Ph
     mirror = next((mirror for mirror in plan.mirrors if mirror.name == photo.mirror), None)
     stop = next((stop for stop in stops if stop.number == photo.checkpoint), None)
     if mirror is None or stop is None:
-        raise CourseError(
-            f"no mirror {photo.mirror} or no checkpoint {photo.checkpoint} on the plan"
-            f" {plan.map_id}"
-        )
+        missing = f"no mirror {photo.mirror} or no checkpoint {photo.checkpoint}"
+        raise CourseError(f"{missing} on the plan {plan.map_id}")
     return PhotoSpot(stop, photo.radius, photo.view, mirror.start, mirror.end)

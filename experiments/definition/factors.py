@@ -5,7 +5,7 @@ the problems of a design. A condition is a cell: it has one level of each factor
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 from typing import Any, get_args
 
 from msgspec.structs import replace
@@ -19,17 +19,11 @@ LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24
 MOST_ORDERED = 9  # conditions of one participant, in balanced or fixed order
 MOST_CELLS = 24  # conditions of a study
-# The path of a setting in a condition, where it is not a field of the condition.
-_INSIDE: Mapping[str, tuple[str, ...]] = {
-    **{
-        f"{direction}_{name}": ("network", direction, name)
-        for direction in ("video", "control")
-        for name in ("delay", "jitter", "loss")
-    },
-    "linear": ("speed", "linear"),
-    "angular": ("speed", "angular"),
-}
-SETTINGS = {name: _INSIDE.get(name, (name,)) for name in get_args(Setting)}
+# The path of each setting in a condition.
+SETTINGS: dict[str, tuple[str, ...]] = {name: (name,) for name in get_args(Setting)}
+SETTINGS |= {name: ("speed", name) for name in ("linear", "angular")}
+for _direction, _name in product(("video", "control"), ("delay", "jitter", "loss")):
+    SETTINGS[f"{_direction}_{_name}"] = ("network", _direction, _name)
 SETTING_NAMES: Mapping[str, str] = {
     "video_delay": _("delay of the video"),
     "video_jitter": _("jitter of the video"),
@@ -59,12 +53,9 @@ def setting_of(condition: Condition, name: str) -> Any:
 
 def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor, Level]]:
     """Return the levels of a condition, in the order of the factors, without unknown ones."""
-    return [
-        (factor, level)
-        for factor in study.factors
-        for level in factor.levels
-        if level.key == condition.levels.get(factor.key)
-    ]
+    own = condition.levels
+    known = ((factor, level) for factor in study.factors for level in factor.levels)
+    return [(factor, level) for factor, level in known if level.key == own.get(factor.key)]
 
 
 def with_levels(condition: Condition, cell: Iterable[tuple[Factor, Level]]) -> Condition:
@@ -85,9 +76,7 @@ def _with(part: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], ...]:
-    """Return the conditions with an access, in groups: of one group a participant has one condition
-    (between participants) or all (within participants, or in a mixed design).
-    """
+    """Group conditions of an access; a participant has one (between) or all (within) of one."""
     found: dict[tuple[str, ...], list[Condition]] = {}
     for condition in study.conditions:
         if condition.access == access:
@@ -96,17 +85,11 @@ def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], 
 
 
 def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
-    """Return the keys of the conditions that one participant does, for each kind of participant:
-    one condition between participants, several within them.
-    """
-    found = [
-        tuple(one.key for one in group)
-        for access in ("open", "invitation")
-        for group in groups(study, access)
-    ]
+    """Return the keys of the conditions that one participant does, for each kind of participant."""
+    parts = [*groups(study, "open"), *groups(study, "invitation")]
     if study.allocation.design == "within":
-        return found
-    return [(key,) for group in found for key in group]
+        return [tuple(one.key for one in group) for group in parts]
+    return [(one.key,) for group in parts for one in group]
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
@@ -121,12 +104,10 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
         words = _("The factors have %(n)d cells; at most %(most)d are allowed.")
         yield Problem(words, {"n": count, "most": MOST_CELLS}, place=ProblemPlace("design"))
     else:
-        wrong = [
-            problem
-            for n, one in enumerate(study.conditions)
-            for problem in of_condition(n, one, _of_levels(study, one))
-        ]
-        yield from wrong or _of_cells(study)
+        wrong = (
+            of_condition(n, one, _of_levels(study, one)) for n, one in enumerate(study.conditions)
+        )
+        yield from list(chain.from_iterable(wrong)) or _of_cells(study)
     yield from within(_of_design(study), ProblemPlace("design"))
 
 
@@ -212,11 +193,10 @@ def _of_design(study: StudyDefinition) -> Iterator[Problem]:
     if not is_within:
         return
     most = MOST_PERMUTED if study.allocation.order == "all" else MOST_ORDERED
-    for access in ("open", "invitation"):
-        for group in groups(study, access):
-            if len(group) > most:
-                words = _("%(n)d conditions for each participant; at most %(most)d can be ordered.")
-                yield Problem(words, {"n": len(group), "most": most})
+    for keys in conditions_together(study):
+        if len(keys) > most:
+            words = _("%(n)d conditions for each participant; at most %(most)d can be ordered.")
+            yield Problem(words, {"n": len(keys), "most": most})
     # A participant does every level of a within factor: those conditions need the same access.
     cells = Counter(_between_cell(study, one) for one in study.conditions)
     accesses = {(_between_cell(study, one), one.access) for one in study.conditions}

@@ -77,12 +77,10 @@ class Known:
 def obstacles(study: StudyDefinition, known: Known) -> Iterator[Problem]:
     """Yield why a study without problems of its own is impossible here."""
     for n, step in enumerate(study.steps):
-        if (
-            isinstance(step, AskingStep)
-            and (step.questionnaire, step.version) not in known.questionnaires
-        ):
+        asked = (step.questionnaire, step.version) if isinstance(step, AskingStep) else None
+        if asked and asked not in known.questionnaires:
             words = _("there is no usable questionnaire %(name)s, version %(n)d.")
-            wrong = Problem(words, {"name": step.questionnaire, "n": step.version})
+            wrong = Problem(words, {"name": asked[0], "n": asked[1]})
             yield from within([wrong], ProblemPlace("steps", n), _("Step"), step.key)
     for n, course in enumerate(study.courses):
         yield from of_course(n, course, _of_course(course, known))
@@ -226,15 +224,14 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
         "%(robot)s accepts no command based on video older than %(age)g ms, and %(room)g ms of "
         "that are reserved for the camera and the page."
     )
-    too_late = False
-    for words, late, age, room in (
+    limits = (
         (commands, there, robot.command_age, ROOM_FOR_COMMANDS),
         (frames, round_trip, robot.frame_age, ROOM_FOR_PICTURES),
-    ):
-        if late > age - room + ROUNDING:
-            too_late = True
-            times = {"late": 1000.0 * late, "age": 1000.0 * age, "room": 1000.0 * room}
-            yield Problem(words, {"robot": condition.robot, **times})
+    )
+    too_late = [one for one in limits if one[1] > one[2] - one[3] + ROUNDING]
+    for words, late, age, room in too_late:
+        times = {"late": 1000.0 * late, "age": 1000.0 * age, "room": 1000.0 * room}
+        yield Problem(words, {"robot": condition.robot, **times})
     if not too_late:
         yield from _of_slowing(condition, robot)
 
@@ -287,9 +284,6 @@ def _of_route(condition: Condition, course: Course, plan: FloorPlan) -> Iterator
 @lru_cache(maxsize=16)
 def _floor(plan: FloorPlan, closed: tuple[str, ...]) -> Floor:
     """Return the floor of the site's inspection, where a closed door is a wall."""
-    leaves = [
-        Wall(start=door.start, end=door.end, thickness=door.thickness)
-        for door in plan.doors
-        if door.name in closed
-    ]
+    doors = (door for door in plan.doors if door.name in closed)
+    leaves = [Wall(start=one.start, end=one.end, thickness=one.thickness) for one in doors]
     return Floor.of(rasterise(replace(plan, walls=(*plan.walls, *leaves))))

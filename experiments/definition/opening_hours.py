@@ -40,11 +40,8 @@ def _of_span(span: Any) -> Iterator[Problem]:
         yield Problem(_("it needs exactly days, start and end."))
         return
     days = span["days"]
-    if (
-        not isinstance(days, list)
-        or not days
-        or any(type(day) is not int or not 0 <= day < _WEEK for day in days)
-    ):
+    are_days = isinstance(days, list) and all(type(one) is int and 0 <= one < _WEEK for one in days)
+    if not days or not are_days:
         yield Problem(_("its days must be one or more numbers from 0 (Monday) to 6."))
     for name in ("start", "end"):
         if not isinstance(span[name], str) or not _CLOCK.match(span[name]):
@@ -63,11 +60,9 @@ def opens_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.d
     return later.astimezone(ZoneInfo(time_zone))
 
 
-def opens_on_the_wall(
-    hours: Hours, time_zone: str, now: datetime.datetime
-) -> datetime.datetime | None:
+def opens_on_the_wall(hours: Hours, zone: str, now: datetime.datetime) -> datetime.datetime | None:
     """Return `opens_at` as naive wall-clock time there, which templates do not convert."""
-    later = opens_at(hours, time_zone, now)
+    later = opens_at(hours, zone, now)
     return later.replace(tzinfo=None) if later is not None else None
 
 
@@ -78,9 +73,8 @@ def spans(
     zone = ZoneInfo(time_zone)
     today = now.astimezone(zone).date()
     days = [today + datetime.timedelta(days=shift) for shift in range(-1, days_ahead + 1)]
-    return [
-        _moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]
-    ]
+    each = ((day, span) for day in days for span in hours if day.weekday() in span["days"])
+    return [_moments(span, day, zone) for day, span in each]
 
 
 def _moments(

@@ -36,9 +36,7 @@ class Hypothesis(DocumentPart, frozen=True, kw_only=True):
 
 
 class HypothesisFamily(DocumentPart, frozen=True, kw_only=True):
-    """Hypotheses whose tests are corrected together by Holm's method; those of a hypothesis
-    without a family are corrected with its analysis.
-    """
+    """Hypotheses whose tests are corrected together (Holm); others are with their analysis."""
 
     key: Key
     hypotheses: tuple[Key, ...] = ()
@@ -53,9 +51,7 @@ class AttentionCheck(DocumentPart, frozen=True, kw_only=True):
 
 
 class Speeder(DocumentPart, frozen=True, kw_only=True):
-    """Participants who answer a questionnaire in less than `seconds`, or than this share of the
-    median of all respondents, are excluded.
-    """
+    """Excludes participants faster than `seconds`, or than this share of the median."""
 
     questionnaire: Slug
     seconds: Positive | None = None
@@ -121,13 +117,7 @@ def deciding_hypotheses(
     contrast: int | None = None,
     effect: str = "",
 ) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses that one test of a measure decides. `contrast` is its number from 1;
-    None for a test of all conditions at once. `effect` is that of a model.
-    """
-    return tuple(
-        one
-        for one in hypotheses_of(plan, analysis)
-        if measure in measures_of(one, analysis)
-        and one.contrast in {None, contrast}
-        and one.effect in {"", effect}
-    )
+    """Return the hypotheses that a test decides; a test of all conditions has no `contrast`."""
+    contrasts, effects = {None, contrast}, {"", effect}
+    known = [one for one in hypotheses_of(plan, analysis) if measure in measures_of(one, analysis)]
+    return tuple(one for one in known if one.contrast in contrasts and one.effect in effects)

@@ -21,10 +21,9 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     plan = study.plan
     if plan is None:
         return
-    own = [text for text in astuple(plan) if isinstance(text, str)]
-    texts = (one.text for one in plan.hypotheses)
-    answers = (one.answer for one in plan.attention_checks)
-    for text in (*own, *texts, *answers):
+    parts = [*astuple(plan), *(one.text for one in plan.hypotheses)]
+    parts += [one.answer for one in plan.attention_checks]
+    for text in (one for one in parts if isinstance(one, str)):
         if "\x00" in text:
             yield Problem(_("a text contains a null character; remove it."))
         if len(text) > MAX_TEXT:

@@ -27,11 +27,7 @@ TAKEN_NAMES = frozenset({"link", "invitation", "media"})
 
 
 def parse(document: bytes) -> StudyDefinition:
-    """Return the study that a JSON document holds.
-
-    Raises:
-        BadDefinitionError: with every problem; of JSON and types only with the first.
-    """
+    """Return the study in a JSON document. BadDefinitionError: its problems; of types the first."""
     kind = _("kind of step")
     return checked(
         document, StudyDefinition, problems, limit=MAX_BYTES, kinds=KINDS, kind_name=kind
@@ -51,9 +47,8 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     yield from _of_assignment_and_analysis(study)
     if study.wizard is not None:
         keys = [condition.key for condition in study.conditions]
-        yield from wizards.problems(
-            study.wizard, keys, study.languages, is_debriefed=study.tells_of_operator
-        )
+        is_debriefed = study.tells_of_operator
+        yield from wizards.problems(study.wizard, keys, study.languages, is_debriefed=is_debriefed)
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
     place, asked = ProblemPlace("recruitment"), {step.questionnaire for step in study.asking}
     if study.recruiting is not None:
@@ -63,7 +58,6 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:
-    """Yield problems as those of the course with a number."""
     name = (_("Course of"), course.robot, _("at"), course.site)
     return within(found, ProblemPlace("courses", n), *name)
 
@@ -192,9 +186,7 @@ def _of_network(impairment: Impairment | None, least_rate: float) -> Iterator[Pr
 
 
 def length_of(course: Course) -> float:
-    """Return the least length of a course in metres: straight from checkpoint to checkpoint and
-    back to the station.
-    """
+    """Return the least length of a course in metres: straight between checkpoints, and back."""
     points = [(checkpoint.x, checkpoint.y) for checkpoint in course.checkpoints]
     return sum(map(math.dist, points, points[1:] + points[:1]))
 

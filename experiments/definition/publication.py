@@ -81,14 +81,8 @@ def from_stored(stored: Any) -> PublicationDetails:
 
 def json_ld(details: PublicationDetails) -> dict[str, Any]:
     """Return the details as members of a schema.org Dataset, without empty ones."""
-    works = [
-        _named("CreativeWork", name) | {key: text}
-        for name, key, text in (
-            (PREREGISTRATION, "url", details.preregistration),
-            (ETHICS, "text", details.ethics),
-        )
-        if text
-    ]
+    texts = ((PREREGISTRATION, "url", details.preregistration), (ETHICS, "text", details.ethics))
+    works = [_named("CreativeWork", name) | {key: text} for name, key, text in texts if text]
     found = {
         "author": [_person(one) for one in details.authors],
         "license": f"{SPDX}{details.license}" if details.license else "",

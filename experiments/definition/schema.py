@@ -8,6 +8,7 @@ docs/reference/studies.md explains every field.
 """
 
 from hashlib import sha256
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import msgspec
@@ -63,9 +64,7 @@ Outcome = Literal[
 
 
 class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
-    """A point of the course, passed within `radius` metres in the same room. Number 0 is the
-    charging station.
-    """
+    """A point, passed within `radius` metres in the same room. Number 0 is the charging station."""
 
     number: Annotated[int, Meta(ge=0, le=99)]
     x: Metres
@@ -94,9 +93,7 @@ class Zone(DocumentPart, frozen=True, kw_only=True):
 
 
 class Course(DocumentPart, frozen=True, kw_only=True):
-    """The course of one series of robots at one site. `doors` must be crossed, each only where the
-    condition leaves it open.
-    """
+    """The course of a series of robots at a site. `doors` must be crossed where they are open."""
 
     robot: PlanKey
     site: PlanKey
@@ -186,9 +183,7 @@ class Allocation(DocumentPart, frozen=True, kw_only=True):
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
-    """Exposed participants with one of these outcomes are replaced, at most `most` times per cell;
-    the flow chart keeps them.
-    """
+    """Exposed participants with one of these outcomes are replaced, `most` per cell at most."""
 
     outcomes: tuple[Outcome, ...] = ()
     most: Annotated[int, Meta(ge=0, le=10_000)] = 0
@@ -289,14 +284,10 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def reveals_condition(self) -> bool:
-        """Whether participants learn something of their condition before any video: from
-        instructions, or from the drive page when they get the robot.
-        """
+        """Whether instructions or the drive page show something of it before any video."""
         places = {(one.access, one.robot, one.site) for one in self.conditions}
-        looks = {
-            (one.access, one.robot, one.site, one.interface, one.controllers, one.actions)
-            for one in self.conditions
-        }
+        parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
+        looks = set(map(parts, self.conditions))
         return self.tells_condition or len(looks) > len(places)
 
     @property
@@ -344,15 +335,12 @@ def as_stored(value: Any) -> Any:
         return value
     config = value.__struct_config__
     tag = {config.tag_field: config.tag} if config.tag_field else {}
-    return tag | {
-        field.encode_name: as_stored(getattr(value, field.name)) for field in fields_of(type(value))
-    }
+    fields = fields_of(type(value))
+    return tag | {one.encode_name: as_stored(getattr(value, one.name)) for one in fields}
 
 
 def to_json(study: StudyDefinition) -> bytes:
-    """Return a study as the JSON of export and import: with every value, indented, in the order of
-    the classes.
-    """
+    """Return a study as indented JSON with every value, in the order of the classes."""
     return msgspec.json.format(msgspec.json.encode(as_stored(study)), indent=2) + b"\n"
 
 

@@ -36,11 +36,8 @@ def predicted(network: Network, command_age: float, frame_age: float) -> SafetyP
         (there + REAL_COMMANDS, there + back + REAL_PICTURES)
         for there, back in product(_delays(network.control), _delays(network.video))
     ]
-    shares = [
-        min(fading(command, command_age), fading(frame, frame_age))
-        for command, frame in ages
-        if command < command_age and frame < frame_age
-    ]
+    accepted = [one for one in ages if one[0] < command_age and one[1] < frame_age]
+    shares = [min(fading(late, command_age), fading(old, frame_age)) for late, old in accepted]
     share = sum(shares) / len(shares) if shares else 0.0
     return SafetyPrediction(share, (len(ages) - len(shares)) / len(ages))
 
@@ -58,7 +55,5 @@ def latest(impairment: Impairment | None) -> float:
 def _delays(impairment: Impairment | None) -> list[float]:
     if impairment is None or not impairment.jitter:
         return [latest(impairment)]
-    return [
-        max(0.0, impairment.delay + impairment.jitter * (2.0 * step / (STEPS - 1) - 1.0))
-        for step in range(STEPS)
-    ]
+    spread = (2.0 * step / (STEPS - 1) - 1.0 for step in range(STEPS))
+    return [max(0.0, impairment.delay + impairment.jitter * share) for share in spread]

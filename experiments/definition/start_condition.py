@@ -1,6 +1,4 @@
-"""Whether a robot meets the start condition of a study: docked in the course's station, localized,
-charged. Pure.
-"""
+"""Whether a robot meets a study's start condition: docked in its station, localized, charged."""
 
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -65,13 +65,9 @@ def _attributes(record: Record) -> dict[str, Any]:
     these are part of the description.
     """
     details = record.details
-    labelled = {
-        "Licence": details.license,
-        "Funder": details.funder,
-        "Preregistration": details.preregistration,
-        "DOI": details.doi,
-        "Ethics approval": details.ethics,
-    }
+    labelled = {"Licence": details.license, "Funder": details.funder}
+    labelled |= {"Preregistration": details.preregistration, "DOI": details.doi}
+    labelled["Ethics approval"] = details.ethics
     lines = [record.description, "; ".join(one.name for one in details.authors)]
     lines += [f"{label}: {text}" for label, text in labelled.items() if text]
     description = "\n".join(filter(None, lines))

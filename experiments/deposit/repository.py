@@ -185,7 +185,6 @@ def megabytes(size: int) -> str:
 
 
 def _text_of(error: HTTPError) -> str:
-    """Return the message of a refusal, and the problem of each field."""
     try:
         found = json.loads(error.read())
     except (ValueError, OSError):

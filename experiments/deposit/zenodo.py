@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from msgspec.structs import asdict
+
 from experiments.deposit import repository as base
 from experiments.deposit.repository import DepositDraft, DepositError, Record, StoredFile, Tell
 
@@ -67,23 +69,21 @@ def metadata(record: Record) -> dict[str, Any]:
     """
     details = record.details
     labelled = {"Funder": details.funder, "Ethics approval": details.ethics}
-    return _filled(
-        title=record.title,
-        upload_type="dataset",
-        description=f"<p>{escape(record.description)}</p>",
-        creators=[
-            _filled(name=one.name, orcid=one.orcid, affiliation=one.affiliation)
-            for one in details.authors
-        ],
-        access_right="open",
-        license=details.license.lower(),
-        keywords=list(details.keywords),
-        notes="; ".join(f"{label}: {text}" for label, text in labelled.items() if text),
-        related_identifiers=list(_related(record)),
-    )
+    fields = {
+        "title": record.title,
+        "upload_type": "dataset",
+        "description": f"<p>{escape(record.description)}</p>",
+        "creators": [_filled(asdict(one)) for one in details.authors],
+        "access_right": "open",
+        "license": details.license.lower(),
+        "keywords": list(details.keywords),
+        "notes": "; ".join(f"{label}: {text}" for label, text in labelled.items() if text),
+        "related_identifiers": list(_related(record)),
+    }
+    return _filled(fields)
 
 
-def _filled(**fields: Any) -> dict[str, Any]:
+def _filled(fields: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in fields.items() if value}
 
 

@@ -31,16 +31,12 @@ def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
     from lists in questions about the person, by column.
     """
     steps = [step for step in dataset.study.asking if step.is_about_person]
-    asked = {
-        (step.questionnaire, step.version): [
-            question.key
-            for one in dataset.questionnaires
-            if (one.slug, one.version) == (step.questionnaire, step.version)
-            for question in one.questions()
-            if question.labelled_values
-        ]
-        for step in steps
+    choices = {
+        (one.slug, one.version): [q.key for q in one.questions() if q.labelled_values]
+        for one in dataset.questionnaires
     }
+    about = [(step.questionnaire, step.version) for step in steps]
+    asked = {name: choices.get(name, []) for name in about}
     names = [f"{slug}.{key}" for (slug, _version), keys in asked.items() for key in keys]
     found = {
         one.id: {"age_band": one.age_band, **dict.fromkeys(names, "")}

@@ -25,7 +25,6 @@ class _Sink:
         """Do nothing: `taken` returns everything at once."""
 
     def taken(self) -> bytes:
-        """Return the bytes written since the last call."""
         found, self._parts = b"".join(self._parts), []
         return found
 

@@ -51,9 +51,8 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
         everybody = people_of(study, replace(choice, public=False)).count()
         text += anonymity(dataset, everybody - len(dataset.participants))
     yield "README.md", [text]
-    more = {
-        name: layout for one in classes for name, layout in one.tables_of(dataset, drives).items()
-    }
+    tables = (one.tables_of(dataset, drives) for one in classes)
+    more = {name: layout for some in tables for name, layout in some.items()}
     source = ExportSource(dataset, drives, release_of(study, choice), more)
     formats = [one(source) for one in classes]
     for one in formats:

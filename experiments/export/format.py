@@ -1,6 +1,6 @@
 """The base class of export formats, one in each module of experiments/export/formats/."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,7 +9,7 @@ from django.utils.functional import Promise
 
 from experiments.access import Role
 from experiments.analysis.metrics.sessions import Measured
-from experiments.dataset.columns import Column
+from experiments.dataset.columns import Tables
 from experiments.dataset.files import as_csv, table_path
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.extraction.forms import Release
@@ -34,7 +34,7 @@ class ExportSource:
     dataset: Dataset
     drives: Sequence[Drive]
     release: Release
-    more: Mapping[str, tuple[Column, ...]]
+    more: Tables
     measured: dict[str, Measured] = field(default_factory=dict)
 
     def table(self, name: str, rows: Iterable[Sequence[Any]]) -> File:
@@ -52,7 +52,7 @@ class ExportFormat:
     least: ClassVar[Role] = "viewer"
     # The columns of its tables beside those of a dataset, for the code book; of a table of the
     # dataset, those that have more levels. `tables_of` adds those that depend on the study.
-    tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
+    tables: ClassVar[Tables] = {}
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
@@ -60,9 +60,7 @@ class ExportFormat:
         return not cls.label or name in choice.formats
 
     @classmethod
-    def tables_of(
-        cls, _dataset: Dataset, _drives: Sequence[Drive]
-    ) -> Mapping[str, tuple[Column, ...]]:
+    def tables_of(cls, _dataset: Dataset, _drives: Sequence[Drive]) -> Tables:
         """Return its tables' columns; Psych-DS refuses columns that are in no file."""
         return cls.tables
 
@@ -70,7 +68,6 @@ class ExportFormat:
         self.source = source
 
     def of_study(self) -> Iterator[File]:
-        """Yield the files of the whole study, which come first."""
         yield from ()
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:

@@ -168,8 +168,8 @@ MESSAGES: Mapping[type, Fields] = {
     # Notices that the session manager writes into the record.
     p.Offered: {"session": withheld, "seconds": number},
     p.TurnWarning: {"session": withheld, "remaining": number},
-    p.AskedThere: {"session": withheld, "seconds": number},
-    p.FoundThere: {"session": withheld},
+    p.PresenceAsked: {"session": withheld, "seconds": number},
+    p.PresenceConfirmed: {"session": withheld},
     p.OperatorMessage: {"session": withheld, "text": text},
     p.Ended: {
         "session": withheld,
@@ -290,15 +290,7 @@ TASK: Mapping[str, Fields] = {
 }
 # Markers of other streams (experiments/markers/): a laboratory sends any text.
 LAB: Mapping[str, Fields] = {"marker": {"stream": text, "value": text}}
-EVENTS: Mapping[str, Mapping[str, Fields]] = {
-    "robot": ROBOT,
-    "server": SERVER,
-    "page": PAGE,
-    "task": TASK,
-    "lab": LAB,
-}
-
-
+EVENTS = {"robot": ROBOT, "server": SERVER, "page": PAGE, "task": TASK, "lab": LAB}
 # A coded event of a replay; `coded` has the forms of the scheme's words.
 CODING_EDIT: Fields = {
     **dict.fromkeys(("id", "coding", "event", "version", "is_deleted", "at"), withheld),
@@ -309,15 +301,10 @@ CODING_EDIT: Fields = {
 
 
 def coded(scheme: CodingScheme) -> Fields:
-    modifiers = {
-        modifier.name: words(*modifier.values)
-        for code in scheme.codes
-        for modifier in code.modifiers
-    }
-    return CODING_EDIT | {
-        "code": words(*(code.code for code in scheme.codes)),
-        "modifiers": fields(modifiers),
-    }
+    every = (modifier for code in scheme.codes for modifier in code.modifiers)
+    modifiers = fields({modifier.name: words(*modifier.values) for modifier in every})
+    codes = words(*(code.code for code in scheme.codes))
+    return CODING_EDIT | {"code": codes, "modifiers": modifiers}
 
 
 def released(
@@ -337,9 +324,8 @@ def event_columns() -> tuple[Column, ...]:
         for kind, listed in kinds.items():
             found.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
     types = {kind: "; or ".join(parts) for kind, parts in sorted(found.items())}
-    return tuple(
-        replace(one, levels=types) if one.name == "type" else one for one in declared(EventRecord)
-    )
+    columns = declared(EventRecord)
+    return tuple(replace(one, levels=types) if one.name == "type" else one for one in columns)
 
 
 def end_reason(reason: str, release: Release) -> str:

@@ -88,9 +88,8 @@ def _stated(
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
     """Return every finished version of a study's questionnaires, by name and version."""
-    slugs = {step.questionnaire for step in study.as_definition().asking}
-    rows = QuestionnaireRow.objects.filter(
-        slug__in=sorted(slugs | {study.as_definition().analysis.statements})
-    )
+    definition = study.as_definition()
+    slugs = {step.questionnaire for step in definition.asking} | {definition.analysis.statements}
+    rows = QuestionnaireRow.objects.filter(slug__in=sorted(slugs))
     finished = [row.as_definition() for row in rows if not questionnaires.problems_of(row)]
     return tuple(sorted(finished, key=lambda one: f"{one.slug}-{one.version}.json"))

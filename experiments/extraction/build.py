@@ -41,8 +41,7 @@ def dataset_of(
     sessions = sessions_of(study, drives, release)
     # the last session of a round in which the participant had to start again
     places: dict[Round, str] = {
-        (drive.participant_id, drive.visit, drive.round): names.session(drive.session_id)
-        for drive in drives
+        (one.participant_id, one.visit, one.round): names.session(one.session_id) for one in drives
     }
     found = Dataset(
         study=definition,
@@ -71,19 +70,17 @@ def release_of(study: Study, choice: Selection) -> Release:
 
 
 def freeze_of(study: Study) -> FreezeRecord:
-    at, more = study.published_at, {}
+    at = study.published_at
+    about = {"sha256": study.sha256, "deviations": study.deviations}
     if at is not None:
-        people = Participant.objects.filter(
-            study__slug=study.slug, kind=ParticipantKind.PARTICIPANT, created_at__lt=at
-        )
-        more = {
+        people = Participant.objects.filter(study__slug=study.slug, created_at__lt=at)
+        people = people.filter(kind=ParticipantKind.PARTICIPANT)
+        about |= {
             "frozen_at": f"{at:%Y-%m-%d %H:%M} UTC",
             "before_data": not people.filter(study=study).exists(),
             "earlier": people.filter(study__version__lt=study.version).count(),
         }
-    return FreezeRecord(
-        sha256=study.sha256, deviations=study.deviations, software=software_version(), **more
-    )
+    return FreezeRecord(**about, software=software_version())
 
 
 def _states(drive: Drive) -> Columns:

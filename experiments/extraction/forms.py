@@ -155,11 +155,8 @@ def kept(
     listed: Mapping[str, Form], data: Mapping[str, Any], release: Release, origin: Origin
 ) -> dict[str, Any]:
     """Return the fields of an object that leave, in its own order."""
-    found = {
-        name: listed[name].leave(value, release, origin)
-        for name, value in data.items()
-        if name in listed
-    }
+    known = {name: value for name, value in data.items() if name in listed}
+    found = {name: listed[name].leave(value, release, origin) for name, value in known.items()}
     return {name: value for name, value in found.items() if value is not NOTHING}
 
 

@@ -94,12 +94,9 @@ def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
     for who, *outcomes in seen.values_list("participant_id", "outcome", "session__outcome"):
         exposed.add(who)
         ended.update([who] if any(outcomes) else [])
-    responses = StepResponse.objects.filter(
-        own,
-        response__questionnaire__slug=definition.analysis.statements,
-        response__finished_at__isnull=False,
-    )
-    answered = set(responses.values_list("participant_id", flat=True))
+    responses = StepResponse.objects.filter(own, response__finished_at__isnull=False)
+    asked = responses.filter(response__questionnaire__slug=definition.analysis.statements)
+    answered = set(asked.values_list("participant_id", flat=True))
 
     def stage(row: Row) -> str:
         if row.withdrawn_stage:
@@ -122,10 +119,8 @@ def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> 
     found = []
     for row in rows.order_by("participant__code", "began_at", "id"):
         place = (row.participant_id, row.visit, row.round)
-        ended = row.finished_at
+        ended, code = row.finished_at, row.participant.code
         taken = math.nan if ended is None else round((ended - row.began_at).total_seconds(), 6)
         session = sessions.get(place, "") if row.step in own else ""
-        found.append(
-            PageRecord(row.participant.code, row.step, session, taken, finished=ended is not None)
-        )
+        found.append(PageRecord(code, row.step, session, taken, finished=ended is not None))
     return found

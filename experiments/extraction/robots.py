@@ -26,10 +26,8 @@ def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecor
         series = sheet.get("series", row.name)  # of a robot that never connected, its own name
         site = row.floor_plan.name if row.floor_plan else ""
         if row.name in names or (series, site) in wanted:
-            record = RobotRecord(
-                name=row.name, title=row.title, series=series, facts=facts(sheet, study)
-            )
-            found.append(record)
+            about = {"name": row.name, "title": row.title, "series": series}
+            found.append(RobotRecord(**about, facts=facts(sheet, study)))
     return tuple(found)
 
 

@@ -2,8 +2,7 @@
 
 import datetime
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Sequence
 
 import msgspec
 from django.db.models import QuerySet
@@ -30,38 +29,34 @@ WHOLE = Selection()
 
 def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
     """Return the drives whose data are in a dataset: all but those of participants who withdrew."""
-    rows = Drive.objects.filter(participant__in=people_of(study, choice)).exclude(
-        participant__status=Participant.Status.WITHDRAWN
-    )
-    return rows.select_related(
-        "session", "session__robot", "participant", "participant__user"
-    ).order_by("participant__code", "number", "granted_at")
+    rows = Drive.objects.filter(participant__in=people_of(study, choice))
+    rows = rows.exclude(participant__status=Participant.Status.WITHDRAWN)
+    related = rows.select_related("session__robot", "participant__user")
+    return related.order_by("participant__code", "number", "granted_at")
 
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
     definition = study.as_definition()
-    acts = SessionEvent.objects.filter(
-        source=SessionEvent.Source.SERVER, type__startswith="operator", session__drive__isnull=False
-    )
+    rows = SessionEvent.objects.filter(source=SessionEvent.Source.SERVER)
+    acts = rows.filter(type__startswith="operator", session__drive__isnull=False)
     with_operator = set(acts.values_list("session_id", flat=True))
     faults = faults_of(drive.session for drive in drives)
-    found = []
-    for drive in drives:
-        record = _session(drive, definition, release, faults[drive.session_id])
-        is_touched = record.operator or drive.session_id in with_operator
-        found.append(replace(record, operator=is_touched))
-    return found
+    return [
+        _session(one, definition, release, faults[one.session_id], with_operator) for one in drives
+    ]
 
 
 def _session(
-    drive: Drive, definition: StudyDefinition, release: Release, fault: FaultAttribution
+    drive: Drive,
+    definition: StudyDefinition,
+    release: Release,
+    fault: FaultAttribution,
+    with_operator: Collection[object],
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     names, about = release.names, visit.device or {}
-    stopped = (
-        visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
-        and visit.outcome_reason != "robot_disabled"
-    )
+    by_operator = visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
+    stopped = by_operator and visit.outcome_reason != "robot_disabled"
     # what an operator wrote is free text, even if it is one word
     is_withheld = stopped and not release.choice.has_text
     return SessionRecord(
@@ -86,7 +81,7 @@ def _session(
         ended=_after(drive, end_of(visit)),
         **_ends(drive),
         **_docking(drive),
-        operator=stopped,
+        operator=stopped or drive.session_id in with_operator,
         missing=visit.summary.get("missing", 0),
         excluded=drive.excluded_reason,
         fault_side=fault.side,
@@ -132,10 +127,8 @@ def _docking(drive: Drive) -> dict[str, float]:
     rule = (drive.assigned.get("track") or {}).get("docked")
     if rule is None:
         return {}
-    return {
-        "docked_seconds": float(rule["seconds"]),
-        "dock_contacts": float(drive.result.get("dock_contacts", NAN)),
-    }
+    contacts = float(drive.result.get("dock_contacts", NAN))
+    return {"docked_seconds": float(rule["seconds"]), "dock_contacts": contacts}
 
 
 def granted(drive: Drive) -> float:

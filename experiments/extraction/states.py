@@ -63,9 +63,8 @@ def network_of(session: object, granted: float, clock_offset: float) -> Columns:
     """Return the network samples of a session as NETWORK; `clock_offset` is the page's clock minus
     the server's, in seconds.
     """
-    rows = NetworkSample.objects.filter(session=session).annotate(
-        stored=ExpressionWrapper(F("data"), output_field=SAMPLE)
-    )
+    stored = ExpressionWrapper(F("data"), output_field=SAMPLE)
+    rows = NetworkSample.objects.filter(session=session).annotate(stored=stored)
     found = list(rows.order_by("stamp", "id").values_list("stamp", "stored"))
     stamps = np.array([stamp for stamp, _ in found])
     return network_columns([sample for _, sample in found], stamps - clock_offset - granted)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from django.db.models import Q
 
@@ -23,21 +24,12 @@ class ForeignMarker:
 def record(slug: str, marker: ForeignMarker, now: float) -> int:
     """Store a marker with each session of a study in progress then, and return their number."""
     at = datetime.fromtimestamp(marker.at, UTC)
-    drives = Drive.objects.filter(
-        Q(session__ended_at=None) | Q(session__ended_at__gte=at),
-        participant__study__slug=slug,
-        granted_at__lte=at,
-    )
+    living = Q(session__ended_at=None) | Q(session__ended_at__gte=at)
+    drives = Drive.objects.filter(living, participant__study__slug=slug, granted_at__lte=at)
     data = {"stream": marker.stream, "value": marker.text[:MAX_TEXT].replace("\x00", "")}
+    fields: dict[str, Any] = {"source": SessionEvent.Source.LAB, "type": "marker", "data": data}
     rows = [
-        SessionEvent(
-            session_id=session,
-            source=SessionEvent.Source.LAB,
-            type="marker",
-            stamp=marker.at,
-            received_at=now,
-            data=data,
-        )
+        SessionEvent(session_id=session, stamp=marker.at, received_at=now, **fields)
         for session in drives.values_list("session", flat=True)
     ]
     SessionEvent.objects.bulk_create(rows)

@@ -92,18 +92,13 @@ class MarkerSource:
         ]
         origins = {source: origin_of(drive, source) for source in {one for one, *_ in events}}
         release = self._release(drive.participant.study)
+        session = release.names.session(drive.session_id)
         for source, key, event in events:
             origin = origins[source]
             data = released(source, event.type, event.data, release, origin)
             if data is not None:
-                marker = Marker(
-                    type=event.type,
-                    source=source,
-                    session=release.names.session(drive.session_id),
-                    participant=drive.participant.code,
-                    t=origin.relative(event.stamp),
-                    data=data,
-                )
+                t, code = origin.relative(event.stamp), drive.participant.code
+                marker = Marker(event.type, source, session, participant=code, t=t, data=data)
                 yield TimedMarker((source, key), event.stamp - origin.offset, marker)
 
     def _of_steps(self, begin: float) -> Iterator[TimedMarker]:
@@ -111,12 +106,9 @@ class MarkerSource:
         own = {"participant__study__slug": self._slug, "began_at__gte": _at(begin)}
         for row in StepVisit.objects.filter(**own).select_related("participant__study"):
             if row.step in {step.key for step in row.participant.study.as_definition().asking}:
-                marker = Marker(
-                    type="questionnaire_shown",
-                    source="study",
-                    participant=row.participant.code,
-                    data={"step": row.step, "visit": row.visit, "round": row.round},
-                )
+                data = {"step": row.step, "visit": row.visit, "round": row.round}
+                code = row.participant.code
+                marker = Marker("questionnaire_shown", "study", participant=code, data=data)
                 yield TimedMarker(("step", row.pk), row.began_at.timestamp(), marker)
 
     def _of_codings(self) -> Iterator[TimedMarker]:
@@ -133,15 +125,11 @@ class MarkerSource:
     def _of_coding(self, scheme: CodingSchemeVersion, coding: Coding) -> Iterator[TimedMarker]:
         release, listed = self._release(scheme.study), coded(store.read_scheme(scheme))
         begin = (coding.session.granted_at or coding.session.queued_at).timestamp()
+        session = release.names.session(coding.session_id)
         for number, event in enumerate(store.events_of(coding)):
             left = kept(listed, msgspec.structs.asdict(event), release, Origin(0.0))
-            marker = Marker(
-                type="coded",
-                source="coder",
-                session=release.names.session(coding.session_id),
-                t=event.begin,
-                data={"coder": f"C{coding.number}"} | left,
-            )
+            data = {"coder": f"C{coding.number}"} | left
+            marker = Marker("coded", "coder", session, t=event.begin, data=data)
             yield TimedMarker(("coded", coding.pk, number), begin + event.begin, marker)
 
 

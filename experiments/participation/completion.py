@@ -11,23 +11,12 @@ import hmac
 
 from accounts.passwordless import CODE_LETTERS
 from experiments.definition.recruitment.recruiting import ENDINGS, Ending
-from experiments.models import (
-    CODE_LENGTH,
-    DONE,
-    LEFT,
-    SCREENED_OUT,
-    TIMED_OUT,
-    Drive,
-    Participant,
-    Study,
-)
+from experiments.models import CODE_LENGTH, Drive, Participant, Study
 from experiments.recruitment import appointments, sites
 from sessions.leases.absences import faults_of
 from sessions.models import Session
 
-TECHNICAL = frozenset(
-    {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
-)
+TECHNICAL = {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
 TECHNICAL_SIDES = frozenset({"network", "platform", "robot", "operator"})
 MIN_MOTION_M = 0.1  # below, the odometer of a robot at rest is noise
 
@@ -37,8 +26,8 @@ def code(study: Study, ending: Ending) -> str:
     without recruitment settings has one code for all who drove.
     """
     recruiting = study.as_definition().recruiting
-    if recruiting is None and ending == TIMED_OUT:
-        ending = DONE
+    if recruiting is None and ending == "timed_out":
+        ending = "done"
     own: str = getattr(recruiting.codes, ending) if recruiting is not None else ""
     key = (study.code_key or study.secret).encode()
     digest = hmac.new(key, f"completion {ending}".encode(), hashlib.sha256).digest()
@@ -47,7 +36,7 @@ def code(study: Study, ending: Ending) -> str:
 
 def codes(study: Study) -> dict[Ending, str]:
     gives_all = study.as_definition().turned_away_code
-    return {one: code(study, one) for one in ENDINGS if gives_all or one != SCREENED_OUT}
+    return {one: code(study, one) for one in ENDINGS if gives_all or one != "screened_out"}
 
 
 def ending_of(participant: Participant) -> Ending:
@@ -74,12 +63,9 @@ def has_moved(session: Session) -> bool:
 def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
     sessions = [drive.session for drive in drives]
     if participant.user_id is not None:
-        sessions += Session.objects.filter(
-            visitor=participant.user_id,
-            granted_at=None,
-            queued_at__gte=participant.created_at,
-            ended_at__isnull=False,
-        )
+        since = participant.created_at
+        own = Session.objects.filter(visitor=participant.user_id, queued_at__gte=since)
+        sessions += own.filter(granted_at=None, ended_at__isnull=False)
     # without a session no robot was available
     sides = {fault.side for fault in faults_of(sessions).values()} or {"platform"}
     if sides & TECHNICAL_SIDES:
@@ -89,7 +75,7 @@ def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
     """Store that a participant has finished. A later visit can only improve the ending."""
-    ending = "done" if participant.completion == DONE else ending_of(participant)
+    ending = "done" if participant.completion == "done" else ending_of(participant)
     close(participant, Participant.Status.FINISHED, ending, now)
     appointments.plan_second_session(participant, now)
 
@@ -114,4 +100,4 @@ def on_leaving(participant: Participant) -> tuple[Ending, str]:
     """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid."""
     if participant.completion:
         return participant.completion, participant.completion_code
-    return LEFT, code(participant.study, LEFT)
+    return "left", code(participant.study, "left")

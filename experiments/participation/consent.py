@@ -42,13 +42,12 @@ class ConsentForm(forms.Form):
         if step.minors == "refused":
             hint = _("You must be at least %(age)d to take part.") % {"age": step.minimum_age}
             self.fields["age"].help_text = hint
-        unused = {
-            "age": not step.minimum_age,
-            "guardian": not is_minor or step.minors == "refused",
-            "sharing": not self.fields["sharing"].label,
-        }
-        for name in (name for name, is_unused in unused.items() if is_unused):
-            del self.fields[name]
+        if not step.minimum_age:
+            del self.fields["age"]
+        if not is_minor or step.minors == "refused":
+            del self.fields["guardian"]
+        if not self.fields["sharing"].label:
+            del self.fields["sharing"]
 
     def _age(self) -> int:
         """Return the entered age; without a valid one, an age at which no rule applies."""

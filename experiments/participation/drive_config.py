@@ -35,20 +35,16 @@ def guide(
 
     Before the assignment, `conditions` are all that the participant may get: what any of them
     allows is allowed, and a setting in which they differ is null, until the session's terms decide
-    it. `plan` is that of their site, `step_url` where the study continues after the drive.
-
-    Raises:
-        CourseError: the conditions have no course, or not the same one, on this plan.
+    it. `plan` is that of their site, `step_url` where the study continues after the drive. Raises a
+    CourseError when the conditions have no course, or not the same one, on this plan.
     """
     course, last_minutes = _course(study, conditions), 0.0
     if step.is_practice:
         course = None
     else:
         last_minutes = study.task.last_minutes if study.task is not None else 0.0
-        conditions = [
-            without_driving(one) if study.wizard_of(one.key) is not None else one
-            for one in conditions
-        ]
+        operated = {one.key for one in conditions if study.wizard_of(one.key) is not None}
+        conditions = [without_driving(one) if one.key in operated else one for one in conditions]
     return {
         "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),
@@ -86,10 +82,8 @@ def _course(study: StudyDefinition, conditions: Sequence[Condition]) -> Course:
 
 
 def ground(course: Course | None, plan: FloorPlan, language: str) -> dict[str, Any]:
-    """Return what a map draws of a course; nothing without one.
-
-    Raises:
-        CourseError: the plan has no charging station for it.
+    """Return what a map draws of a course, nothing without one; a CourseError when the plan has no
+    charging station for it.
     """
     if course is None:
         return NO_COURSE
@@ -98,13 +92,8 @@ def ground(course: Course | None, plan: FloorPlan, language: str) -> dict[str, A
         raise CourseError(f"no charging station for {course.robot} on the plan {plan.map_id}")
     return {
         "checkpoints": [
-            {
-                "number": stop.number,
-                "x": stop.x,
-                "y": stop.y,
-                "radius": stop.radius,
-                "title": spoken(stop.title, language),
-            }
+            {"number": stop.number, "x": stop.x, "y": stop.y, "radius": stop.radius}
+            | {"title": spoken(stop.title, language)}
             for stop in course.checkpoints
         ],
         "dock": {"x": dock.x, "y": dock.y, "theta": dock.theta},

@@ -4,7 +4,7 @@ import datetime
 import math
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from experiments.definition.schema import Condition
@@ -29,8 +29,7 @@ class DriveStatus:
 
 def status_at(participant: Participant, place: JourneyPlace) -> DriveStatus:
     """Return the status of a drive, also from sessions that never got the robot."""
-    drives = _drives(participant).filter(visit=place.visit, round=place.round, step=place.step)
-    done = [_of_drive(drive) for drive in drives]
+    done = [_of_drive(drive) for drive in _drives(participant).filter(**asdict(place))]
     sessions = _own_sessions(participant, place)
     living = sessions.exclude(state=Session.State.ENDED).first()
     if living is not None:
@@ -63,16 +62,11 @@ def _of_drive(drive: Drive) -> DriveStatus:
 
 def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
     """Return the sessions of a participant with a robot of the study since they reached a place."""
-    began = StepVisit.objects.filter(
-        participant=participant, visit=place.visit, round=place.round, step=place.step
-    ).values_list("began_at", flat=True)
-    robots = [robot.pk for robot in robots_of(progress.open_conditions(participant))]
-    since = began.first() or participant.created_at
-    return (
-        Session.objects.filter(visitor=participant.user, robot__in=robots, queued_at__gte=since)
-        .select_related("robot")
-        .order_by("-queued_at")
-    )
+    visits = StepVisit.objects.filter(participant=participant, **asdict(place))
+    since = visits.values_list("began_at", flat=True).first() or participant.created_at
+    robots = robots_of(progress.open_conditions(participant))
+    rows = Session.objects.filter(visitor=participant.user, robot__in=robots, queued_at__gte=since)
+    return rows.select_related("robot").order_by("-queued_at")
 
 
 def robots_of(conditions: tuple[Condition, ...]) -> list[Robot]:
@@ -106,11 +100,8 @@ def robot_for(
     kind = _kind_wanted(participant, conditions, now)
     fitting = tuple(one for one in conditions if (one.robot, one.site) == kind)
     robots = [robot for robot in robots_of(fitting) if robot.shown_to_visitors]
-    living = list(
-        Session.objects.filter(robot__in=robots)
-        .exclude(state=Session.State.ENDED)
-        .values_list("robot_id", "visitor_id")
-    )
+    sessions = Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED)
+    living = list(sessions.values_list("robot_id", "visitor_id"))
     own = {robot for robot, visitor in living if visitor == participant.user_id}
     visitors = Counter(robot for robot, _ in living)
     best = min(

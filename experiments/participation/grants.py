@@ -12,10 +12,10 @@ the later draw is repeated. A stored draw is decided: any process that finds one
 applied writes it into the participant's row.
 """
 
-import datetime
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import Any
 
 import msgspec
@@ -78,7 +78,7 @@ class PendingDrive:
                 offered.append(cell)
         return offered
 
-    def why_not(self, now: datetime.datetime) -> str:
+    def why_not(self, now: datetime) -> str:
         one = self.participant
         if not progress.may_begin_drive(one, now):
             return "closed"
@@ -92,7 +92,7 @@ class PendingDrive:
 class StudyTerms:
     """The provider of terms (sessions.leases.terms.Provider) for participants of studies."""
 
-    def why_not(self, user: User, robot: Robot, now: datetime.datetime) -> str:
+    def why_not(self, user: User, robot: Robot, now: datetime) -> str:
         """Return `closed`, `full` or `not_allowed` for a participant who may not drive now,
         `reserved` for other visitors while a study has the robot; empty for all others.
         """
@@ -101,17 +101,14 @@ class StudyTerms:
             return drive.why_not(now)
         return "reserved" if _is_reserved(robot, now) and not may_operate(user, robot) else ""
 
-    def not_ready(self, user: User, robot: Robot, now: datetime.datetime) -> str:
+    def not_ready(self, user: User, robot: Robot, now: datetime) -> str:
         """Return the unmet part of the start condition (definition/start_condition.py)."""
         drive = pending_drive(user, robot)
         return _unmet(drive, now) if drive is not None else ""
 
-    def granted(self, session: Session, now: datetime.datetime) -> Terms | None:
+    def granted(self, session: Session, now: datetime) -> Terms | None:
         """Assign the participant, make their drive, and return the terms of the condition; None for
-        a visitor without a study.
-
-        Raises:
-            NotGranted: there is no place for them, or no course.
+        a visitor without a study. Raises NotGranted when there is no place for them, or no course.
         """
         made = Drive.objects.filter(session=session).first()
         if made is not None:
@@ -139,11 +136,8 @@ class StudyTerms:
 
 
 def is_for(condition: Condition, robot: Robot) -> bool:
-    return (
-        not robot.practice
-        and robot.floor_plan is not None
-        and kind_of(robot) == (condition.robot, condition.site)
-    )
+    kind = (condition.robot, condition.site)
+    return not robot.practice and robot.floor_plan is not None and kind_of(robot) == kind
 
 
 def pending_drive(user: User, robot: Robot) -> PendingDrive | None:
@@ -187,7 +181,7 @@ def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
     ]
 
 
-def _unmet(drive: PendingDrive, now: datetime.datetime) -> str:
+def _unmet(drive: PendingDrive, now: datetime) -> str:
     robots = Robot.objects.select_related("floor_plan").defer("floor_plan__image")
     robot = robots.get(pk=drive.robot.pk)
     if robot.floor_plan is None:
@@ -206,7 +200,7 @@ def _unmet(drive: PendingDrive, now: datetime.datetime) -> str:
     return start_condition.unmet(definition.start, _fresh_snapshot(robot, now), pose)
 
 
-def _fresh_snapshot(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
+def _fresh_snapshot(robot: Robot, now: datetime) -> start_condition.RobotSnapshot | None:
     """Return a robot's reported state; None when that is old, or of an earlier run of its agent."""
     presence = robot.presence
     report, seen_at = presence.report or {}, presence.last_seen_at
@@ -215,7 +209,7 @@ def _fresh_snapshot(robot: Robot, now: datetime.datetime) -> start_condition.Rob
     return start_condition.snapshot(report) if is_fresh and is_current else None
 
 
-def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
+def _is_reserved(robot: Robot, now: datetime) -> bool:
     """Tell whether a study that is open now has exclusive use of the robot."""
     exclusive = Study.objects.filter(status=Study.Status.PUBLISHED, exclusive=True)
     return any(
@@ -226,9 +220,7 @@ def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
     )
 
 
-def draw(
-    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
-) -> Condition | None:
+def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Condition | None:
     """Draw one of these cells for a participant, unless they have one, and return the condition of
     their round; None when every cell is full, AssignmentContention when other participants are
     drawn during every attempt.
@@ -252,15 +244,12 @@ def draw(
     raise AssignmentContention(participant.study.slug)
 
 
-def assign_reader(participant: Participant, now: datetime.datetime) -> Condition | None:
-    definition = participant.study.as_definition()
-    cells = assignment.cells(definition, progress.access_of(participant))
-    return draw(participant, cells, now)
+def assign_reader(participant: Participant, now: datetime) -> Condition | None:
+    study, access = participant.study.as_definition(), progress.access_of(participant)
+    return draw(participant, assignment.cells(study, access), now)
 
 
-def _new_draw(
-    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
-) -> Draw | None:
+def _new_draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Draw | None:
     study, kind = participant.study, participant.kind
     allocation = study.as_definition().allocation
     number, levels = places.next_number(study, kind), balance_levels(participant)
@@ -293,16 +282,11 @@ def _apply(participant: Participant, drawn: Draw) -> None:
     study = participant.study.as_definition()
     cells = (*assignment.cells(study), *assignment.cells(study, "invitation"))
     order = next(cell.conditions for cell in cells if cell.key == drawn.cell)
-    Participant.objects.filter(
-        pk=participant.pk,
-        draws_applied=drawn.nth - 1,
-        stage__in=(Participant.Stage.UNASSIGNED, Participant.Stage.FREED),
-    ).update(
-        cell=drawn.cell,
-        conditions=list(order),
-        draws_applied=drawn.nth,
-        stage=Participant.Stage.UNDER_WAY,
-    )
+    stages = (Participant.Stage.UNASSIGNED, Participant.Stage.FREED)
+    rows = Participant.objects.filter(pk=participant.pk, stage__in=stages)
+    fields = {"cell": drawn.cell, "conditions": list(order), "draws_applied": drawn.nth}
+    unapplied = rows.filter(draws_applied=drawn.nth - 1)
+    unapplied.update(stage=Participant.Stage.UNDER_WAY, **fields)
 
 
 def balance_levels(participant: Participant) -> dict[str, str]:
@@ -312,20 +296,15 @@ def balance_levels(participant: Participant) -> dict[str, str]:
         questionnaire, _point, item = factor.item.rpartition(".")
         value = participant.age
         if questionnaire:
-            answers = Answer.objects.filter(
-                response__asked_at__participant=participant,
-                response__questionnaire__slug=questionnaire,
-                item=item,
-            )
+            own = Answer.objects.filter(response__asked_at__participant=participant, item=item)
+            answers = own.filter(response__questionnaire__slug=questionnaire)
             newest = answers.order_by("-response__started_at")
             value = newest.values_list("value", flat=True).first()
         found[factor.item] = assignment.level_of(factor, value)
     return found
 
 
-def _begin(
-    drive: PendingDrive, condition: Condition, session: Session, now: datetime.datetime
-) -> Terms:
+def _begin(drive: PendingDrive, condition: Condition, session: Session, now: datetime) -> Terms:
     participant, definition, seed = drive.participant, drive.definition, secrets.randbits(31)
     terms = terms_of(drive, condition, session.robot, seed)
     assigned = {
@@ -341,22 +320,19 @@ def _begin(
             log.error("study_without_course", study=definition.slug, reason=str(error))
             raise NotGranted("not_allowed") from error
     before = Drive.objects.filter(participant=participant, step=participant.step).count()
+    factsheet = session.robot.presence.factsheet or {}
     try:
         with transaction.atomic():  # as in draw
             Drive.objects.create(
                 session=session,
                 granted_at=now,
                 participant=participant,
-                visit=participant.visit,
-                round=participant.round,
-                step=participant.step,
+                **asdict(progress.place(participant)),
                 number=before + 1,
                 condition=condition.key,
                 seed=seed,
                 assigned=assigned,
-                versions=versions_of(
-                    session.robot.presence.factsheet or {}, participant.study.sha256
-                ),
+                versions=versions_of(factsheet, participant.study.sha256),
             )
     except IntegrityError as error:  # another process has made it at the same moment
         made = Drive.objects.filter(session=session).first()
@@ -364,15 +340,8 @@ def _begin(
             raise NotGranted("not_allowed") from error
         stored: Terms = msgspec.convert(made.assigned["terms"], Terms)
         return stored
-    audit.note(
-        "robot_granted",
-        person=participant.user_id,
-        robot=session.robot,
-        study=definition.slug,
-        thing=session,
-        detail=condition.key,
-        at=now,
-    )
+    about = {"person": participant.user_id, "robot": session.robot, "study": definition.slug}
+    audit.note("robot_granted", thing=session, detail=condition.key, at=now, **about)
     return terms
 
 
@@ -397,6 +366,7 @@ def terms_of(drive: PendingDrive, condition: Condition, robot: Robot, seed: int)
     if wizard is not None:
         condition = conditions.without_driving(condition)
     limits = conditions.lease_limits(condition)
+    study = {"slug": definition.slug, "version": definition.version}
     config = conditions.config(condition, _doors(robot), stamp=0.0, seed=seed)
     return Terms(
         label=spoken(step.title, drive.participant.language),
@@ -416,12 +386,7 @@ def terms_of(drive: PendingDrive, condition: Condition, robot: Robot, seed: int)
         video_network=config.video_network,
         leaving_completes=step.is_practice,
         private=not definition.observers_allowed,
-        study={
-            "slug": definition.slug,
-            "version": definition.version,
-            "condition": condition.key,
-            "step": step.key,
-        },
+        study={"condition": condition.key, "step": step.key, **study},
     )
 
 

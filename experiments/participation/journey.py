@@ -10,8 +10,9 @@ nothing twice.
 """
 
 import re
-from collections.abc import Collection
+from collections.abc import Container
 from dataclasses import dataclass
+from itertools import product
 
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import Step
@@ -60,23 +61,17 @@ def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> Route:
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     first, after = (repeated[0], repeated[-1] + 1) if repeated else (len(keys), len(keys))
     last_round = number_of_rounds - 1 if repeated else 0
-    return (
-        *(JourneyPlace(visit, 0, key) for key in keys[:first]),
-        *(
-            JourneyPlace(visit, n, key)
-            for n in range(number_of_rounds)
-            for key in keys[first:after]
-        ),
-        *(JourneyPlace(visit, last_round, key) for key in keys[after:]),
-    )
+    before, later = product([0], keys[:first]), product([last_round], keys[after:])
+    in_rounds = product(range(number_of_rounds), keys[first:after])
+    return tuple(JourneyPlace(visit, n, key) for n, key in (*before, *in_rounds, *later))
 
 
-def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:
+def begin(places: Route, skipped: Container[str] = ()) -> JourneyPlace:
     return next((place for place in places if place.step not in skipped), places[-1])
 
 
 def following(
-    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
+    places: Route, place: JourneyPlace, skipped: Container[str] = ()
 ) -> list[JourneyPlace]:
     """Return the places that follow one, none when it was the last; a NoPlaceError for one that is
     not on the route.
@@ -100,9 +95,7 @@ def read(word: str, places: Route) -> JourneyPlace:
     return place
 
 
-def share_done(
-    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
-) -> tuple[int, int]:
+def share_done(places: Route, place: JourneyPlace, skipped: Container[str] = ()) -> tuple[int, int]:
     """Return (number, total) of a place, without steps that this visit skips: "step 2 of 6"."""
     passed = [one for one in places if one == place or one.step not in skipped]
     return (passed.index(place) + 1 if place in passed else 1), len(passed)

@@ -17,21 +17,9 @@ from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
 # In the order in which they are checked: the first that holds decides.
-Admission = Literal[
-    "recognized",
-    "other_account",
-    "finished",
-    "under_way",
-    "screened_out",
-    "closed",
-    "shut",
-    "personal",
-    "full",
-    "device",
-    "anonymous",
-    "stranger",
-    "welcome",
-]
+OfParticipant = Literal["recognized", "other_account", "finished", "under_way", "screened_out"]
+OfStudy = Literal["closed", "shut", "personal", "full"]
+Admission = Literal[OfParticipant, OfStudy, "device", "anonymous", "stranger", "welcome"]
 _WEEK = 7
 
 

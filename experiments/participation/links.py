@@ -38,15 +38,9 @@ def make(
 ) -> tuple[PersonalLink, str]:
     """Return a link and its token, which is not stored. A bot's participants never count."""
     token = secrets.token_urlsafe(TOKEN_BYTES)
-    link = PersonalLink.objects.create(
-        study=study,
-        token_sha256=hash_of(token),
-        label=label[:120],
-        access=access,
-        kind=kind,
-        created_at=now,
-        expires_at=expires_at,
-    )
+    fields = {"study": study, "label": label[:120], "access": access, "kind": kind}
+    times = {"created_at": now, "expires_at": expires_at}
+    link = PersonalLink.objects.create(token_sha256=hash_of(token), **times, **fields)
     return link, token
 
 

@@ -3,9 +3,9 @@ before driving (experiments/participation/assignment.py) is not stored, because 
 they were last seen.
 """
 
-import datetime
 from collections import defaultdict
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 
 from django.db.models import Max, Q
 
@@ -22,21 +22,18 @@ def next_number(study: Study, kind: str) -> int:
     return 1 + (last or 0)
 
 
-def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
+def held(study: Study, kind: str, now: datetime) -> list[Held]:
     """Return the places that participants of a kind hold, or held, also those of draws that are
     decided and not yet applied to the participant's row.
     """
     definition = study.as_definition()
     allocation, reveals = definition.allocation, definition.reveals_condition
-    since = now - datetime.timedelta(hours=allocation.left_after_hours)
+    since = now - timedelta(hours=allocation.left_after_hours)
     may_leave = allocation.design == "within" or reveals
     draws = _last_draws(study, kind)
     # read before the drives: a participant who drives in between does not count as gone
-    people = list(
-        Participant.objects.filter(study=study, kind=kind).values_list(
-            "pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at"
-        )
-    )
+    columns = ("pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at")
+    people = list(Participant.objects.filter(study=study, kind=kind).values_list(*columns))
     done = _conditions_done(study, kind) if may_leave else {}
     found = []
     for pk, cell, stage, applied, conditions, status, seen in people:
@@ -55,9 +52,7 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
     return found
 
 
-def free_cells(
-    study: Study, kind: str, cells: Sequence[Cell], now: datetime.datetime
-) -> list[Cell]:
+def free_cells(study: Study, kind: str, cells: Sequence[Cell], now: datetime) -> list[Cell]:
     taken = assignment.load(held(study, kind, now))
     return assignment.open_cells(cells, taken, study.as_definition().allocation.quota)
 
@@ -71,12 +66,9 @@ def _last_draws(study: Study, kind: str) -> dict[object, tuple[int, str, dict[st
 def _conditions_done(study: Study, kind: str) -> dict[object, set[str]]:
     """Return the conditions in which each participant drove the task, or may have driven it."""
     task = study.as_definition().task
-    drives = Drive.objects.filter(
-        Q(moved=True) | Q(settled_at=None),
-        participant__study=study,
-        participant__kind=kind,
-        step=task.key if task is not None else "",
-    )
+    rows = Drive.objects.filter(participant__study=study, participant__kind=kind)
+    of_task = rows.filter(step=task.key if task is not None else "")
+    drives = of_task.filter(Q(moved=True) | Q(settled_at=None))
     found: dict[object, set[str]] = defaultdict(set)
     for participant, condition in drives.values_list("participant_id", "condition"):
         found[participant].add(condition)

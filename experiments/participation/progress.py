@@ -121,8 +121,7 @@ def enter(
             Participant.objects.create(study=study, slot=slot, **fields)
     except IntegrityError:
         if access == "invitation":
-            unassigned = Participant.objects.filter(slot=slot, cell="", access="open")
-            unassigned.update(access=access)
+            Participant.objects.filter(slot=slot, cell="", access="open").update(access=access)
     participant = found(study, user)
     if participant is None:  # another user has the id of a recruitment site
         rows = Participant.objects.select_related("study", "user")
@@ -211,8 +210,7 @@ def keeps_place(participant: Participant) -> bool:
 
 def open_conditions(participant: Participant) -> tuple[Condition, ...]:
     definition = participant.study.as_definition()
-    assigned = wanted_condition(participant, definition)
-    if assigned is not None:
+    if (assigned := wanted_condition(participant, definition)) is not None:
         return (assigned,)
     return tuple(one for one in definition.conditions if one.access == access_of(participant))
 

@@ -8,15 +8,18 @@ about the person once for good, all others once a visit and round.
 import datetime
 import secrets
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 
 from django.db import transaction
+from django.urls import reverse
 
 from experiments.definition.recruitment import piping, recruiting
 from experiments.definition.step import AskingStep
 from experiments.models import Participant, StepResponse
 from experiments.participation import progress
+from experiments.participation.drive_status import DriveStatus, series_of
 from experiments.participation.journey import JourneyPlace
+from experiments.recruitment import screening
 from surveys import questionnaires, responses
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -71,31 +74,23 @@ def ask(
     place: JourneyPlace,
     step: AskingStep,
     *,
-    robot: tuple[str, ...],
-    outcome: str,
-    return_to: str,
+    drive: DriveStatus,
     now: datetime.datetime,
 ) -> Response:
-    """Return a participant's response at a place, begun at the first call; `robot` has the name and
-    the series of the one that was driven. Raises Row.DoesNotExist without such a questionnaire,
-    BadDefinitionError for a template.
+    """Return a participant's response at a place about a drive, begun at the first call. Raises
+    Row.DoesNotExist without such a questionnaire, BadDefinitionError for a template.
     """
-    context = Context(
-        key=context_key(participant, place, step),
-        label=f"{participant.study.title} · {step.key} · {participant.code}",
-        robot=robot,
-        outcome=outcome,
-        return_to=return_to,
-    )
+    key = context_key(participant, place, step)
+    label = f"{participant.study.title} · {step.key} · {participant.code}"
+    robot = (drive.robot.name, series_of(drive.robot)) if drive.robot is not None else ()
+    return_to = reverse("study_step", args=[participant.study.slug])
+    context = Context(key, label, robot=robot, outcome=drive.outcome, return_to=return_to)
     fields = {"participant": participant, **asdict(asked_at(place, step))}
+    respondent, seed = Respondent(user=participant.user), secrets.randbelow(SEED_LIMIT)
     with transaction.atomic():
+        row = _stored(step) or questionnaires.store(definition_of(step), now)
         response = responses.begin(
-            _stored(step) or questionnaires.store(definition_of(step), now),
-            Respondent(user=participant.user),
-            context,
-            language=participant.language,
-            seed=secrets.randbelow(SEED_LIMIT),
-            now=now,
+            row, respondent, context, language=participant.language, seed=seed, now=now
         )
         StepResponse.objects.get_or_create(response=response, defaults=fields)
     return response
@@ -105,17 +100,10 @@ def with_answers(participant: Participant, text: str, *, language: str) -> str:
     """Fill a participant's answers into a text (definition/recruitment/piping.py)."""
     if not piping.has_piping(text):
         return text
-    found: dict[str, StepResponse | None] = {}
+    newest = cache(partial(screening.newest_finished, participant))
 
     def answer(questionnaire: str, item: str) -> str:
-        if questionnaire not in found:
-            rows = StepResponse.objects.filter(
-                participant=participant,
-                response__questionnaire__slug=questionnaire,
-                response__finished_at__isnull=False,
-            ).select_related("response__questionnaire")
-            found[questionnaire] = rows.order_by("-response__finished_at").first()
-        asked = found[questionnaire]
+        asked = newest(questionnaire)
         return "" if asked is None else _in_words(asked.response, item, language)
 
     return piping.filled(text, answer)
@@ -146,10 +134,7 @@ def progress_around(participant: Participant, language: str) -> OuterProgress:
     definition = participant.study.as_definition()
     spoken_in = progress.language_of(definition, language)
     number, total = progress.step_count(participant)
-    return OuterProgress(
-        spoken(definition.title, spoken_in),
-        number,
-        total,
-        spoken(progress.step_of(participant).title, spoken_in),
-        fill=partial(with_answers, participant, language=spoken_in),
-    )
+    study_title = spoken(definition.title, spoken_in)
+    step_title = spoken(progress.step_of(participant).title, spoken_in)
+    fill = partial(with_answers, participant, language=spoken_in)
+    return OuterProgress(study_title, number, total, step_title, fill=fill)

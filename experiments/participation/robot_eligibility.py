@@ -7,7 +7,7 @@ while one of its publishers may operate the robot. Robots without an owner are f
 
 from accounts.models import User
 from experiments.models import Study
-from robots.access import oversees
+from robots.access import manages_all_robots
 from robots.models import Robot, RobotPermit
 
 
@@ -15,18 +15,14 @@ def may_use(slug: str, robot: Robot) -> bool:
     """Tell whether a study, in any published version, may use a robot."""
     if robot.owner_id is None:
         return True
-    found = (
-        User.objects.filter(published_studies__slug=slug)
-        .exclude(published_studies__status=Study.Status.DRAFT)
-        .filter(is_active=True)
-        .distinct()
-    )
+    users = User.objects.filter(published_studies__slug=slug, is_active=True)
+    found = users.exclude(published_studies__status=Study.Status.DRAFT).distinct()
     publishers = [user for user in found if not user.is_guest]
     operators = robot.permits.filter(kind=RobotPermit.Privilege.OPERATOR, user__in=publishers)
     return (
         any(user.pk == robot.owner_id for user in publishers)
         or operators.exists()
-        or any(oversees(user) for user in publishers)
+        or any(manages_all_robots(user) for user in publishers)
     )
 
 

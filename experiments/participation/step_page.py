@@ -2,28 +2,20 @@
 experiments/participation/steps/ with one subclass, beside the file of its definition.
 """
 
-import datetime
 from collections.abc import Mapping
+from datetime import datetime
 from functools import cached_property
 from typing import Any, ClassVar
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
-from django.urls import reverse
 from django.utils.functional import Promise
 
 from experiments.definition.opening_hours import opens_on_the_wall
 from experiments.definition.step import Step
 from experiments.models import LEFT, TECHNICAL_FAILURE, Participant, Study
-from experiments.participation import completion, landing, progress, questions
-from experiments.participation.drive_status import (
-    DriveStatus,
-    last_drive,
-    longest_wait,
-    robot_for,
-    series_of,
-    status_at,
-)
+from experiments.participation import completion, drive_status, landing, progress, questions
+from experiments.participation.drive_status import DriveStatus, robot_for
 from experiments.recruitment import appointments, recognition, sites
 from surveys.definition import language_for
 from surveys.documents import BadDefinitionError, Text, spoken
@@ -52,14 +44,14 @@ class StepPage:
         """Tell whether the step is done without a post: answered, agreed to, driven."""
         return False
 
-    def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def show(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         raise NotImplementedError
 
-    def take(self, _request: HttpRequest, _now: datetime.datetime) -> HttpResponseBase | bool:
+    def take(self, _request: HttpRequest, _now: datetime) -> HttpResponseBase | bool:
         """Take a post: return a page to show, or whether the participant goes on."""
         return False
 
-    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def preview(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         """Return the page of a walk-through, whose participant is not stored; save nothing."""
         return self.show(request, now)
 
@@ -82,34 +74,23 @@ class AskingPage(StepPage):
     def is_done(self) -> bool:
         return questions.is_answered(self.participant, progress.place(self.participant), self.step)
 
-    def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def show(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         participant, here = self.participant, progress.place(self.participant)
-        last = last_drive(participant, here)
-        robot = (last.robot.name, series_of(last.robot)) if last.robot is not None else ()
-        return_to = reverse("study_step", args=[participant.study.slug])
+        drive = drive_status.last_drive(participant, here)
         try:
-            response = questions.ask(
-                participant,
-                here,
-                self.step,
-                robot=robot,
-                outcome=last.outcome,
-                return_to=return_to,
-                now=now,
-            )
+            response = questions.ask(participant, here, self.step, drive=drive, now=now)
         except (Questionnaire.DoesNotExist, BadDefinitionError):
             return self.render(request, "experiments/trouble.html", {"trouble": "questions"})
         return redirect("survey", response.pk)
 
-    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def preview(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         """Show a page of the questionnaire with all of its questions: `?page=2`."""
         try:
             definition = questions.definition_of(self.step)
         except (Questionnaire.DoesNotExist, BadDefinitionError):
             return self.render(request, "experiments/trouble.html", {"trouble": "questions"})
         language = language_for(definition, request.LANGUAGE_CODE)
-        total = len(definition.pages)
-        asked = request.GET.get("page", "")
+        total, asked = len(definition.pages), request.GET.get("page", "")
         page = int(asked) if asked in {str(n) for n in range(1, total + 1)} else 1
         reader = Reader(language, seed=0, now=now, sees_all=True)
         outer = questions.progress_around(self.participant, request.LANGUAGE_CODE)
@@ -129,12 +110,12 @@ class AskingPage(StepPage):
 class DrivePage(StepPage):
     @cached_property
     def done(self) -> DriveStatus:
-        return status_at(self.participant, progress.place(self.participant))
+        return drive_status.status_at(self.participant, progress.place(self.participant))
 
     def is_done(self) -> bool:
         return self.done.state == "moved"
 
-    def may_do_without(self, now: datetime.datetime) -> bool:
+    def may_do_without(self, now: datetime) -> bool:
         if self.done.state == "living":
             return False
         if self.done.state == "unmoved" or self.participant.study.status == Study.Status.CLOSED:
@@ -142,10 +123,10 @@ class DrivePage(StepPage):
         robot, _conditions = robot_for(self.participant, now)
         return robot is None or not robot.is_online(now)
 
-    def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
+    def take(self, request: HttpRequest, now: datetime) -> bool:
         return request.POST.get("go") == "without" and self.may_do_without(now)
 
-    def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def show(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         """Show the page. Participants who arrive when every cell is full are screened out."""
         participant, study = self.participant, self.participant.study
         is_full = not progress.has_place(participant) and progress.is_full(
@@ -161,7 +142,7 @@ class DrivePage(StepPage):
             "is_practice": self.step.is_practice,
             "minutes": round(self.step.minutes),
             "is_online": robot is not None and robot.is_online(now),
-            "wait": longest_wait([robot], now) if robot is not None else 0,
+            "wait": drive_status.longest_wait([robot], now) if robot is not None else 0,
             "keeps_place": progress.keeps_place(participant),
             "is_closed": study.status == Study.Status.CLOSED,
             "is_full": is_full,
@@ -173,7 +154,7 @@ class DrivePage(StepPage):
         }
         return self.render(request, "experiments/drive_step.html", more)
 
-    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+    def preview(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         """Show the page as if the robot were free."""
         more = {
             "drive": DriveStatus(),
@@ -186,9 +167,7 @@ class DrivePage(StepPage):
         return self.render(request, "experiments/drive_step.html", more)
 
 
-def show_end(
-    request: HttpRequest, participant: Participant, now: datetime.datetime
-) -> HttpResponse:
+def show_end(request: HttpRequest, participant: Participant, now: datetime) -> HttpResponse:
     if not participant.completion:
         completion.conclude(participant, now)
     definition = participant.study.as_definition()
@@ -196,20 +175,16 @@ def show_end(
     # only participants who may have met a hidden operator learn of one
     keys = participant.conditions
     may_have_met = not keys or any(map(definition.wizard_of, keys))
-    texts = {
-        "text": progress.step_of(participant).end_text,
-        "operator": definition.operator_text if may_have_met else {},
-    }
-    may_take_part_again = not is_walk_through(participant) and landing.may_take_part_again(
-        participant, now
-    )
+
+    def filled(text: Text) -> str:
+        return questions.with_answers(participant, spoken(text, language), language=language)
+
+    may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
-        **{
-            name: questions.with_answers(participant, spoken(text, language), language=language)
-            for name, text in texts.items()
-        },
-        "may_take_part_again": may_take_part_again,
-        "may_try_again": may_take_part_again and participant.completion in MAY_TRY_AGAIN,
+        "text": filled(progress.step_of(participant).end_text),
+        "operator": filled(definition.operator_text) if may_have_met else "",
+        "may_take_part_again": may_return,
+        "may_try_again": may_return and participant.completion in MAY_TRY_AGAIN,
         **return_button(participant),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)

@@ -7,6 +7,9 @@ does nothing twice.
 """
 
 import datetime
+import functools
+from collections.abc import Callable
+from typing import Any
 
 from django.http import Http404, HttpRequest, HttpResponseBase, HttpResponseRedirect
 from django.shortcuts import redirect, render
@@ -23,28 +26,33 @@ from experiments.participation.drive_status import robot_for, status_at
 from experiments.participation.step_page import render_in_frame, return_button, show_end, to_step
 from experiments.participation.steps import page_of
 from experiments.participation.views import BAD
-from experiments.publishing import sites
 from experiments.recruitment import screening
+from experiments.resources import sites
 from robots.access import may_drive
 from sessions.views import page_config
 
 Status = Participant.Status
 
 
-@never_cache
+def of_participant(view: Callable[[HttpRequest, Participant], HttpResponseBase]) -> Any:
+    """Call a view with the participant of the study; lead others to the study's front page."""
+
+    @never_cache
+    @functools.wraps(view)
+    def found(request: HttpRequest, slug: str) -> HttpResponseBase:
+        study = progress.study_for(request.user, slug)
+        if study is None:
+            raise Http404
+        participant = progress.found(study, request.user)
+        return redirect("study", slug) if participant is None else view(request, participant)
+
+    return found
+
+
 @require_http_methods(["GET", "HEAD", "POST"])
-def step(request: HttpRequest, slug: str) -> HttpResponseBase:
-    participant = _participant(request, slug)
-    if participant is None:
-        return redirect("study", slug)
+@of_participant
+def step(request: HttpRequest, participant: Participant) -> HttpResponseBase:
     return _take(request, participant) if request.method == "POST" else _show(request, participant)
-
-
-def _participant(request: HttpRequest, slug: str) -> Participant | None:
-    study = progress.study_for(request.user, slug)
-    if study is None:
-        raise Http404
-    return progress.found(study, request.user)
 
 
 def _take(request: HttpRequest, participant: Participant) -> HttpResponseBase:
@@ -88,23 +96,17 @@ def _catch_up(participant: Participant, now: datetime.datetime) -> None:
             return
 
 
-@never_cache
 @require_safe
-def go_back(request: HttpRequest, slug: str) -> HttpResponseBase:
-    participant = _participant(request, slug)
-    if participant is None:
-        return redirect("study", slug)
+@of_participant
+def go_back(_request: HttpRequest, participant: Participant) -> HttpResponseBase:
     address = completion.return_address(participant)
     return HttpResponseRedirect(address) if address else to_step(participant)
 
 
-@never_cache
 @require_safe
-def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
-    participant, now = _participant(request, slug), timezone.now()
-    if participant is None:
-        return redirect("study", slug)
-    study, definition = participant.study, participant.study.as_definition()
+@of_participant
+def drive(request: HttpRequest, participant: Participant) -> HttpResponseBase:
+    study, definition, now = participant.study, participant.study.as_definition(), timezone.now()
     drive_step = definition.drive(participant.step)
     if participant.status != Status.ACTIVE or drive_step is None:
         return to_step(participant)
@@ -114,21 +116,15 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
     may_begin = progress.may_begin_drive(participant, now)
     if robot is None or state == "moved" or not (may_begin or state == "living"):
         return to_step(participant)
+    trouble = functools.partial(render_in_frame, request, participant, "experiments/trouble.html")
     if not may_drive(request.user, robot):
-        more = {"trouble": "robot"}
-        return render_in_frame(request, participant, "experiments/trouble.html", more)
+        return trouble({"trouble": "robot"})
     try:
-        guide = drive_config.guide(
-            definition,
-            drive_step,
-            conditions,
-            sites()[conditions[0].site],
-            language=participant.language,
-            step_url=reverse("study_step", args=[slug]),
-        )
+        plan, step_url = sites()[conditions[0].site], reverse("study_step", args=[study.slug])
+        about = {"language": participant.language, "step_url": step_url}
+        guide = drive_config.guide(definition, drive_step, conditions, plan, **about)
     except (CourseError, KeyError):
-        more = {"trouble": "course"}
-        return render_in_frame(request, participant, "experiments/trouble.html", more)
+        return trouble({"trouble": "course"})
     ahead = advance.following(participant, here)
     guide["next"] = drive_config.what_follows([journey.step_at(definition, one) for one in ahead])
     number, total = progress.step_count(participant)

@@ -16,16 +16,10 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
+from accounts import passwordless
 from accounts.attempts import Attempts, address_of
 from accounts.models import User
-from accounts.passwordless import (
-    NEW_GUESTS,
-    WRONG_CODES,
-    create_guest,
-    guest_of,
-    new_entry_code,
-    sign_in,
-)
+from accounts.passwordless import NEW_GUESTS, WRONG_CODES, create_guest, sign_in
 from accounts.rate_limits import limited, too_many
 from experiments.models import Participant, ParticipantKind, PersonalLink, Study
 from experiments.participation import advance, landing, links, progress
@@ -66,30 +60,18 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
         known = recognition.known(study, came)
     elif own.recruitment_id and own.recruitment_id == came.identifier:
         recognition.note_submission(own, given)
-    headers = {name.lower(): value for name, value in request.headers.items()}
-    page = landing.landing(
-        study,
-        request.user,
-        own,
-        known=known,
-        has_device=screening.has_device(study.as_definition(), device_of(headers, "")),
-        is_recruited=bool(came.identifier),
-        language=get_language() or "",
-        now=now,
-    )
+    device = device_of({name.lower(): value for name, value in request.headers.items()}, "")
+    has_device = screening.has_device(study.as_definition(), device)
+    about = {"known": known, "has_device": has_device, "is_recruited": bool(came.identifier)}
+    language = get_language() or ""
+    page = landing.landing(study, request.user, own, language=language, now=now, **about)
     if request.method == "POST":
         if page["admission"] == "recognized" and known is not None:
             return _continue_as(request, known, given)
         return _take_part(request, study, own, page)
-    context = {
-        "study": study,
-        "page": page,
-        "own": own,
-        "known": known,
-        "sign_up": _sign_up(request),
-        "code_form": EntryCodeForm(),
-    }
-    return render(request, "experiments/landing.html", context)
+    context = {"study": study, "page": page, "own": own, "known": known}
+    forms_of_page = {"sign_up": _sign_up(request), "code_form": EntryCodeForm()}
+    return render(request, "experiments/landing.html", context | forms_of_page)
 
 
 def _take_part(
@@ -118,15 +100,9 @@ def _has_full_account(user: Any) -> bool:
 
 def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime) -> Participant:
     came_with = dict(request.session.get(CAME_WITH, {}))
-    participant = progress.enter(
-        study,
-        user,
-        access="open",
-        recruitment=came_with.pop(study.slug, {}),
-        kind=progress.kind_of(user, study),
-        language=get_language() or "",
-        now=now,
-    )
+    recruitment, kind = came_with.pop(study.slug, {}), progress.kind_of(user, study)
+    about = {"recruitment": recruitment, "kind": kind, "language": get_language() or ""}
+    participant = progress.enter(study, user, access="open", now=now, **about)
     # from now on they are only in the participant's row, which a withdrawal deletes
     if study.slug in request.session.get(CAME_WITH, {}):
         request.session[CAME_WITH] = came_with
@@ -174,7 +150,7 @@ def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
 
 def show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
     """Answer with a new code; it is in no session and no address, and a reload shows none."""
-    code = new_entry_code(user)
+    code = passwordless.new_entry_code(user)
     return render(request, "experiments/entry_code.html", {"code": code, "go_on": go_on})
 
 
@@ -199,7 +175,7 @@ def enter_code(request: HttpRequest) -> HttpResponseBase:
     if not WRONG_CODES.are_left(address, at):
         return too_many(request, WRONG_CODES.wait(address, at))
     form = EntryCodeForm(request.POST)
-    user = guest_of(form.cleaned_data["code"]) if form.is_valid() else None
+    user = passwordless.guest_of(form.cleaned_data["code"]) if form.is_valid() else None
     if user is None:
         WRONG_CODES.count(address, at)
         if form.is_valid():

@@ -5,9 +5,9 @@ An appointment reserves a slot against participants of all studies. Visitors wit
 still take the robot, unless the study has exclusive use of its robots.
 """
 
-import datetime
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import datetime, timedelta
 from typing import Any
 
 from django.db import IntegrityError, transaction
@@ -18,19 +18,19 @@ from experiments.models import Appointment, Contact, Participant, ParticipantKin
 from robots.models import Robot
 
 ALWAYS = ({"days": list(range(7)), "start": "00:00", "end": "00:00"},)
-EARLY = datetime.timedelta(minutes=10)  # before an appointment, the robot may be taken
+EARLY = timedelta(minutes=10)  # before an appointment, the robot may be taken
 
 
 @dataclass(frozen=True)
 class Slot:
-    starts_at: datetime.datetime
-    ends_at: datetime.datetime
+    starts_at: datetime
+    ends_at: datetime
 
 
-def times(study: Study, asked: Appointments, now: datetime.datetime) -> list[Slot]:
+def times(study: Study, asked: Appointments, now: datetime) -> list[Slot]:
     """Return all slots (UTC) of a study that begin after `now`, free or taken, in order."""
-    length = datetime.timedelta(minutes=asked.minutes)
-    last = now + datetime.timedelta(days=asked.days_ahead)
+    length = timedelta(minutes=asked.minutes)
+    last = now + timedelta(days=asked.days_ahead)
     hours = study.opening_hours or ALWAYS
     starts = {
         start + n * length
@@ -40,9 +40,7 @@ def times(study: Study, asked: Appointments, now: datetime.datetime) -> list[Slo
     return [Slot(at, at + length) for at in sorted(starts) if now < at <= last]
 
 
-def free(
-    study: Study, asked: Appointments, robots: Sequence[Robot], now: datetime.datetime
-) -> list[Slot]:
+def free(study: Study, asked: Appointments, robots: Sequence[Robot], now: datetime) -> list[Slot]:
     """Return the slots at which at least one robot is free."""
     rows = Appointment.objects.filter(robot__in=robots, ends_at__gt=now)
     taken = list(rows.values_list("robot_id", "starts_at", "ends_at"))
@@ -59,7 +57,7 @@ def current(participant: Participant) -> Appointment | None:
     return rows.select_related("robot").order_by("-starts_at").first()
 
 
-def may_drive(participant: Participant, now: datetime.datetime) -> bool:
+def may_drive(participant: Participant, now: datetime) -> bool:
     """Tell whether a participant may drive now as far as appointments say; bots need none."""
     asked = participant.study.as_definition().appointments
     if asked is None or not asked.required or participant.kind == ParticipantKind.BOT:
@@ -71,8 +69,8 @@ def may_drive(participant: Participant, now: datetime.datetime) -> bool:
 def book(
     participant: Participant,
     robots: Sequence[Robot],
-    starts_at: datetime.datetime,
-    now: datetime.datetime,
+    starts_at: datetime,
+    now: datetime,
 ) -> Appointment | None:
     """Give a participant a slot on a free robot, instead of an earlier appointment of this visit;
     None when it has been taken or is not a slot of the study.
@@ -83,31 +81,25 @@ def book(
     if slot is None:
         return None
     overlapping = Appointment.objects.filter(starts_at__lt=slot.ends_at, ends_at__gt=slot.starts_at)
-    own = Appointment.objects.filter(participant=participant, visit=participant.visit)
+    of_visit = {"participant": participant, "visit": participant.visit}
     for robot in robots:
         if overlapping.filter(robot=robot).exists():
             continue
+        key = f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}"
         try:
             with transaction.atomic():
-                made = Appointment.objects.create(
-                    participant=participant,
-                    robot=robot,
-                    visit=participant.visit,
-                    starts_at=slot.starts_at,
-                    ends_at=slot.ends_at,
-                    slot=f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}",
-                )
+                made = Appointment.objects.create(robot=robot, slot=key, **of_visit, **asdict(slot))
         except IntegrityError:  # another participant has just taken it
             continue
-        own.exclude(pk=made.pk).delete()
+        Appointment.objects.filter(**of_visit).exclude(pk=made.pk).delete()
         return made
     return None
 
 
-def plan_second_session(participant: Participant, now: datetime.datetime) -> None:
+def plan_second_session(participant: Participant, now: datetime) -> None:
     """Set when to send the invitation to the second session, if there is an address."""
     asked = participant.study.as_definition().appointments
     if asked is None or asked.second_after_days is None or participant.visit != 1:
         return
-    at = now + datetime.timedelta(days=asked.second_after_days)
+    at = now + timedelta(days=asked.second_after_days)
     Contact.objects.filter(participant=participant, invite_at=None).update(invite_at=at)

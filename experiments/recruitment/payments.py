@@ -27,19 +27,10 @@ def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
 
 
 def _row(one: Participant, study: Study, flags: str) -> Sequence[Any]:
-    return (
-        one.recruitment_id,
-        arrival_of(study, one.recruitment).session,
-        one.code,
-        study.version,
-        one.status,
-        one.completion,
-        one.completion_code,
-        _iso(one.created_at),
-        _iso(one.finished_at),
-        minutes_of(one),
-        flags,
-    )
+    submission, minutes = arrival_of(study, one.recruitment).session, minutes_of(one)
+    ending = (one.status, one.completion, one.completion_code)
+    times = (_iso(one.created_at), _iso(one.finished_at), minutes)
+    return (one.recruitment_id, submission, one.code, study.version, *ending, *times, flags)
 
 
 def minutes_of(one: Participant) -> float | None:

@@ -3,7 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 
-from experiments.analysis.quality.flags import flags_of
+from experiments.analysis.quality import flags_of
 from experiments.definition.recruitment.quality_flags import Flag, Grade
 from experiments.extraction.build import dataset_of
 from experiments.extraction.sessions import drives_of
@@ -22,9 +22,8 @@ def same_id_flags(study: Study) -> Iterator[Flag]:
     """Yield a flag for each participant who shares a recruitment id with others in any version of
     the study: they joined before ids were recognized, or with a personal link.
     """
-    rows = Participant.objects.filter(
-        study__slug=study.slug, kind=ParticipantKind.PARTICIPANT
-    ).exclude(recruitment_id="")
+    people = Participant.objects.filter(study__slug=study.slug, kind=ParticipantKind.PARTICIPANT)
+    rows = people.exclude(recruitment_id="")
     found = list(rows.values_list("recruitment_id", "code", "study_id"))
     counts = Counter(identifier for identifier, _code, _study in found)
     for identifier, code, version in found:

@@ -100,12 +100,9 @@ def _subject_and_text(
     else:
         subject = _("Your second session: %(title)s") % {"title": title}
         first = _("You can now take part in the second session of the study.")
-    lines = [
-        first,
-        _("Open the study: %(address)s") % {"address": address},
-        _("Stop these e-mails and delete your address: %(address)s") % {"address": stop},
-    ]
-    return subject, "\n\n".join(lines) + "\n"
+    visit = _("Open the study: %(address)s") % {"address": address}
+    end = _("Stop these e-mails and delete your address: %(address)s") % {"address": stop}
+    return subject, f"{first}\n\n{visit}\n\n{end}\n"
 
 
 def stop(token: str) -> None:

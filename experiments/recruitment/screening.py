@@ -2,8 +2,8 @@
 questionnaire is finished.
 """
 
-import datetime
 from collections.abc import Mapping
+from datetime import datetime, timedelta
 from typing import Any
 
 from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
@@ -28,7 +28,7 @@ def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
     return fits and (not study.browsers or browser in study.browsers)
 
 
-def is_screened_out(participant: Participant, questionnaire: str, now: datetime.datetime) -> bool:
+def is_screened_out(participant: Participant, questionnaire: str, now: datetime) -> bool:
     """Tell whether a participant's answers to a finished questionnaire screen them out: by a rule,
     or because a quota is full. Bots answer at random and are never screened out.
     """
@@ -37,12 +37,7 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime.
     quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
     if participant.kind == ParticipantKind.BOT or not (rules or quotas):
         return False
-    own = StepResponse.objects.filter(
-        participant=participant,
-        response__questionnaire__slug=questionnaire,
-        response__finished_at__isnull=False,
-    )
-    asked = own.select_related("response").order_by("-response__finished_at").first()
+    asked = newest_finished(participant, questionnaire)
     if asked is None:
         return False
     values = {item: given.value for item, given in asked.response.given().items()}
@@ -55,15 +50,21 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime.
     )
 
 
-def _earlier(
-    participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime.datetime
-) -> int:
+def newest_finished(participant: Participant, questionnaire: str) -> StepResponse | None:
+    """Return a participant's newest finished response to a questionnaire; None without one."""
+    rows = StepResponse.objects.filter(participant=participant)
+    own = rows.filter(response__questionnaire__slug=questionnaire)
+    finished = own.exclude(response__finished_at=None).order_by("-response__finished_at")
+    return finished.select_related("response__questionnaire").first()
+
+
+def _earlier(participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime) -> int:
     """Count the participants who gave such an answer before this one and hold a place: they have
     finished, or were seen lately. The id breaks ties of the time, so that of two participants
     exactly one is the later.
     """
     study, own_order = participant.study, (own.response.finished_at, str(own.response_id))
-    last_seen = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
+    last_seen = now - timedelta(hours=study.as_definition().allocation.left_after_hours)
     rows = StepResponse.objects.filter(
         participant__study=study,
         participant__kind=participant.kind,

@@ -20,6 +20,7 @@ from experiments.definition.recruitment.recruiting import Ending, Recruiting
 LONGEST_ID = 100
 # A preview: the worker has not accepted the assignment yet.
 MTURK_PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"
+MTURK_RETURN = "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}"
 MTURK_HOSTS = frozenset({"www.mturk.com", "workersandbox.mturk.com"})
 
 
@@ -47,12 +48,7 @@ PROFILES: Mapping[str, SiteProfile] = {
         return_address="https://app.prolific.com/submissions/complete?cc={code}",
     ),
     "mturk": SiteProfile(  # it adds its parameters to the link itself
-        "Amazon Mechanical Turk",
-        "workerId",
-        "assignmentId",
-        return_address=(
-            "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}"
-        ),
+        "Amazon Mechanical Turk", "workerId", "assignmentId", return_address=MTURK_RETURN
     ),
     "sona": SiteProfile(
         "Sona",

@@ -1,7 +1,7 @@
 """A rehearsal's findings from the database in which its bots took part."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -28,30 +28,22 @@ ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
 def findings(study: Study) -> Findings:
     definition = study.as_definition()
     practice = definition.practice_keys
-    drives = Drive.objects.filter(
-        participant__study=study, participant__kind=ParticipantKind.BOT
-    ).select_related("session", "participant__study")
-    records = {
-        str(drive.session_id): _record(drive, is_practice=drive.step in practice)
-        for drive in drives
-    }
+    rows = Drive.objects.filter(participant__study=study, participant__kind=ParticipantKind.BOT)
+    drives = rows.select_related("session", "participant__study")
+    records = {str(drive.session_id): _record(drive, practice) for drive in drives}
     dataset = counting(dataset_of(study), ("bot",))
     drawn, not_drawn = _draw(dataset)
     different = discrepancies(drives, np.random.default_rng(1))
     return Findings(records, list(_empty(dataset, definition)), drawn, not_drawn, different)
 
 
-def _record(drive: Drive, *, is_practice: bool) -> DriveRecord:
+def _record(drive: Drive, practice: Container[str]) -> DriveRecord:
     result: dict[str, Any] = drive.result or {}
     started, ended = result.get("started"), result.get("ended")
-    return DriveRecord(
-        drive.condition,
-        drive.outcome or drive.session.outcome,
-        len(result.get("checkpoints") or ()),
-        ended - started if started is not None and ended is not None else None,
-        tuple(drive.mismatches or ()),
-        is_practice,
-    )
+    seconds = ended - started if started is not None and ended is not None else None
+    outcome, passed = drive.outcome or drive.session.outcome, len(result.get("checkpoints") or ())
+    mismatches, is_practice = tuple(drive.mismatches or ()), drive.step in practice
+    return DriveRecord(drive.condition, outcome, passed, seconds, mismatches, is_practice)
 
 
 def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
@@ -62,21 +54,15 @@ def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
             continue
         own = [one for one in dataset.responses if one.questionnaire == questionnaire.slug]
         answered = {key for one in own for key, value in one.values.items() if value is not None}
-        yield from (
-            f"{questionnaire.slug}.{question.key}"
-            for question in questionnaire.questions()
-            if question.key not in answered
-        )
+        keys = (question.key for question in questionnaire.questions())
+        yield from (f"{questionnaire.slug}.{key}" for key in keys if key not in answered)
     for table, read in (("states", dataset.states), ("network", dataset.network)):
         numbers: Counter[str] = Counter()
         for session in dataset.sessions:
             columns = read(session.id)
             numbers.update({name: np.isfinite(columns[name]).sum() for name in columns.dtype.names})
-        yield from (
-            f"{table}.{name}"
-            for name, count in numbers.items()
-            if not count and name not in NEVER_FOR_BOTS | ALWAYS_RARE
-        )
+        expected = numbers.keys() - NEVER_FOR_BOTS - ALWAYS_RARE
+        yield from (f"{table}.{name}" for name in expected if not numbers[name])
 
 
 def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:

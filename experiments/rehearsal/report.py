@@ -184,22 +184,16 @@ def judge(study: StudyDefinition, diaries: Sequence[Diary], found: Findings) -> 
 def _condition(
     study: StudyDefinition, condition: Condition, diaries: Sequence[Diary], found: Findings
 ) -> ConditionReport:
-    own = [
-        (leg, record)
-        for diary in diaries
-        for leg in diary.legs
-        if (record := found.records.get(leg.session)) is not None
-        if record.condition == condition.key and not record.practice
-    ]
+    legs = [leg for diary in diaries for leg in diary.legs if leg.session in found.records]
+    driven = [(leg, found.records[leg.session]) for leg in legs]
+    own = [one for one in driven if one[1].condition == condition.key and not one[1].practice]
     outcomes = Counter(record.outcome or leg.outcome or "none" for leg, record in own)
     seconds = [
         leg.seconds if record.seconds is None else record.seconds
         for leg, record in own
         if (record.outcome or leg.outcome) == COMPLETED and leg.passed
     ]
-    passed = {
-        number for leg, record in own for number in (*leg.passed, *range(1, record.passed + 1))
-    }
+    passed = {n for leg, record in own for n in (*leg.passed, *range(1, record.passed + 1))}
     course = study.course_of(condition)
     stops = [stop.number for stop in course.checkpoints] if course is not None else []
     median = statistics.median(seconds) if seconds else None

@@ -49,9 +49,8 @@ def request(study: Study, now: datetime.datetime) -> Rehearsal:
             fail(row.pk, LOST)
     try:
         with transaction.atomic():
-            return Rehearsal.objects.create(
-                study=study, sha256=study.sha256, live_key=str(study.pk), began_at=now
-            )
+            fields = {"study": study, "sha256": study.sha256, "live_key": str(study.pk)}
+            return Rehearsal.objects.create(began_at=now, **fields)
     except IntegrityError:
         raise AlreadyRehearsedError from None
 
@@ -98,7 +97,5 @@ def stop(key: UUID, user: Any) -> bool:
 
 
 def _end(key: UUID, status: str, **changes: Any) -> bool:
-    living = Rehearsal.objects.filter(pk=key, status__in=LIVE)
-    return bool(
-        living.update(status=status, finished_at=timezone.now(), live_key=str(key), **changes)
-    )
+    living, now = Rehearsal.objects.filter(pk=key, status__in=LIVE), timezone.now()
+    return bool(living.update(status=status, finished_at=now, live_key=str(key), **changes))

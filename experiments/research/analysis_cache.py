@@ -60,9 +60,8 @@ class Stored:
 
     @property
     def computed_at(self) -> datetime.datetime:
-        return datetime.datetime.fromtimestamp(
-            (self.folder / "SHA256SUMS").stat().st_mtime, datetime.UTC
-        )
+        written = (self.folder / "SHA256SUMS").stat().st_mtime
+        return datetime.datetime.fromtimestamp(written, datetime.UTC)
 
     @property
     def selections(self) -> tuple[str, ...]:
@@ -154,15 +153,11 @@ def _start(study: Study, key: str, kinds: Sequence[Kind]) -> Computing:
         output = log.open("xb")
     except FileExistsError:  # another request has started it
         return Computing(key)
+    streams = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": subprocess.STDOUT}
     with output:
         shutil.rmtree(folder, ignore_errors=True)
-        _started[log] = subprocess.Popen(
-            command(*words, "--progress", *options),
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-        )
+        line = command(*words, "--progress", *options)
+        _started[log] = subprocess.Popen(line, env=environment(), **streams)
     return Computing(key)
 
 

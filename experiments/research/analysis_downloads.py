@@ -56,14 +56,13 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
     study, user = asked.study, request.user
     details = reverse("admin:experiments_study_publication", args=[study.pk])
     titles = {name: one.title for name, one in REPOSITORIES.items()}
+    formats = [(name, one) for name, one in ON_REQUEST.items() if may(user, slug, one.least)]
     context = {
         "asked": asked,
         "study": study,
         "versions": versions_of(study),
         "dataset": reverse("analysis_dataset", args=[slug]),
-        "formats": [
-            (name, one.label) for name, one in ON_REQUEST.items() if may(user, slug, one.least)
-        ],
+        "formats": [(name, one.label) for name, one in formats],
         "repositories": titles if may(user, slug, "owner") else {},
         "deposit": reverse("analysis_deposit", args=[slug]),
         "drafts": sorted(study.deposits.items()),
@@ -88,21 +87,14 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
     user: Any = request.user
     number = asked_of(request, slug).study.version
     keep("study_exported", study=slug, version=number, chosen=chosen, user=str(user.pk))
-    audit.note(
-        "study_exported",
-        actor=user,
-        study=slug,
-        thing=f"version {number}",
-        detail=" ".join(chosen),
-    )
+    thing, detail = f"version {number}", " ".join(chosen)
+    audit.note("study_exported", actor=user, study=slug, thing=thing, detail=detail)
     options = [f"--{name.replace('_', '-')}" for name in chosen]
     words = ("export_study", f"{slug}:{number}", "--zip", "--out", "-", "--noted", *options)
     name = "-".join((slug, str(number), *chosen))
-    return StreamingHttpResponse(
-        _output(command(*words), environment()),
-        content_type="application/zip",
-        headers={"Content-Disposition": f'attachment; filename="{name}.zip"'},
-    )
+    headers = {"Content-Disposition": f'attachment; filename="{name}.zip"'}
+    parts = _output(command(*words), environment())
+    return StreamingHttpResponse(parts, content_type="application/zip", headers=headers)
 
 
 @sensitive_post_parameters("token")
@@ -120,10 +112,8 @@ def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
     sandbox = ["--sandbox"] if request.POST.get("sandbox") else []
     words = command("deposit", f"{slug}:{number}", "--to", request.POST["to"], *sandbox)
     variables = {repository.token: request.POST.get("token", ""), "PYTHONUNBUFFERED": "1"}
-    return StreamingHttpResponse(
-        _output(words, environment() | variables, with_errors=True),
-        content_type="text/plain; charset=utf-8",
-    )
+    parts = _output(words, environment() | variables, with_errors=True)
+    return StreamingHttpResponse(parts, content_type="text/plain; charset=utf-8")
 
 
 async def _output(

@@ -25,12 +25,8 @@ class AnalysisQuery:
     report: str = ""
 
     def address(self, name: str, *args: object, **changes: object) -> str:
-        same = {
-            "version": self.study.version,
-            "kind": self.kinds,
-            "selection": self.selection,
-            "report": self.report,
-        }
+        same = {"version": self.study.version, "kind": self.kinds}
+        same |= {"selection": self.selection, "report": self.report}
         query = {key: value for key, value in (same | changes).items() if value}
         return f"{reverse(name, args=[self.study.slug, *args])}?{urlencode(query, doseq=True)}"
 
@@ -47,12 +43,8 @@ def asked_of(request: HttpRequest, slug: str) -> AnalysisQuery:
     given = request.GET.getlist("kind")
     kinds = tuple(kind for kind in get_args(Kind) if kind in given) or ("participant",)
     selection = EVERY if request.GET.get("selection") == EVERY else COUNTING
-    return AnalysisQuery(
-        version_of(slug, request.GET.get("version", "")),
-        kinds,
-        selection,
-        request.GET.get("report", ""),
-    )
+    study = version_of(slug, request.GET.get("version", ""))
+    return AnalysisQuery(study, kinds, selection, request.GET.get("report", ""))
 
 
 def versions_of(study: Study) -> list[int]:

@@ -27,9 +27,9 @@ from sessions.models import Session
 
 OUTCOMES = dict(Session.Outcome.choices)
 SESSIONS_OF = {
-    ParticipantKind.PARTICIPANT: gettext_lazy("participants"),
-    ParticipantKind.PILOT: gettext_lazy("pilots"),
-    ParticipantKind.BOT: gettext_lazy("bots"),
+    "participant": gettext_lazy("participants"),
+    "pilot": gettext_lazy("pilots"),
+    "bot": gettext_lazy("bots"),
 }
 SHORT = 60  # rows of a table that a topic's page shows as a whole
 ROWS_A_PAGE = 100
@@ -112,9 +112,7 @@ def _about(asked: AnalysisQuery, stored: Stored) -> dict[str, Any]:
         "is_current": stored.key == analysis_cache.key_of(asked.study, asked.kinds),
         "again": asked.address("analysis", report=""),
         "versions": versions_of(asked.study),
-        "kinds": [
-            (kind.value, name, kind.value in asked.kinds) for kind, name in SESSIONS_OF.items()
-        ],
+        "kinds": [(kind, name, kind in asked.kinds) for kind, name in SESSIONS_OF.items()],
     }
 
 
@@ -122,20 +120,15 @@ def _table(asked: AnalysisQuery, stored: Stored, head: dict[str, Any]) -> dict[s
     name, rows = head["name"], None
     if head["rows"] <= SHORT:
         rows = _rows(asked, stored.read(asked.selection, f"table-{name}"))
-    return _headed(head) | {
-        "shown": rows,
-        "whole": asked.address("analysis_table", name),
-        "files": _files(asked, "tables", name, ("csv", "tex", "docx")),
-    }
+    files = _files(asked, "tables", name, ("csv", "tex", "docx"))
+    whole = asked.address("analysis_table", name)
+    return _headed(head) | {"shown": rows, "whole": whole, "files": files}
 
 
-def _files(
-    asked: AnalysisQuery, kind: str, name: str, endings: Iterable[str]
-) -> list[tuple[str, str]]:
-    return [
-        (ending.upper(), asked.address("analysis_file", kind, f"{name}.{ending}"))
-        for ending in endings
-    ]
+def _files(asked: AnalysisQuery, kind: str, name: str, endings: Iterable[str]) -> Any:
+    """Yield the endings and addresses of the files of a figure or a table."""
+    for ending in endings:
+        yield ending.upper(), asked.address("analysis_file", kind, f"{name}.{ending}")
 
 
 def _rows(asked: AnalysisQuery, rows: Iterable[Any]) -> list[list[tuple[str, str]]]:
@@ -241,9 +234,5 @@ def file(request: HttpRequest, slug: str, kind: str, name: str) -> HttpResponseB
     content_type = TYPES.get(path.suffix[1:])
     if kind not in {"tables", "figures"} or content_type is None or not path.is_file():
         raise Http404
-    return FileResponse(
-        path.open("rb"),
-        as_attachment=True,
-        filename=f"{slug}-{name}",
-        content_type=content_type,
-    )
+    options = {"as_attachment": True, "filename": f"{slug}-{name}", "content_type": content_type}
+    return FileResponse(path.open("rb"), **options)

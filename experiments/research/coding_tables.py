@@ -12,9 +12,8 @@ from experiments.models import CodingSchemeVersion
 
 
 def shown(agreement: StudyAgreement, scheme: CodingSchemeVersion) -> dict[str, Any]:
-    names = {code.code: code.name for code in store.read_scheme(scheme).codes} | {
-        "": _("All codes together")
-    }
+    names = {code.code: code.name for code in store.read_scheme(scheme).codes}
+    names[""] = _("All codes together")
     coders = [f"C{number}" for number in agreement.coders]
     return {
         "sessions": agreement.sessions,

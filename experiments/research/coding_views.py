@@ -37,7 +37,7 @@ from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Coding, CodingSchemeVersion, Drive, Participant, Study
 from experiments.research import coding_tables, live
 from experiments.research.replay import blinded, player_config, replay
-from experiments.research.study_access import MAX_DIGITS, version_of
+from experiments.research.study_access import version_of
 
 SAVES, FILES = Attempts("coding-save", limit=240), Attempts("coding-file", limit=30)
 ROWS_A_PAGE = 100
@@ -58,13 +58,10 @@ def study_page(request: HttpRequest, slug: str) -> HttpResponse:
         found = agreement_of(scheme, None if is_viewer else request.user)
         agreement = coding_tables.shown(found, scheme)
     if scheme is not None and is_coder:
-        drives = (
-            Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
-            .exclude(participant__status=Participant.Status.WITHDRAWN)
-            .select_related("session")
-            .order_by("granted_at", "pk")
-        )
-        page = Paginator(drives, ROWS_A_PAGE).get_page(request.GET.get("page"))
+        drives = Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
+        drives = drives.exclude(participant__status=Participant.Status.WITHDRAWN)
+        ordered = drives.select_related("session").order_by("granted_at", "pk")
+        page = Paginator(ordered, ROWS_A_PAGE).get_page(request.GET.get("page"))
         page.object_list = _rows(list(page.object_list), study, scheme, request.user)
     context = {
         "study": study,
@@ -86,21 +83,17 @@ def _rows(
     codings: dict[uuid.UUID, list[Coding]] = {drive.session_id: [] for drive in drives}
     for coding in Coding.objects.filter(scheme=scheme, session__in=codings):
         codings[coding.session_id].append(coding)
-    rows = []
-    for drive in drives:
-        of_session = codings[drive.session_id]
-        condition = live.condition_title(definition, drive.condition)
-        rows.append(
-            {
-                "session": drive.session_id,
-                "name": names.session(drive.session_id),
-                "condition": "" if is_blind else condition,
-                "own": next((one for one in of_session if one.coder_id == user.pk), None),
-                "begun": len(of_session),
-                "done": sum(one.done_at is not None for one in of_session),
-            }
-        )
-    return rows
+    return [
+        {
+            "session": drive.session_id,
+            "name": names.session(drive.session_id),
+            "condition": "" if is_blind else live.condition_title(definition, drive.condition),
+            "own": next((one for one in some if one.coder_id == user.pk), None),
+            "begun": len(some),
+            "done": sum(one.done_at is not None for one in some),
+        }
+        for drive, some in zip(drives, codings.values(), strict=True)
+    ]
 
 
 @require_POST
@@ -136,7 +129,7 @@ def _session_to_code(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, C
     """
     drive = drive_to_code(request.user, session)
     study, wanted = drive.participant.study, request.GET.get("scheme", "")
-    if wanted.isdecimal() and len(wanted) < MAX_DIGITS:
+    if wanted.isdecimal() and len(wanted) < Study.MAX_DIGITS:
         scheme = CodingSchemeVersion.objects.filter(study=study, version=wanted).first()
     else:
         scheme = store.scheme_of(study, timezone.now())

@@ -40,10 +40,9 @@ def end_session(session: Session, reason: str, user: Any, now: datetime.datetime
 
 def hold(robot: Robot, reason: str, user: Any, now: datetime.datetime) -> None:
     """Pause the queue of a robot; its driver goes on, and those who wait keep their places."""
-    Robot.objects.filter(pk=robot.pk).update(held=reason[:LONGEST])
-    system_log.log(
-        "queue_held", "warning", robot=robot, at=now, reason=reason[:LONGEST], user=str(user.pk)
-    )
+    reason = reason[:LONGEST]
+    Robot.objects.filter(pk=robot.pk).update(held=reason)
+    system_log.log("queue_held", "warning", robot=robot, at=now, reason=reason, user=str(user.pk))
     audit.note("queue_held", actor=user, robot=robot, at=now)
 
 
@@ -58,12 +57,7 @@ def release(robot: Robot, user: Any, now: datetime.datetime) -> bool:
 
 def _note(session: str, kind: str, user: Any, now: datetime.datetime, **data: str) -> None:
     data["user"] = str(user.pk)
-    SessionEvent.objects.create(
-        session_id=session,
-        source=SessionEvent.Source.SERVER,
-        type=kind,
-        stamp=now.timestamp(),
-        received_at=now.timestamp(),
-        data=data,
-    )
+    times = dict.fromkeys(("stamp", "received_at"), now.timestamp())
+    server = SessionEvent.Source.SERVER
+    SessionEvent.objects.create(session_id=session, source=server, type=kind, data=data, **times)
     system_log.log(kind, "warning", session=session, at=now, **data)

@@ -39,16 +39,10 @@ def invite(request: HttpRequest, row: Study, email: str, role: str) -> tuple[str
     an earlier invitation of the same address.
     """
     token, now = secrets.token_urlsafe(TOKEN_BYTES), timezone.now()
-    ResearcherInvitation.objects.filter(slug=row.slug, email=email, accepted_at=None).delete()
-    invitation = ResearcherInvitation.objects.create(
-        slug=row.slug,
-        email=email,
-        role=role,
-        token_sha256=hash_of(token),
-        invited_by=request.user,
-        created_at=now,
-        expires_at=now + LASTS,
-    )
+    about, rows = {"slug": row.slug, "email": email}, ResearcherInvitation.objects
+    rows.filter(**about, accepted_at=None).delete()
+    about |= {"role": role, "token_sha256": hash_of(token), "invited_by": request.user}
+    invitation = rows.create(**about, created_at=now, expires_at=now + LASTS)
     address = request.build_absolute_uri(reverse("study_invitation", args=[token]))
     audit.note("member_invited", actor=request.user, study=row.slug, detail=role, thing=invitation)
     return address, _send(row, invitation, address)
@@ -115,9 +109,8 @@ def _accept(
     unused = ResearcherInvitation.objects.filter(pk=found.pk, accepted_at=None)
     if not unused.update(accepted_at=now):
         return _refused(request, "used")
-    member, is_new = StudyMember.objects.get_or_create(
-        slug=found.slug, user=user, defaults={"role": found.role}
-    )
+    of_user, given = {"slug": found.slug, "user": user}, {"role": found.role}
+    member, is_new = StudyMember.objects.get_or_create(**of_user, defaults=given)
     if not is_new and member.role != StudyMember.Role.OWNER:
         StudyMember.objects.filter(pk=member.pk).update(role=found.role)
     if found.role in STAFF_ROLES and not user.is_staff:

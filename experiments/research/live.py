@@ -40,19 +40,14 @@ def now_in(slug: str, now: datetime.datetime) -> dict[str, Any]:
     """
     rows = list(Study.objects.filter(slug=slug).order_by("-version"))
     definitions = {study.pk: study.as_definition() for study in rows}
-    drives = (
-        Drive.objects.filter(participant__study__slug=slug)
-        .exclude(session__state=Session.State.ENDED)
-        .select_related("session__robot", "participant")
-        .order_by("granted_at")
-    )
+    drives = Drive.objects.filter(participant__study__slug=slug).order_by("granted_at")
+    drives = drives.exclude(session__state=Session.State.ENDED)
+    drives = drives.select_related("session__robot", "participant")
     robots = _robots(slug, definitions.values(), drives)
     current = definitions[current_version(rows).pk] if rows else None
     unready = _unready(robots, now)
-    shown = [
-        _robot(robot, now) | {"unready": unready[robot.pk], "use": _use_of(robot, current)}
-        for robot in robots
-    ]
+    more = ({"unready": unready[one.pk], "use": _use_of(one, current)} for one in robots)
+    shown = [_robot(robot, now) | about for robot, about in zip(robots, more, strict=True)]
     return {
         "stamp": now.timestamp(),
         "participants": _people(slug, definitions, now),
@@ -84,15 +79,10 @@ def _robots(
     """Return the robots of the conditions' series at their sites, and those in use."""
     wanted = {(one.robot, one.site) for study in definitions for one in study.conditions}
     in_use = {drive.session.robot_id for drive in drives}
-    rows = (
-        Robot.objects.filter(practice=False)
-        .select_related("floor_plan")
-        .defer("floor_plan__image")
-        .order_by("title")
-    )
+    rows = Robot.objects.filter(practice=False).select_related("floor_plan").order_by("title")
     return [
         robot
-        for robot in rows
+        for robot in rows.defer("floor_plan__image")
         if robot.pk in in_use or (kind_of(robot) in wanted and may_see(slug, robot))
     ]
 
@@ -136,18 +126,14 @@ def _people(
 ) -> list[dict[str, Any]]:
     rows = Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT)
     people = list(rows.order_by("-seen_at")[:MOST_PEOPLE])
-    visits = StepVisit.objects.filter(participant__in=people).values_list(
-        "participant_id", "visit", "round", "step", "began_at"
-    )
-    began = {tuple(place): at for *place, at in visits}
+    visits = StepVisit.objects.filter(participant__in=people)
+    places = visits.values_list("participant_id", "visit", "round", "step", "began_at")
+    began = {tuple(place): at for *place, at in places}
     return [_person(row, definitions[row.study_id], began, now) for row in people]
 
 
 def _person(
-    row: Participant,
-    definition: StudyDefinition,
-    began: dict[Any, datetime.datetime],
-    now: datetime.datetime,
+    row: Participant, definition: StudyDefinition, began: dict[Any, Any], now: datetime.datetime
 ) -> dict[str, Any]:
     step = next((step for step in definition.steps if step.key == row.step), None)
     since = began.get((row.pk, row.visit, row.round, row.step))
@@ -183,14 +169,11 @@ def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
     """Return in words what each robot lacks for the next visitor; empty if nothing, or if the queue
     is empty.
     """
-    reasons = {
-        key: next((place.not_ready for place in scene.queue if place.not_ready), "")
-        for key, scene in store.load_scenes(robots, now).items()
-    }
-    return {
-        key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
-        for key, reason in reasons.items()
-    }
+    found = {}
+    for key, scene in store.load_scenes(robots, now).items():
+        reason = next((place.not_ready for place in scene.queue if place.not_ready), "")
+        found[key] = in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
+    return found
 
 
 def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
@@ -217,30 +200,26 @@ def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
     doors = robot.doors_in(page_language())
     if not doors:
         return []
-    changes = SessionEvent.objects.filter(
-        session__robot=robot,
-        source=SessionEvent.Source.ROBOT,
-        type="door_changed",
-        received_at__gte=(now - DOORS_BACK).timestamp(),
-    ).order_by("received_at")
-    confirmed: dict[str, dict[str, Any]] = {}
+    rows = SessionEvent.objects.filter(session__robot=robot, source=SessionEvent.Source.ROBOT)
+    since = (now - DOORS_BACK).timestamp()
+    changes = rows.filter(type="door_changed", received_at__gte=since).order_by("received_at")
+    unknown: dict[str, Any] = {"confirmed": None, "at": None}
+    found = {
+        door["name"]: {"name": door["name"], "title": door["title"], "set": door["state"]} | unknown
+        for door in doors
+    }
     for data, at in changes.values_list("data", "received_at"):
         name, _, state = str(data.get("detail", "")).rpartition(" ")
-        confirmed[name] = {"confirmed": state, "at": at}
-    unknown = {"confirmed": None, "at": None}
-    return [
-        {"name": door["name"], "title": door["title"], "set": door["state"]}
-        | confirmed.get(door["name"], unknown)
-        for door in doors
-    ]
+        if name in found:
+            found[name] |= {"confirmed": state, "at": at}
+    return list(found.values())
 
 
 def _drive(drive: Drive, definition: StudyDefinition, now: datetime.datetime) -> dict[str, Any]:
     session = drive.session
-    chunk = newest_chunk(session)
+    chunk, fixed = newest_chunk(session), terms.of(session)
     state = chunk.states[-1] if chunk is not None and chunk.states else None
     sample = NetworkSample.objects.filter(session=session).order_by("-received_at").first()
-    fixed = terms.of(session)
     return {
         "session": str(session.pk),
         "robot": session.robot.name,

@@ -36,9 +36,8 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
         "next visit: %(reason)s.\n\nThe system "
         "tries again every two minutes. You get one e-mail for each pause."
     )
-    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
     for study in studies_with(robot):
-        _send(study, subject, text, values)
+        _send(study, subject, text, robot, reason, at)
 
 
 def publish_not_ready(
@@ -54,8 +53,7 @@ def publish_not_ready(
         "or drive it there. The participant's drive then starts automatically. "
         "You get one e-mail for each participant who waits."
     )
-    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
-    _send(drive.participant.study, subject, text, values)
+    _send(drive.participant.study, subject, text, robot, reason, at)
 
 
 def studies_with(robot: Robot) -> list[Study]:
@@ -69,10 +67,8 @@ def studies_with(robot: Robot) -> list[Study]:
 
 def addresses_of(study: Study) -> list[str]:
     """Return the addresses of a study's owners and researchers, who can help."""
-    role = StudyMember.Role
-    members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
-        role__in=(role.VIEWER, role.CODER, role.WIZARD)
-    )
+    roles = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
+    members = StudyMember.objects.filter(slug=study.slug, user__is_active=True, role__in=roles)
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 
 
@@ -93,20 +89,18 @@ def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
     return text % {"studies": ", ".join(titles)}
 
 
-def _send(study: Study, subject: str, text: str, values: dict[str, Any]) -> None:
+def _send(
+    study: Study, subject: str, text: str, robot: Robot, reason: str, at: datetime.datetime
+) -> None:
     addresses = addresses_of(study)
     if not addresses:
         return
-    values = values | {"study": study.title}
-    mail = EmailMessage(
-        subject % values,
-        text % values,
-        settings.DEFAULT_FROM_EMAIL,
-        bcc=addresses,
-        connection=get_connection(timeout=MAIL_SECONDS),
-    )
+    about = {"study": study.title, "robot": robot}
+    values = about | {"reason": in_words(reason), "at": shown_time(at)}
+    sender, connection = settings.DEFAULT_FROM_EMAIL, get_connection(timeout=MAIL_SECONDS)
+    subject, text = subject % values, text % values
+    mail = EmailMessage(subject, text, sender, bcc=addresses, connection=connection)
     try:
         mail.send()
     except (OSError, smtplib.SMTPException) as error:
-        robot = values["robot"].name
-        log.error("staff_not_notified", study=study.slug, robot=robot, reason=str(error))
+        log.error("staff_not_notified", study=study.slug, robot=robot.name, reason=str(error))

@@ -7,6 +7,7 @@ the map. Poses between two states are not stored: the page interpolates them.
 
 import math
 from collections.abc import Iterable
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -52,9 +53,8 @@ def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
     found = recorded(session, begin + offsets["robot"])
     words: dict[str, int] = {}  # input methods and routes, by the numbers in the commands
     states = _columns(STATES, [_state_row(at, state) for at, state in found])
-    commands = _columns(
-        COMMANDS, [row for at, state in found for row in _command_rows(at, state.applied, words)]
-    )
+    rows = (_command_rows(at, state.applied, words) for at, state in found)
+    commands = _columns(COMMANDS, list(chain.from_iterable(rows)))
     network = _network(session, begin + offsets["page"])
     events = _events(session, drive, begin, offsets)
     last = [*states["t"][-1:], *network["t"][-1:], *(event[0] for event in events[-1:])]
@@ -86,15 +86,12 @@ def blinded(record: dict[str, Any]) -> dict[str, Any]:
     """Return a record without what would reveal the condition to a coder: commands, the network,
     doors, and the events of the page and the server.
     """
+    events = [event for event in record["events"] if event[1] in {"task", "robot"}]
     return record | {
         "commands": {name: [] for name in record["commands"]},
         "network": {name: [] for name in record["network"]},
         "words": [],
-        "events": [
-            event
-            for event in record["events"]
-            if event[1] in {"task", "robot"} and event[2] not in TELLING
-        ],
+        "events": [event for event in events if event[2] not in TELLING],
     }
 
 

@@ -19,8 +19,6 @@ from experiments import publishing
 from experiments.access import Role, for_role, may
 from experiments.models import Study, StudyMember
 
-MAX_DIGITS = 6  # of a version's number in an address
-
 
 def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
     """Return the names of the studies that a user is a member of. Coders and hidden operators do
@@ -47,14 +45,8 @@ def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
 
 
 def version_of(slug: str, wanted: str) -> Study:
-    """Return a version of a study; with no number wanted the newest published one, else the newest.
-    Http404 when there is none.
-    """
-    rows = Study.objects.filter(slug=slug).order_by("-version")
-    if wanted:
-        is_number = wanted.isdecimal() and len(wanted) < MAX_DIGITS
-        rows = rows.filter(version=int(wanted)) if is_number else rows.none()
-    study = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
+    """Return `Study.version_of`, or raise Http404."""
+    study = Study.version_of(slug, wanted)
     if study is None:
         raise Http404
     return study
@@ -67,19 +59,12 @@ def viewer_page(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResp
     return never_cache(require_safe(for_role("viewer")(view)))
 
 
-def note_change(
-    request: HttpRequest,
-    row: Study,
-    entry: str,
-    text: str = "",
-    *,
-    event: str = "study_changed",
-    **about: Any,
-) -> None:
+def note_change(request: HttpRequest, row: Study, entry: str, text: str = "", **about: Any) -> None:
     """Record a change of a study in its history and in the audit trail, and show a text to the user
-    on the next page; `about` as of `audit.note`.
+    on the next page; `about` as of `audit.note`, with its event as `event` ("study_changed").
     """
     publishing.log(row, request.user, entry)
+    event = about.pop("event", "study_changed")
     audit.note(event, actor=request.user, study=row.slug, **about)
     if text:
         messages.success(request, text)

@@ -15,7 +15,7 @@ from django.views.decorators.http import require_POST, require_safe
 from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
-from experiments.access import for_role, may, session_for
+from experiments.access import SEES_SESSIONS, for_role, may, session_for
 from experiments.models import Drive, Study
 from experiments.participation.robot_eligibility import may_use
 from experiments.research import interventions, live
@@ -119,17 +119,12 @@ def _act_on_session(request: HttpRequest, slug: str, act: str, text: str) -> str
 @require_safe
 def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
     row, drive, photos = session_for(request.user, session)
-    audit.note(
-        "session_opened",
-        actor=request.user,
-        person=row.visitor_id,
-        study=drive.participant.study.slug if drive else "",
-        thing=row,
-    )
-    condition = ""
+    user, person = request.user, row.visitor_id
+    slug, condition = "", ""
     if drive is not None:
-        definition = drive.participant.study.as_definition()
-        condition = live.condition_title(definition, drive.condition)
+        study = drive.participant.study
+        slug, condition = study.slug, live.condition_title(study.as_definition(), drive.condition)
+    audit.note("session_opened", actor=user, person=person, study=slug, thing=row)
     begin = (row.granted_at or row.queued_at).timestamp()
     shown = [
         {"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])}
@@ -139,8 +134,7 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         "session": row,
         "drive": drive,
         "who": drive.participant.code if drive else row.visitor.shown_name,
-        "admin": request.user.is_staff
-        and request.user.has_perm("telepresence_sessions.view_session"),
+        "admin": user.is_staff and user.has_perm(SEES_SESSIONS),
         "outcome": _outcome(row, drive),
         "condition": condition,
         "config": player_config(row, reverse("replay_data", args=[row.pk]), shown),

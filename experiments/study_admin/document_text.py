@@ -48,10 +48,7 @@ RECORDED: dict[str, tuple[Words, Written]] = {
     "started": (_("Task started"), _clock),
     "ended": (_("Task ended"), _clock),
     "checkpoints": (_("Checkpoints passed after"), _duration),
-    "photo": (
-        _("Photo"),
-        _word({"": _("no answer"), "kept": _("kept"), "skipped": _("skipped")}),
-    ),
+    "photo": (_("Photo"), _word({"": _("no answer"), "kept": _("kept"), "skipped": _("skipped")})),
     "doors": (_("Doors driven through"), str),
     "doors_missed": (_("Open doors not driven through"), str),
     "dock_contacts": (_("Attempts to dock"), str),

@@ -26,6 +26,9 @@ from experiments.study_admin.rows import (
 from robots.admin import NOTHING, link_to
 
 LEAST_REASON, MOST_REASON = 3, 300
+# pages that drives link to
+PARTICIPANT = "admin:experiments_participant_change"
+SESSION = "admin:telepresence_sessions_session_change"
 
 
 def _exclusion(row: Drive) -> str:
@@ -70,9 +73,7 @@ class DriveAdmin(StudyRows):
 
     code = column(
         _("participant"),
-        lambda row: link_to(
-            "admin:experiments_participant_change", row.participant.code, row.participant_id
-        ),
+        lambda row: link_to(PARTICIPANT, row.participant.code, row.participant_id),
         ordering="participant__code",
     )
     study_name = column(
@@ -88,10 +89,7 @@ class DriveAdmin(StudyRows):
         ordering="outcome",
     )
     session_link = column(
-        _("session"),
-        lambda row: link_to(
-            "admin:telepresence_sessions_session_change", row.session_id, row.session_id
-        ),
+        _("session"), lambda row: link_to(SESSION, row.session_id, row.session_id)
     )
     replay = column(_("replay"), lambda row: link_to("replay", gettext("Replay"), row.session_id))
     assigned_settings = column(_("assigned"), lambda row: assigned_in_words(row.assigned))

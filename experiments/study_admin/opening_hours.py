@@ -29,9 +29,7 @@ def lines_by_day(hours: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def from_days(lines: Iterable[str]) -> Hours:
-    """Return opening hours from a line for each day from Monday; days with the same span share an
-    entry. The ValueError for a text that is no span has that text.
-    """
+    """Return hours from lines for each day from Monday. ValueError has the text that is no span."""
     days: dict[tuple[str, str], list[int]] = {}
     for number, text in enumerate(lines):
         for part in filter(None, (part.strip() for part in text.split(","))):
@@ -63,9 +61,7 @@ def summary(hours: Sequence[Mapping[str, Any]], time_zone: str) -> str:
 
 
 class HoursForm(forms.Form):
-    """A line for each day of the week; all empty means always open. `hours` are those of a valid
-    form.
-    """
+    """A line for each day of the week; all empty: always open. A valid form has `hours`."""
 
     hours: Hours
     time_zone = forms.ChoiceField(

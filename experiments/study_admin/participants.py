@@ -58,9 +58,7 @@ def _draws(row: Participant) -> SafeString:
 
 
 def _quality_flags(row: Participant) -> str | SafeString:
-    """Return what the checks of the participant's data found, the most serious first; they exclude
-    no participant.
-    """
+    """Return what data checks found, the most serious first; they exclude no participant."""
     # with NumPy, which other pages need not load
     from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
 
@@ -75,7 +73,7 @@ def _drives(row: Participant) -> SafeString:
         for one in row.drives.order_by("number")
     )
     page = "admin:experiments_drive_change"
-    return by_line("{}", ((link_to(page, text, key),) for key, text in drives))
+    return by_line("{}", ([link_to(page, text, key)] for key, text in drives))
 
 
 @admin.register(Participant)
@@ -121,32 +119,26 @@ class ParticipantAdmin(StudyRows):
     ) -> list[tuple[Any, dict[str, Any]]]:
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
         who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
+        times = ("created_at", "seen_at", "finished_at")
+        progress = ("status", "visit", "step", "round", *times, "ending")
         return [
             section(None, "code", "study", "kind", "access", "language_name", *who),
             section(_("Assignment"), "cell", "condition", "draw_list", "stage"),
-            section(
-                _("Progress"),
-                *("status", "visit", "step", "round"),
-                *("created_at", "seen_at", "finished_at", "ending"),
-            ),
+            section(_("Progress"), *progress),
             section(_("Withdrawn"), "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
             section(_("Drives"), "drive_list"),
             *([section(_("Quality"), "quality")] if is_known else []),
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Read in the same query who has driven, and the recruitment ids that this user may see:
-        viewers can neither read nor search them.
-        """
+        """Annotate who has driven, and the recruitment ids that this user may read and search."""
         rows: QuerySet[Participant] = super().get_queryset(request)
         known: Any = F("recruitment_id")
         if not request.user.is_superuser:
             ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
             own = StudyMember.objects.filter(user=request.user, role__in=ranks)
-            known = Case(
-                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
-                default=Value(""),
-            )
+            slugs = list(own.values_list("slug", flat=True))
+            known = Case(When(study__slug__in=slugs, then=known), default=Value(""))
         drives = Drive.objects.filter(participant=OuterRef("pk"))
         return rows.annotate(has_driven=Exists(drives), visible_id=known)
 
@@ -161,9 +153,7 @@ class ParticipantAdmin(StudyRows):
         return [self.row_path(self.withdraw_view, "withdraw"), *super().get_urls()]
 
     def withdraw_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask for the participant's code; once it is repeated, delete everything and show the
-        receipt that participants get on the page “Your data”.
-        """
+        """Once the participant's code is repeated, delete everything and show the receipt."""
         row = self.row_for(request, pk, "researcher")
         if row.status == Participant.Status.WITHDRAWN:
             raise Http404

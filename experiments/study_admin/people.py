@@ -1,6 +1,4 @@
-"""Pages of a study about people: its researchers, its personal links, its opening hours. Mixed into
-the studies' administration.
-"""
+"""A study's pages about people: its researchers, its personal links, its opening hours."""
 
 from typing import Any
 from urllib.parse import quote
@@ -10,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import get_object_or_404
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
@@ -18,7 +16,7 @@ from django.utils.translation import ngettext
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import LinksForm, MemberForm
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.models import PersonalLink, ResearcherInvitation, Study, StudyMember
 from experiments.participation import links
 from experiments.research.invitations import invite
@@ -30,19 +28,13 @@ MOST_LISTED = 500
 
 
 class PeoplePages(StudyPages):
-    def people_urls(self) -> list[URLPattern]:
-        return [
-            self.study_path("researchers/", self.members_view, "members"),
-            self.study_path("links/", self.links_view, "links", "researcher"),
-            self.study_path("hours/", self.hours_view, "hours"),
-        ]
-
     def _page(
         self, request: HttpRequest, row: Study, name: str, title: str, **context: Any
     ) -> HttpResponse:
         shown = {"sharing_tab": name, **context}
         return self.study_page(request, row, name, title, shown, tab="sharing")
 
+    @study_view("researchers/", "members")
     def members_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
         form = MemberForm(request.POST if "add" in request.POST else None)
@@ -65,20 +57,13 @@ class PeoplePages(StudyPages):
             publishing.log(row, request.user, f"Invited: {role}.")
             invited = {"email": form.invited, "link": link, "is_sent": is_sent}
             form = MemberForm()
-        context = {
-            "members": _members(row).order_by("user__username"),
-            "invitations": invitations,
-            "invited": invited,
-            "now": timezone.now(),
-            "form": form,
-            "is_owner": is_owner,
-        }
+        context = {"form": form, "is_owner": is_owner, "now": timezone.now(), "invited": invited}
+        context |= {"members": _members(row).order_by("user__username"), "invitations": invitations}
         return self._page(request, row, "members", _("Researchers"), **context)
 
+    @study_view("links/", "links", "researcher")
     def links_view(self, request: HttpRequest, row: Study) -> HttpResponse:
-        """Show the links of a study without their tokens; a POST makes some, which this one answer
-        shows and offers as a file, or revokes one.
-        """
+        """Show links without tokens; a POST makes some, shown once, or revokes one."""
         definition = row.as_definition()
         form = LinksForm(definition, request.POST if "make" in request.POST else None)
         made = None
@@ -94,30 +79,23 @@ class PeoplePages(StudyPages):
         context = {"links": rows[:MOST_LISTED], "form": form, "made": made, "now": timezone.now()}
         return self._page(request, row, "links", _("Personal links"), **context)
 
+    @study_view("hours/", "hours")
     def hours_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
-        form = opening_hours.HoursForm(
-            request.POST if request.method == "POST" else None,
-            initial={"time_zone": row.time_zone, **opening_hours.lines_by_day(row.opening_hours)},
-        )
+        lines = {"time_zone": row.time_zone, **opening_hours.lines_by_day(row.opening_hours)}
+        form = opening_hours.HoursForm(request.POST or None, initial=lines)
         if request.method == "POST" and not is_owner:
             raise Http404
         if form.is_valid():
             row.opening_hours, row.time_zone = form.hours, form.cleaned_data["time_zone"]
             row.save(update_fields=["opening_hours", "time_zone"])
             text = opening_hours.summary(row.opening_hours, row.time_zone)
-            note_change(
-                request,
-                row,
-                f"Opening hours: {text}.",
-                _("Opening hours: %(hours)s.") % {"hours": text},
-                detail="opening hours",
-            )
+            entry, words = f"Opening hours: {text}.", _("Opening hours: %(hours)s.")
+            note_change(request, row, entry, words % {"hours": text}, detail="opening hours")
             return HttpResponseRedirect(request.path)
         summary = opening_hours.summary(row.opening_hours, row.time_zone)
-        return self._page(
-            request, row, "hours", _("Opening hours"), form=form, is_owner=is_owner, summary=summary
-        )
+        context = {"form": form, "is_owner": is_owner, "summary": summary}
+        return self._page(request, row, "hours", _("Opening hours"), **context)
 
 
 def _members(row: Study) -> "QuerySet[StudyMember]":
@@ -155,9 +133,7 @@ def _is_last_owner(member: StudyMember | None) -> bool:
 
 
 def _row_of(rows: "QuerySet[Any]", key: str) -> Any:
-    """Return the row with a primary key that a form sent; Http404 when there is none: the key may
-    be any text.
-    """
+    """Return the row with a primary key that a form sent, which may be any text, or Http404."""
     try:
         return get_object_or_404(rows, pk=key)
     except (ValueError, ValidationError) as error:
@@ -169,22 +145,17 @@ def _made_links(request: HttpRequest, row: Study, form: LinksForm) -> dict[str, 
     until, count = form.expires_at(now), given["count"]
     expires = until.isoformat(timespec="seconds") if until else ""
     rows = [("label", "link", "expires")]
+    options = {"access": given["access"], "expires_at": until, "now": now}
     for n in range(1, count + 1):
         label = f"{given['label']} {n}".strip()
-        _link, token = links.make(
-            row, label=label, access=given["access"], expires_at=until, now=now
-        )
+        _link, token = links.make(row, label=label, **options)
         address = request.build_absolute_uri(reverse("study_link", args=[token]))
         rows.append((label, address, expires))
     file = csv_text(rows)
     entry = f"{count} personal links made."
     note_change(request, row, entry, event="links_made", detail=str(count))
-    return {
-        "count": count,
-        "file": f"{row.slug}-{row.version}-links.csv",
-        "text": file,
-        "href": f"data:text/csv;charset=utf-8,{quote(file)}",
-    }
+    name, href = f"{row.slug}-{row.version}-links.csv", f"data:text/csv;charset=utf-8,{quote(file)}"
+    return {"count": count, "file": name, "text": file, "href": href}
 
 
 def _revoke(request: HttpRequest, row: Study, pk: str) -> None:

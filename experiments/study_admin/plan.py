@@ -1,6 +1,4 @@
-"""The plan of a study in the administration: its preregistration, the deviations from it, and the
-power by simulation. Mixed into the studies' administration.
-"""
+"""A study's plan in the administration: preregistration, deviations, power by simulation."""
 
 import json
 import subprocess
@@ -10,14 +8,13 @@ from django import forms
 from django.core.validators import MaxLengthValidator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
-from django.urls import URLPattern
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.http import require_POST, require_safe
 
 from experiments.access import may
 from experiments.analysis.plan.preregistration import preregistration
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.dataset.records import FreezeRecord
 from experiments.extraction.answers import questionnaires_of
 from experiments.extraction.build import freeze_of
@@ -38,16 +35,12 @@ class PowerForm(forms.Form):
 
     def clean_participants(self) -> str:
         words = self.cleaned_data["participants"].replace(",", " ").split()
-        are_numbers = all(word.isascii() and word.isdigit() for word in words)
-        if (
-            not are_numbers
-            or not 1 <= len(words) <= MOST_SIZES
-            or not all(1 <= int(word) <= MOST_PARTICIPANTS for word in words)
-        ):
-            raise forms.ValidationError(
-                _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
-                % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
-            )
+        numbers = [int(word) for word in words if word.isascii() and word.isdigit()]
+        are_sizes = all(1 <= n <= MOST_PARTICIPANTS for n in numbers)
+        if not 1 <= len(words) == len(numbers) <= MOST_SIZES or not are_sizes:
+            text = _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
+            limits = {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
+            raise forms.ValidationError(text % limits)
         return ",".join(words)
 
 
@@ -64,27 +57,18 @@ class DeviationsForm(forms.Form):
 
 
 class PlanPages(StudyPages):
-    def plan_urls(self) -> list[URLPattern]:
-        text, deviations = require_safe(self.preregistration_view), self.deviations_view
-        power = require_POST(self.power_view)
-        return [
-            self.study_path("plan/", require_safe(self.plan_view), "plan"),
-            self.study_path("plan/preregistration.md", text, "preregistration"),
-            self.study_path("plan/power/", power, "power", "researcher"),
-            self.study_path("plan/deviations/", require_POST(deviations), "deviations", "owner"),
-        ]
-
+    @study_view("plan/", "plan", guard=require_safe)
     def plan_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         return self._plan(request, row, PowerForm())
 
+    @study_view("plan/preregistration.md", "preregistration", guard=require_safe)
     def preregistration_view(self, _request: HttpRequest, row: Study) -> HttpResponse:
         name = f"{row.slug}-{row.version}-preregistration.md"
-        return HttpResponse(
-            preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row)),
-            content_type="text/markdown; charset=utf-8",
-            headers={"Content-Disposition": f'attachment; filename="{name}"'},
-        )
+        text = preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row))
+        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+        return HttpResponse(text, content_type="text/markdown; charset=utf-8", headers=headers)
 
+    @study_view("plan/power/", "power", "researcher", require_POST)
     def power_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = PowerForm(request.POST)
         if not form.is_valid():
@@ -94,6 +78,7 @@ class PlanPages(StudyPages):
         status = 200 if table else 503
         return self._plan(request, row, form, status=status, power=power, failure=failure)
 
+    @study_view("plan/deviations/", "deviations", "owner", require_POST)
     def deviations_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = DeviationsForm(request.POST)
         if not form.is_valid():
@@ -118,16 +103,12 @@ class PlanPages(StudyPages):
             "is_owner": may(request.user, row.slug, "owner"),
             "deviations": DeviationsForm({"deviations": row.deviations}),
         }
-        title = _("Plan and power")
-        return self.study_page(
-            request, row, "plan", title, context | more, tab="overview", status=status
-        )
+        title, shown = _("Plan and power"), context | more
+        return self.study_page(request, row, "plan", title, shown, tab="overview", status=status)
 
 
 def by_test(found: dict[str, Any]) -> dict[str, Any]:
-    """Return the table of a simulation (experiments/analysis/power/) with a row for each test, and
-    its power and the interval of that for each number of participants.
-    """
+    """Return a simulation's table with a row for each test: power and interval by sample size."""
     sizes = sorted({size for size, *_rest in found["rows"]}, key=int)
     powers: dict[tuple[str, ...], dict[str, tuple[str, str]]] = {}
     for size, analysis, measure, test, hypothesis, power, low, high in found["rows"]:
@@ -166,14 +147,10 @@ def data_when_frozen(freeze: FreezeRecord) -> str:
 def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
     """Return the table of a simulation, made by a process of its own, or why there is none."""
     options = ("--participants", sizes, "--studies", str(STUDIES), "--json")
+    call, env = command("power", f"{row.slug}:{row.version}", *options), environment()
     try:
         done = subprocess.run(
-            command("power", f"{row.slug}:{row.version}", *options),
-            env=environment(),
-            check=True,
-            capture_output=True,
-            timeout=SECONDS,
-            text=True,
+            call, env=env, check=True, capture_output=True, timeout=SECONDS, text=True
         )
     except subprocess.TimeoutExpired:
         return None, _("The simulation took too long. Try fewer or smaller numbers.")

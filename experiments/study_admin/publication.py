@@ -1,27 +1,16 @@
-"""The page for the publication details of a study, which its dataset carries in a repository. Mixed
-into the studies' administration.
-"""
+"""The page of the publication details that a study's dataset carries in a repository."""
 
 from collections.abc import Iterator
 
 import msgspec
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.access import may
-from experiments.builder.study_page import StudyPages
-from experiments.definition.publication import (
-    LICENCES,
-    PublicationDetails,
-    from_stored,
-    is_address,
-    is_doi,
-    is_orcid,
-    plain_doi,
-    plain_orcid,
-)
+from experiments.builder.study_page import StudyPages, study_view
+from experiments.definition import publication
+from experiments.definition.publication import LICENCES, PublicationDetails
 from experiments.models import Study
 from experiments.research.analysis_downloads import PUBLICATION_LABELS, labels_of
 from experiments.research.study_access import note_change
@@ -59,13 +48,11 @@ class DetailsForm(PartForm):
 
 
 class PublicationPages(StudyPages):
-    def publication_urls(self) -> list[URLPattern]:
-        return [self.study_path("publication/", self.publication_view, "publication")]
-
+    @study_view("publication/", "publication")
     def publication_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the details; owners change them, also after the study was published."""
         is_owner = may(request.user, row.slug, "owner")
-        details = from_stored(row.publication)
+        details = publication.from_stored(row.publication)
         shown: Document = msgspec.to_builtins(details)
         errors: dict[str, str] = {}
         if request.method == "POST":
@@ -77,9 +64,8 @@ class PublicationPages(StudyPages):
                 _store(request, row, shown)
                 return HttpResponseRedirect(request.path)
         shown["authors"] = [*shown.get("authors", ()), *({"name": ""} for _n in range(EMPTY_ROWS))]
-        form = DetailsForm(
-            PublicationDetails, shown, offered={"license": LICENCES}, is_sent=bool(errors)
-        )
+        offered = {"license": LICENCES}
+        form = DetailsForm(PublicationDetails, shown, offered=offered, is_sent=bool(errors))
         for name, text in errors.items():
             form.add_error(name, text)
         context = {"form": form, "is_owner": is_owner, "missing": labels_of(details.missing)}
@@ -97,12 +83,12 @@ def _store(request: HttpRequest, row: Study, details: Document) -> None:
 def _plain(details: Document) -> Document:
     """Return details without empty authors, and without the addresses around identifiers."""
     authors = [
-        {**author, "orcid": plain_orcid(author.get("orcid", ""))}
+        {**author, "orcid": publication.plain_orcid(author.get("orcid", ""))}
         for author in details.get("authors", ())
         if any(author.values())
     ]
     keywords = list(dict.fromkeys(details.get("keywords", ())))
-    doi = plain_doi(details.get("doi", ""))
+    doi = publication.plain_doi(details.get("doi", ""))
     return {**details, "authors": authors, "doi": doi, "keywords": keywords}
 
 
@@ -110,11 +96,12 @@ def _errors(details: Document) -> Iterator[tuple[str, str]]:
     for n, author in enumerate(details["authors"]):
         if not author.get("name"):
             yield f"authors.{n}.name", gettext("Enter the name of this author.")
-        if author["orcid"] and not is_orcid(author["orcid"]):
+        if author["orcid"] and not publication.is_orcid(author["orcid"]):
             yield f"authors.{n}.orcid", NO_ORCID % {"text": author["orcid"]}
-    if details["doi"] and not is_doi(details["doi"]):
+    if details["doi"] and not publication.is_doi(details["doi"]):
         yield "doi", NO_DOI % {"text": details["doi"]}
-    if (address := details.get("preregistration", "")) and not is_address(address):
+    address = details.get("preregistration", "")
+    if address and not publication.is_address(address):
         yield "preregistration", gettext("Enter an address that begins with https:// or http://.")
     if details.get("license", "") not in {"", *LICENCES}:
         yield "license", gettext("Choose one of the licences.")

@@ -1,13 +1,11 @@
-"""The recruitment page of a study: the link for the recruitment site, codes and return addresses,
-payments, appointments, and keys for programs. Mixed into the studies' administration.
-"""
+"""The recruitment page: links, codes, return addresses, payments, appointments, API keys."""
 
 from typing import Any
 
 from django import forms
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -15,7 +13,7 @@ from django.views.decorators.http import require_safe
 
 from accounts import audit
 from experiments.builder.labels import ENDING_NAMES
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
 from experiments.recruitment import sites
@@ -32,13 +30,7 @@ class KeyForm(forms.Form):
 
 
 class RecruitmentPages(StudyPages):
-    def recruitment_urls(self) -> list[URLPattern]:
-        payments = require_safe(self.payments_view)
-        return [
-            self.study_path("recruitment/", self.recruitment_view, "recruitment", "researcher"),
-            self.study_path("payments.csv", payments, "payments", "researcher"),
-        ]
-
+    @study_view("recruitment/", "recruitment", "researcher")
     def recruitment_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the page; a POST makes a key, which is shown in this answer only, or revokes one."""
         if "revoke" in request.POST:
@@ -49,9 +41,8 @@ class RecruitmentPages(StudyPages):
         definition = row.as_definition()
         address = request.build_absolute_uri(reverse("study", args=[row.slug]))
         site = definition.recruiting.site if definition.recruiting else "any"
-        upcoming = Appointment.objects.filter(
-            participant__study=row, ends_at__gt=timezone.now()
-        ).select_related("participant", "robot")
+        booked = Appointment.objects.filter(participant__study=row, ends_at__gt=timezone.now())
+        upcoming = booked.select_related("participant", "robot")
         api = reverse("api_participants", args=[row.slug])
         context = {
             "sharing_tab": "recruitment",
@@ -68,6 +59,7 @@ class RecruitmentPages(StudyPages):
         title = _("Recruitment")
         return self.study_page(request, row, "recruitment", title, context, tab="sharing")
 
+    @study_view("payments.csv", "payments", "researcher", require_safe)
     def payments_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         audit.note("payments_exported", actor=request.user, study=row.slug)
         name = f"{row.slug}-payments.csv"

@@ -1,6 +1,4 @@
-"""A rehearsal as text: its progress, and its issues by condition, each with the page of the builder
-on which it is corrected.
-"""
+"""A rehearsal as text: its progress, and its issues with the builder's page that corrects each."""
 
 import datetime
 from collections.abc import Iterable
@@ -24,14 +22,12 @@ Groups = dict[str, list[LinkedProblem]]  # by the title of the condition
 
 def state_text(row: Rehearsal, now: datetime.datetime) -> str:
     if runs.is_lost(row, now):
+        seen = {"host": row.host or "?", "time": f"{timezone.localtime(row.seen_at):%H:%M %Z}"}
         text = _(
             "Failed: its process on %(host)s has given no sign of life since %(time)s. That "
             "computer may have been restarted. You can start another rehearsal."
         )
-        return text % {
-            "host": row.host or "?",
-            "time": f"{timezone.localtime(row.seen_at):%H:%M %Z}",
-        }
+        return text % seen
     match row.status:
         case runs.Status.WAITING:
             return _waiting(row, now)
@@ -106,10 +102,8 @@ def place_of(issue: Issue, study: StudyDefinition) -> BuilderPlace | None:
             return _step(step is study.task for step in study.steps)
         case "stuck":
             # further headings of the page may follow the title of the step
-            return _step(
-                any(f"{issue.place} · ".startswith(f"{title} · ") for title in step.title.values())
-                for step in study.steps
-            )
+            place, titles = f"{issue.place} · ", (step.title.values() for step in study.steps)
+            return _step(any(place.startswith(f"{one} · ") for one in own) for own in titles)
         case "empty":
             asked = str(issue.values["column"]).partition(".")[0]
             return _step(getattr(step, "questionnaire", "") == asked for step in study.steps)
@@ -125,12 +119,9 @@ def _step(is_it: Iterable[bool]) -> BuilderPlace | None:
 def tables_of(row: Rehearsal) -> dict[str, Any]:
     definition, report = row.study.as_definition(), row.report
     conditions = [
-        {
-            **one,
-            "title": condition_title(definition, one["key"]),
-            "bot_minutes": (one["median_seconds"] or 0.0) / 60.0,
-        }
+        {**one, "title": title, "bot_minutes": (one["median_seconds"] or 0.0) / 60.0}
         for one in report.get("conditions", ())
+        for title in [condition_title(definition, one["key"])]
     ]
     return {
         "conditions": conditions,

@@ -24,17 +24,14 @@ from experiments.study_admin.rows import StudyFilter, StudyRows, column
 
 
 def offer_of(study: Study) -> dict[str, Any]:
-    """Return the newest rehearsal of a draft, and what the next one would do, or why there cannot
-    be one.
-    """
+    """Return the newest rehearsal, and what the next one would do or why it is impossible."""
     now, definition, latest = timezone.now(), study.as_definition(), runs.latest(study)
-    is_unfinished = bool(list(problems.problems(definition)))
     return {
         "latest": latest,
         "text": state_text(latest, now) if latest is not None else "",
         "is_live": latest is not None and runs.is_live(latest, now),
         "is_older": latest is not None and latest.sha256 != study.sha256,
-        "is_unfinished": is_unfinished,
+        "is_unfinished": any(True for _problem in problems.problems(definition)),
         "impossible": plan.problems(definition),
         "bots": len(plan.endings(definition)),
         "conditions": len(definition.conditions),

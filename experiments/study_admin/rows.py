@@ -24,9 +24,7 @@ from surveys.document_forms.fields import language_name
 
 
 def column(description: Any, value: Callable[[Any], Any], **options: Any) -> Any:
-    """Return a column of the administration with the value of each row, a dash for an empty one;
-    `options` as of `admin.display`.
-    """
+    """Return a column of the administration, a dash for ""; `options` as of `admin.display`."""
 
     def shown(_admin: Any, row: Any) -> Any:
         found = value(row)

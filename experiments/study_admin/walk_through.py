@@ -6,17 +6,19 @@ The participant is in no database. Each page is drawn by the step's own code
 that a page sends only leads to the next one. Robots are driven by pilots instead.
 """
 
+from typing import Any
+
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, View, study_view
 from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
@@ -32,58 +34,48 @@ WIDTHS = {
     "tablet": (gettext_lazy("Tablet"), (820, 760)),
     "computer": (gettext_lazy("Computer"), (1280, 760)),
 }
+STEP = "walk-through/<slug:language>/<int:number>"
+
+
+def _in_frame(view: View) -> View:
+    return xframe_options_sameorigin(csp_replace({"frame-ancestors": [SELF]})(view))
 
 
 class WalkThroughPages(StudyPages):
-    def walk_through_urls(self) -> list[URLPattern]:
-        in_frame = csp_replace({"frame-ancestors": [SELF]})(self.walked_step_view)
-        step, route = xframe_options_sameorigin(in_frame), "walk-through/"
-        place = f"{route}<slug:language>/<int:number>/"
-        return [
-            self.study_path(route, self.walk_through_view, "walk_through"),
-            self.study_path(place, step, "walked_step"),
-            self.study_path(f"{place}<slug:condition>/", step, "walked_step"),
-        ]
-
+    @study_view("walk-through/", "walk_through")
     def walk_through_view(self, request: HttpRequest, row: Study) -> HttpResponse:
-        """Show the steps, and the one that is chosen in a frame of the chosen width:
-        `?language=es&width=phone&condition=a&step=task`.
-        """
+        """Show the steps, one in a frame: `?language=es&width=phone&condition=a&step=task`."""
         definition = row.as_definition()
         language = _one_of(definition.languages, request.GET.get("language", ""))
         width = _one_of(tuple(WIDTHS), request.GET.get("width", ""))
         condition = request.GET.get("condition", "")
         condition = condition if definition.condition(condition) is not None else ""
         route = _route(definition, condition)
-        steps = [
-            (
-                _address(row, language, number, condition),
-                spoken(journey.step_at(definition, place).title, language) or place.step,
-            )
-            for number, place in enumerate(route, start=1)
-        ]
         keys = [place.step for place in route]
+        titles = [spoken(journey.step_at(definition, one).title, language) for one in route]
+        steps = [
+            (_address(row, language, number, condition), title or key)
+            for number, (title, key) in enumerate(zip(titles, keys, strict=True), start=1)
+        ]
+        conditions = {one.key: spoken(one.title, language) for one in definition.conditions}
         asked = request.GET.get("step", "")
         first = keys.index(asked) if asked in keys else 0
-        context = {
+        context: dict[str, Any] = {
             "sections": sections(row),
             "section": WALK_THROUGH,
             "steps": steps,
             "shown": steps[first][0] if steps else "",
-            "step": asked,
-            "language": language,
             "languages": [(code, language_name(code)) for code in definition.languages],
-            "condition": condition,
-            "conditions": [
-                (one.key, spoken(one.title, language) or one.key) for one in definition.conditions
-            ],
-            "width": width,
+            "conditions": [(key, text or key) for key, text in conditions.items()],
             "widths": [(key, name) for key, (name, _size) in WIDTHS.items()],
             "size": WIDTHS[width][1],
         }
+        context |= {"step": asked, "language": language, "condition": condition, "width": width}
         title = _("Walk through as a participant")
         return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
+    @study_view(f"{STEP}/", "walked_step", guard=_in_frame)
+    @study_view(f"{STEP}/<slug:condition>/", "walked_step", guard=_in_frame)
     def walked_step_view(
         self, request: HttpRequest, row: Study, language: str, number: int, condition: str = ""
     ) -> HttpResponseBase:
@@ -124,20 +116,12 @@ def _route(definition: StudyDefinition, condition: str) -> tuple[journey.Journey
 def _participant(
     row: Study, route: tuple[journey.JourneyPlace, ...], number: int, language: str, condition: str
 ) -> Participant:
-    """Return a participant at a place of a route who is never saved; with a condition, who has that
-    one in every round.
-    """
+    """Return an unsaved participant at a place of a route, with a condition for every round."""
     place = route[number - 1]
-    participant = Participant(
-        study=row,
-        user=User(kind=User.Kind.PARTICIPANT),
-        kind=ParticipantKind.PILOT,
-        access=_access(row.as_definition(), condition),
-        visit=place.visit,
-        round=place.round,
-        step=place.step,
-        language=language,
-    )
+    user, kind = User(kind=User.Kind.PARTICIPANT), ParticipantKind.PILOT
+    where = {"visit": place.visit, "round": place.round, "step": place.step, "language": language}
+    access = _access(row.as_definition(), condition)
+    participant = Participant(study=row, user=user, kind=kind, access=access, **where)
     if condition:
         participant.conditions = [condition] * (1 + route[-1].round)
         participant.stage = Participant.Stage.UNDER_WAY

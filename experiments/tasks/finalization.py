@@ -9,9 +9,9 @@ The session manager does it beside its other work, a little in each tick (`Settl
 lease waits for a long record.
 """
 
-import datetime
 import time
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import Any
 
 import msgspec
@@ -43,7 +43,7 @@ def due() -> Any:
     return Drive.objects.filter(is_due, session__closed_at__isnull=False).order_by("granted_at")
 
 
-def settle(drive: Drive, now: datetime.datetime) -> None:
+def settle(drive: Drive, now: datetime) -> None:
     for _ in _finalize_in_steps(drive, now):
         pass
 
@@ -53,7 +53,7 @@ class Settler:
         self._work: Iterator[None] | None = None
         self._refused: set[object] = set()
 
-    def tick(self, now: datetime.datetime, share: float = SHARE_SECONDS) -> None:
+    def tick(self, now: datetime, share: float = SHARE_SECONDS) -> None:
         """Continue for about `share` seconds, and for one step at least."""
         until = time.monotonic() + share
         while (work := self._work or self._next(now)) is not None:
@@ -63,12 +63,12 @@ class Settler:
             if time.monotonic() >= until:
                 return
 
-    def _next(self, now: datetime.datetime) -> Iterator[None] | None:
+    def _next(self, now: datetime) -> Iterator[None] | None:
         rows = due().select_related("participant__study", "session__robot__floor_plan")
         drive = rows.exclude(pk__in=self._refused).first()
         return self._unless_refused(drive, now) if drive is not None else None
 
-    def _unless_refused(self, drive: Drive, now: datetime.datetime) -> Iterator[None]:
+    def _unless_refused(self, drive: Drive, now: datetime) -> Iterator[None]:
         try:
             yield from _finalize_in_steps(drive, now)
         except msgspec.ValidationError:
@@ -92,11 +92,11 @@ def note_exposure(drive: Drive, at: float | None) -> None:
     None when they have not.
     """
     if at is not None and drive.exposed_at is None:
-        drive.exposed_at = datetime.datetime.fromtimestamp(at, datetime.UTC)
+        drive.exposed_at = datetime.fromtimestamp(at, UTC)
         Drive.objects.filter(pk=drive.pk, exposed_at=None).update(exposed_at=drive.exposed_at)
 
 
-def _finalize_in_steps(drive: Drive, now: datetime.datetime) -> Iterator[None]:
+def _finalize_in_steps(drive: Drive, now: datetime) -> Iterator[None]:
     """Settle a drive, and yield between two steps."""
     track, check = track_of(drive), ManipulationCheck(drive)
     engine = TaskEngine(track) if track is not None else None
@@ -134,7 +134,7 @@ def _write(
     engine: TaskEngine | None,
     check: ManipulationCheck,
     first_frame: float | None,
-    now: datetime.datetime,
+    now: datetime,
 ) -> None:
     session, applied = drive.session, check.result()
     # where states are lost for good, it is unknown whether the robot moved
@@ -159,32 +159,21 @@ def _write(
     # last, so that an interrupted run is repeated
     settled_at = max(now, session.closed_at or now)
     Drive.objects.filter(pk=drive.pk).update(settled_at=settled_at)
-    log.info(
-        "drive_settled",
-        session=drive.session_id,
-        outcome=drive.outcome,
-        exposed=drive.exposed_at is not None,
-        moved=drive.moved,
-        mismatches=drive.mismatches,
-    )
+    about = {"outcome": drive.outcome, "moved": drive.moved, "mismatches": drive.mismatches}
+    is_exposed = drive.exposed_at is not None
+    log.info("drive_settled", session=drive.session_id, exposed=is_exposed, **about)
 
 
-def _exposed_at(
-    drive: Drive, first_frame: float | None, *, moved: bool
-) -> datetime.datetime | None:
+def _exposed_at(drive: Drive, first_frame: float | None, *, moved: bool) -> datetime | None:
     if first_frame is not None:
-        return datetime.datetime.fromtimestamp(first_frame, datetime.UTC)
+        return datetime.fromtimestamp(first_frame, UTC)
     return (drive.session.first_motion_at or drive.granted_at) if moved else None
 
 
 def _mismatches(drive: Drive, applied: conditions.Applied) -> list[str]:
-    assigned = drive.assigned.get("condition")
-    condition = (
-        drive.participant.study.as_definition().condition(drive.condition)
-        if assigned is None
-        else msgspec.convert(assigned, Condition)
-    )
-    if condition is None:
+    if (assigned := drive.assigned.get("condition")) is not None:
+        condition = msgspec.convert(assigned, Condition)
+    elif (condition := drive.participant.study.as_definition().condition(drive.condition)) is None:
         return []
     by_wizard = drive.assigned.get("terms", {}).get("driver") == "wizard"
     return list(conditions.mismatches(condition, applied, by_wizard=by_wizard))

@@ -24,38 +24,18 @@ from typing import Any, Literal
 from experiments.definition.course import CourseTrack, Motion, Sight
 from experiments.definition.cues import FIRST, LEAVING, Cue, Situation, Window, choose
 from experiments.definition.schema import Outcome
-from experiments.tasks.records import (
-    FirstFrame,
-    PhotoAnswer,
-    PhotoFailed,
-    PhotoTaken,
-    Record,
-    Seen,
-    TaskEnded,
-)
+from experiments.tasks import records
+from experiments.tasks.records import Record, Seen
 from robots.api.docked import APART, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 
-EventType = Literal[
-    "task_started",
-    "time_warning",
-    "checkpoint",
-    "out_of_order",
-    "door_passed",
-    "left_station",
-    "docked_early",
-    "dock_contact",
-    "dock_contact_lost",
-    "docked",
-    "cue",
-    "photo_prompt",
-    "photo_taken",
-    "photo_failed",
-    "photo_kept",
-    "photo_again",
-    "photo_skipped",
-    "task_ended",
+CourseEvent = Literal["checkpoint", "out_of_order", "door_passed"]
+DockEvent = Literal["left_station", "docked_early", "dock_contact", "dock_contact_lost", "docked"]
+PhotoEvent = Literal[
+    "photo_prompt", "photo_taken", "photo_failed", "photo_kept", "photo_again", "photo_skipped"
 ]
+TaskTimes = Literal["task_started", "time_warning", "task_ended"]
+EventType = Literal[TaskTimes, CourseEvent, DockEvent, PhotoEvent, "cue"]
 Settled = Literal["", "kept", "skipped"]
 # What an answer to a photo makes of it: the event, and whether the photo is settled.
 ANSWERS: dict[str, tuple[EventType, Settled]] = {
@@ -189,15 +169,8 @@ class _Fold:
     def set(self, **changes: Any) -> None:
         self.progress = replace(self.progress, **changes)
 
-    def add(
-        self,
-        at: float,
-        kind: EventType,
-        number: int | None = None,
-        name: str = "",
-        sight: Sight | None = None,
-    ) -> None:
-        self.events.append(ProgressEvent(at, kind, self.progress.pose, number, name, sight))
+    def add(self, at: float, kind: EventType, number: int | None = None, **about: Any) -> None:
+        self.events.append(ProgressEvent(at, kind, self.progress.pose, number, **about))
 
     @property
     def sight(self) -> Sight | None:
@@ -228,7 +201,7 @@ class _Fold:
         cue = choose(self._situation(at), self.track, self.progress.cue)
         if cue != self.progress.cue:
             self.set(cue=cue)
-            self.add(at, "cue", cue.number, cue.key)
+            self.add(at, "cue", cue.number, name=cue.key)
 
     def _situation(self, at: float) -> Situation:
         progress, pose, placed = self.progress, self.progress.pose, self.progress.placed
@@ -252,25 +225,25 @@ class _Fold:
         match record:
             case Seen():
                 self._take_state(record)
-            case TaskEnded():
+            case records.TaskEnded():
                 self.end(record.at, record.outcome)
-            case FirstFrame():
+            case records.FirstFrame():
                 if self.progress.started is None:
                     self.set(started=record.at)
                     self.add(record.at, "task_started")
             case _ if self.progress.started is None:
                 pass
-            case PhotoFailed():
+            case records.PhotoFailed():
                 self.add(record.at, "photo_failed", name=record.id)
-            case PhotoTaken():  # an event even when no photo was asked for
+            case records.PhotoTaken():  # an event even when no photo was asked for
                 photo = self.progress.photo
                 if photo.prompted and not photo.settled:
                     self.set(photo=replace(photo, pending=record.id))
                 self.add(record.at, "photo_taken", name=record.id, sight=self.sight)
-            case PhotoAnswer():
+            case records.PhotoAnswer():
                 self._answer_photo(record)
 
-    def _answer_photo(self, record: PhotoAnswer) -> None:
+    def _answer_photo(self, record: records.PhotoAnswer) -> None:
         """An answer counts once the window has opened; keeping and repeating need a photo."""
         photo = self.progress.photo
         has_choice = bool(photo.pending) or record.choice == "skip"
@@ -281,11 +254,8 @@ class _Fold:
 
     def _take_state(self, seen: Seen) -> None:
         before, dock = self.progress.placed, self.progress.dock
-        self.set(
-            last=seen,
-            placed=seen if seen.localized else before,
-            dock=_dock(self.track, dock, seen),
-        )
+        placed = seen if seen.localized else before
+        self.set(last=seen, placed=placed, dock=_dock(self.track, dock, seen))
         if self.progress.started is None:
             return
         if seen.localized:
@@ -304,11 +274,8 @@ class _Fold:
         entered = self.progress.in_doorway ^ crossed
         if not entered and not self.progress.in_doorway:
             return
-        passed = tuple(
-            door.name
-            for door in doorways
-            if door.name in entered and door.distance(*motion.end) > LEFT_M
-        )
+        left = [door.name for door in doorways if door.distance(*motion.end) > LEFT_M]
+        passed = tuple(name for name in left if name in entered)
         self.set(in_doorway=entered - set(passed), doors=self.progress.doors + passed)
         for name in passed:
             self.add(at, "door_passed", name=name)
@@ -377,11 +344,6 @@ def _motion(before: Seen | None, seen: Seen) -> Motion:
 def _dock(track: CourseTrack, before: DockState, seen: Seen) -> DockState:
     if track.docked is None:
         return DockState(docked=seen.docked)
-    reading = DockReading(
-        at=seen.at,
-        contact=seen.contact,
-        linear=seen.linear,
-        angular=seen.angular,
-        released=seen.released,
-    )
+    speed = {"linear": seen.linear, "angular": seen.angular}
+    reading = DockReading(at=seen.at, contact=seen.contact, released=seen.released, **speed)
     return follow(track.docked, before, reading)

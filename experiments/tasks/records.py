@@ -72,10 +72,7 @@ Input = FirstFrame | PhotoTaken | PhotoFailed | PhotoAnswer | TaskEnded
 Record = Seen | Input
 
 # the order of records with the same time
-_RANK: dict[type[Record], int] = {
-    kind: rank
-    for rank, kind in enumerate((FirstFrame, Seen, PhotoTaken, PhotoFailed, PhotoAnswer, TaskEnded))
-}
+_ORDER = (FirstFrame, Seen, PhotoTaken, PhotoFailed, PhotoAnswer, TaskEnded)
 
 
 def seen(state: State, clock_offset: float) -> Seen:
@@ -99,7 +96,7 @@ def seen(state: State, clock_offset: float) -> Seen:
 
 def identity(record: Record) -> tuple[int, str, int]:
     """Return what copies of one record share, and no two records do."""
-    rank = _RANK[type(record)]
+    rank = _ORDER.index(type(record))
     return (rank, record.boot, record.seq) if isinstance(record, Seen) else (rank, record.id, 0)
 
 

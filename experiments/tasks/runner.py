@@ -11,11 +11,11 @@ engine: it ends after its minutes. A drive whose visitor never sees a video fram
 when its turn would be over.
 """
 
-import datetime
 import math
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 import structlog
@@ -105,11 +105,9 @@ class Running:
         progress, left_of_task = self.engine.progress, self.engine.remaining()
         cue, stops = progress.cue, self.engine.track.stops
         x, y = cue.target if cue.target is not None else (None, None)
+        directions = {"cue": cue.key, "number": cue.number, "x": x, "y": y}
         fields = {
-            "cue": cue.key,
-            "number": cue.number,
-            "x": x,
-            "y": y,
+            **directions,
             "passed": [stop.number for stop in stops[: len(progress.passed)]],
             "remaining": None if left_of_task is None else round(left_of_task, 1),
             "window": progress.photo.window,
@@ -171,9 +169,7 @@ class Runner:
                 note_exposure(running.drive, running.started)
             self._advance(running, received_at)
 
-    def tick(
-        self, *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: object
-    ) -> None:
+    def tick(self, *, now: datetime, ownership: Ownership = EVERYTHING, **_more: object) -> None:
         """Advance the living drives of our robots; as owner of the site, settle ended ones."""
         drives = Drive.objects.filter(session__state__in=LIVE, settled_at=None)
         robots = {
@@ -219,10 +215,7 @@ class Runner:
         _publish(running, now)
         over = running.over(now)
         if over is not None:
-            session, at = (
-                str(running.drive.session_id),
-                datetime.datetime.fromtimestamp(now, datetime.UTC),
-            )
+            session, at = str(running.drive.session_id), datetime.fromtimestamp(now, UTC)
             if store.end(session, *over, at):
                 log.info("task_ended", session=session, outcome=over[0], reason=over[1])
 

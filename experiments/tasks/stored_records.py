@@ -14,17 +14,9 @@ from experiments.definition.course import CourseTrack
 from experiments.definition.schema import Outcome
 from experiments.models import Drive
 from experiments.stored_states import StateReader, clock_offsets
+from experiments.tasks import records
 from experiments.tasks.progress import ANSWERS
-from experiments.tasks.records import (
-    FirstFrame,
-    Input,
-    PhotoAnswer,
-    PhotoFailed,
-    PhotoTaken,
-    Record,
-    TaskEnded,
-    seen,
-)
+from experiments.tasks.records import Input, PhotoFailed, PhotoTaken, Record, TaskEnded, seen
 from robots.api.messages import ActionStatus, Event, State
 from sessions.leases.absences import end_of
 from sessions.models import Session, SessionEvent
@@ -63,12 +55,12 @@ def of_event(event: SessionEvent, offset: float) -> Input | None:
 
 def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any]) -> Input | None:
     if kind == "first_frame":
-        return FirstFrame(received_at, repr(stamp))
+        return records.FirstFrame(received_at, repr(stamp))
     if kind == "photo_answer" and data.get("choice") in ANSWERS:
         # the page repeats an answer, with the same id, until it is acknowledged
         given = data.get("id")
         name = given if isinstance(given, str) and given else repr(stamp)
-        return PhotoAnswer(received_at, name, data["choice"])
+        return records.PhotoAnswer(received_at, name, data["choice"])
     return None
 
 

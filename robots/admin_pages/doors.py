@@ -1,4 +1,4 @@
-"""The doors of a simulated site, opened and closed from the administration at any time."""
+"""The doors of a simulated site, which the administration opens and closes."""
 
 from typing import Any
 
@@ -15,43 +15,31 @@ STATES = ("open", "closed")
 
 
 def has_doors(robot: Robot) -> bool:
-    """Tell whether there is a door that the server can move: the robot says so, and its site has
-    one.
-    """
-    return "doors" in (robot.presence.factsheet or {}).get("capabilities", ()) and bool(
-        robot.doors_in("")
-    )
+    """Tell whether the server can move a door: the robot can, and its site has one."""
+    capabilities = (robot.presence.factsheet or {}).get("capabilities", ())
+    return "doors" in capabilities and bool(robot.doors_in(""))
 
 
 class DoorPage(RobotPage):
-    """A part of the robots' administration."""
-
     def doors_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show the doors; a POST with `door` and `state` moves one."""
         robot = self.managed(request, pk)
         if request.method == "POST":
             self._move(request, robot, request.POST.get("door", ""), request.POST.get("state", ""))
             return HttpResponseRedirect(request.path)
-        return self.robot_page(
-            request,
-            robot,
-            "doors",
-            _("Doors of %(robot)s"),
-            doors=robot.doors_in(get_language() or ""),
-            movable=has_doors(robot),
-        )
+        shown = {"doors": robot.doors_in(get_language() or ""), "movable": has_doors(robot)}
+        return self.robot_page(request, robot, "doors", _("Doors of %(robot)s"), **shown)
 
     def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
         titles = {door["name"]: door["title"] for door in robot.doors_in(get_language() or "")}
         if name not in titles or state not in STATES:
             messages.error(request, _("This door doesn't exist."))
             return
-        with transaction.atomic():  # another door may have been moved since the robot was read
+        with transaction.atomic():  # another user may move another door at the same time
             rows = Robot.objects.select_related(None).select_for_update()
             doors = rows.get(pk=robot.pk).doors | {name: state}
             Robot.objects.filter(pk=robot.pk).update(doors=doors)
-        text = (
-            _("%(door)s is set to open.") if state == "open" else _("%(door)s is set to closed.")
-        ) % {"door": titles[name]}
+        done = _("%(door)s is set to open.") if state == "open" else _("%(door)s is set to closed.")
+        text = done % {"door": titles[name]}
         self.log(request, robot, text, "door_moved", thing=name, detail=state)
         messages.success(request, text)

@@ -1,8 +1,8 @@
-"""The page that finishes a floor plan: a plan is proposed from its map, then rooms get their names,
-and openings, charging stations, places and checkpoints are moved to where they belong.
+"""The page that finishes a floor plan: it proposes a plan from the map, and a person names rooms
+and moves openings, charging stations, places and checkpoints.
 
-An unsaved draft is part of the form, so that several people who edit one plan do not see each
-other's drafts; it is validated as strictly as a file.
+The unsaved draft is part of the form, so that people who edit the same plan do not see each other's
+drafts; it is validated as strictly as a file.
 """
 
 import contextlib
@@ -30,8 +30,6 @@ KINDS = ("place", "dock", "checkpoint", "opening")
 
 
 class FinishingPage(OfRobots):
-    """A part of the administration of floor plans."""
-
     def finish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show the plan; a POST changes the draft on the page, or stores it."""
         row: FloorPlan | None = self.get_object(request, str(pk))
@@ -59,7 +57,7 @@ class FinishingPage(OfRobots):
         return self._shown(request, row, draft, problems, changed=True)
 
     def _proposed(self, request: HttpRequest, row: FloorPlan) -> HttpResponse:
-        """Propose a plan and store it: a later visit goes on from there."""
+        """Propose a plan, and store it to be edited."""
         with contextlib.suppress(ValueError):
             row.occupied_thresh = float(request.POST.get("occupied_thresh", ""))
         try:
@@ -73,7 +71,7 @@ class FinishingPage(OfRobots):
         return HttpResponseRedirect(request.path)
 
     def _saved(self, request: HttpRequest, row: FloorPlan, draft: Document) -> tuple[str, ...]:
-        """Store the plan, or return the problems that keep it from being stored."""
+        """Store the plan, or return its problems."""
         try:
             grid = grid_of(row)
             _row, kept = store_site(checked(draft, grid), grid)
@@ -82,8 +80,7 @@ class FinishingPage(OfRobots):
         self.log_change(request, row, _("Plan finished."))
         audit.note("plan_finished", actor=request.user, thing=row.name)
         text = _("Saved. To simulate a robot here, start it with --option plan=%(folder)s.")
-        text = text % {"folder": kept}
-        messages.success(request, text)
+        messages.success(request, text % {"folder": kept})
         return ()
 
     def _shown(
@@ -115,7 +112,7 @@ class FinishingPage(OfRobots):
 
 
 def _edited(request: HttpRequest, row: FloorPlan) -> tuple[Document, tuple[str, ...]]:
-    """Return the plan as the form has it, and what could not be read in it."""
+    """Return the plan in the form, and the problems of its fields."""
     try:
         sent = msgspec.json.decode(request.POST.get("draft", ""), type=Plan)
         before: Document = json.loads(msgspec.json.encode(sent))
@@ -145,7 +142,7 @@ def _problems(row: FloorPlan, draft: Document) -> tuple[str, ...]:
 
 
 def _where(request: HttpRequest, draft: Document) -> tuple[float, float]:
-    """Return where the map was clicked; without that the middle of the first room."""
+    """Return the point where the map was clicked, or the middle of the first room."""
     try:
         x, y = (float(request.POST.get(name, "")) for name in ("at_x", "at_y"))
     except ValueError:

@@ -1,5 +1,5 @@
-"""Keys in the administration, each shown once: a robot's credentials, the one-time token of its
-computer, and the address of its screen.
+"""Pages that show a secret once: a robot's credentials, the one-time token of its computer, and the
+address of its screen.
 """
 
 from typing import Any
@@ -27,25 +27,23 @@ def _server(request: HttpRequest) -> str:
 
 
 class KeyPages(RobotPage):
-    """A part of the robots' administration."""
-
     def enrol_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to make a one-time token, and show it once, on the robot's page."""
+        """Ask whether to create a one-time token, and show it once, on the robot's page."""
         robot = self.managed(request, pk)
         if request.method != "POST":
             return self.robot_page(request, robot, "enrol", _("Enrolment of %(robot)s"))
         token = make_token(robot, timezone.now())
         self.log(request, robot, _("New one-time token."), "enrolment_made")
         page = reverse("admin:robots_robot_change", args=[robot.pk])
-        request.method = "GET"  # for the page, whose own form was not sent
+        request.method = "GET"  # the form of the robot's page was not sent
         try:
             return self.change_view(request, str(robot.pk), form_url=page, token=token)
         finally:
             request.method = "POST"
 
     def screen_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to make a new key, and show the address once; a POST with `revoke` takes the
-        present one away.
+        """Ask whether to create a new key, and show the address once; a POST with `revoke` revokes
+        the present one.
         """
         robot, shown = self.managed(request, pk), {}
         if request.method == "POST" and "revoke" in request.POST:
@@ -60,7 +58,7 @@ class KeyPages(RobotPage):
         return self.robot_page(request, robot, "screen", _("Screen of %(robot)s"), **shown)
 
     def credentials_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to make new credentials, and show them once."""
+        """Ask whether to create new credentials, and show them once."""
         robot, shown = self.managed(request, pk), {}
         if request.method == "POST":
             made, server = make_credentials(robot, timezone.now()), _server(request)
@@ -72,18 +70,17 @@ class KeyPages(RobotPage):
                 "toml": toml,
                 "adapters": ", ".join(offered()),
                 "file": f"{robot.name}.toml",
-                # in the page itself, so that the token need not be kept for a second request
+                # in the page itself, so that the token need not be stored for a second request
                 "download": f"data:application/toml,{quote(toml)}",
             }
-        return self.robot_page(
-            request, robot, "credentials", _("Credentials of %(robot)s"), **shown
-        )
+        title = _("Credentials of %(robot)s")
+        return self.robot_page(request, robot, "credentials", title, **shown)
 
     @admin.action(description=gettext_lazy("Create new credentials"), permissions=["change"])
     def new_credentials(
         self, request: HttpRequest, robots: "QuerySet[Robot]"
     ) -> HttpResponse | None:
-        """Go to the page that makes them, for one robot at a time: they are shown only once."""
+        """Go to the page that creates them, for one robot at a time."""
         chosen = list(theirs_to_change(request, robots)[:2])
         if len(chosen) == 1:
             page = reverse("admin:robots_robot_credentials", args=[chosen[0].pk])
@@ -94,27 +91,22 @@ class KeyPages(RobotPage):
 
     @admin.action(description=gettext_lazy("Request credential renewal"), permissions=["change"])
     def rotate_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Let the agents take new credentials by themselves; the present ones hold for a day
-        more.
-        """
+        """Let the agents fetch new credentials; the present ones remain valid for a day."""
         chosen = list(theirs_to_change(request, robots).exclude(credentials__credential_hash=""))
         text = ngettext(
             "%(n)d robot renews its credentials by itself.",
             "%(n)d robots renew their credentials by themselves.",
             len(chosen),
         )
+        logged = _("Credential renewal requested.")
+        now = timezone.now()
         self.change_each(
-            request,
-            chosen,
-            lambda robot: ask_for_renewal(robot, timezone.now()),
-            _("Credential renewal requested."),
-            "rotation_asked",
-            text,
+            request, chosen, lambda r: ask_for_renewal(r, now), logged, "rotation_asked", text
         )
 
     @admin.action(description=gettext_lazy("Revoke the credentials"), permissions=["change"])
     def revoke_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Take the tokens away; the broker disconnects the robots within seconds."""
+        """Revoke the tokens; the broker disconnects the robots within seconds."""
         chosen = list(theirs_to_change(request, robots))
         text = ngettext(
             "%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen)

@@ -1,5 +1,5 @@
-"""What an owner finds at the top of a robot's page in the administration, before its settings: how
-it is, how to start it, and who came. A script keeps it fresh.
+"""The top of a robot's page in the administration: its status, how to start it, and its last
+visits. A script updates it.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,14 +36,14 @@ def register_section(place: Place, section: Section) -> None:
 
 
 class RobotPage(WithDriver):
-    """A part of the robots' administration: what its pages share, and a robot's own page."""
+    """What the pages of a robot share, and its main page."""
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.
 
         Raises:
-            Http404: there is none, or it is not theirs to see.
-            PermissionDenied: they may look at it and no more.
+            Http404: it does not exist, or the user may not view it.
+            PermissionDenied: the user may only view it.
         """
         robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
         if not self.has_change_permission(request, robot):
@@ -53,7 +53,7 @@ class RobotPage(WithDriver):
     def robot_page(
         self, request: HttpRequest, robot: Robot, name: str, title: str, **more: Any
     ) -> HttpResponse:
-        """Return the page of a template `name` about a robot, whom the title names."""
+        """Render the template `name`; `%(robot)s` in the title is the robot."""
         context = self.admin_site.each_context(request) | {
             "title": title % {"robot": robot},
             "robot": robot,
@@ -62,7 +62,7 @@ class RobotPage(WithDriver):
         return render(request, f"admin/robots/robot/{name}.html", context | more)
 
     def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: str) -> None:
-        """Enter a change of a robot into its history, and into the audit log as `act`."""
+        """Add a change to a robot's history, and to the audit log as `act`."""
         self.log_change(request, robot, text)
         audit.note(act, actor=request.user, robot=robot, **more)
 
@@ -75,7 +75,7 @@ class RobotPage(WithDriver):
         act: str,
         done: str,
     ) -> None:
-        """Change several robots and log each change; `done` tells the user their number `n`."""
+        """Change several robots and log each change; `done` is shown, with their number `n`."""
         for robot in robots:
             change(robot)
             self.log(request, robot, text, act)
@@ -90,7 +90,7 @@ class RobotPage(WithDriver):
         *,
         token: str = "",
     ) -> HttpResponse:
-        """Show a robot's page; with a one-time `token`, the command is the one that uses it."""
+        """Show a robot's page; its command contains the one-time `token`, if there is one."""
         found = self.get_object(request, object_id)
         if found is not None and self.has_view_permission(request, found):
             robot = self.get_queryset(request).get(pk=found.pk)
@@ -109,7 +109,7 @@ class RobotPage(WithDriver):
         return JsonResponse(asdict(status_of(robot)) | more)
 
     def live_fields(self, robot: Robot) -> dict[str, str]:
-        """Return the texts of those fields of the page that change by themselves."""
+        """Return the texts of fields that the page updates."""
         raise NotImplementedError
 
     def _overview(self, request: HttpRequest, robot: Robot, token: str) -> dict[str, Any]:
@@ -130,13 +130,12 @@ class RobotPage(WithDriver):
 
 
 def status_of(robot: Robot) -> OwnerStatus:
-    """Return how a robot is now: the one state that every part of its page says."""
+    """Return the robot's status now, the same for all parts of its page."""
     lease = getattr(robot, "lease", None)
     driven = lease is not None and lease.session_id is not None
     return owner_status(robot, driven=driven, now=timezone.now())
 
 
 def _agent_version(robot: Robot) -> str:
-    """Return the version that the agent reported, empty when it reported none."""
     sheet = robot.presence.factsheet if isinstance(robot.presence.factsheet, dict) else {}
     return str(sheet.get("agentVersion", ""))

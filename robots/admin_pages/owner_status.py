@@ -1,5 +1,5 @@
-"""A robot's status for its owner: a colour, a label, and a sentence on what it does and what to do
-next. Pure; robots/cards.py has the status for visitors.
+"""A robot's status for its owner: colour, label, and a sentence with the state and what to do.
+Pure; robots/cards.py has the status for visitors.
 """
 
 import datetime
@@ -13,15 +13,14 @@ from robots.models import Robot
 from robots.presence.report import fault_of, is_stopped_there, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
-# Ready, working, for the owner to act on, not usable, switched off: the colours of the page.
+# The colours of the page: ready, working, needs the owner, not usable, switched off.
 Tone = Literal["good", "busy", "attention", "bad", "off"]
 
 
 @dataclass(frozen=True)
 class OwnerStatus:
-    """A robot's state in the language of the request.
-
-    `battery` is empty while the robot is away. `connected` tells whether it was ever seen.
+    """In the language of the request. `battery` is empty while the robot is offline; `connected`
+    tells whether it was ever online.
     """
 
     tone: Tone
@@ -32,7 +31,7 @@ class OwnerStatus:
 
 
 def owner_status(robot: Robot, *, driven: bool, now: datetime.datetime) -> OwnerStatus:
-    """Return how `robot`, with its floor plan, is at `now`; `driven` tells that it has a driver."""
+    """Return the status of `robot`, with its floor plan, at `now`; `driven`: it has a driver."""
     shown = card(robot, Traffic(driven=driven), barred="", url="", now=now)
     tone, label, sentence = _away(robot, shown) or _present(robot, shown, driven=driven)
     return OwnerStatus(
@@ -109,9 +108,6 @@ def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:
             "It couldn't get ready for the next visit: %(why)s. It tries again by itself. If it "
             "can't, put it in its charging station."
         )
-        return (
-            "attention",
-            shown.label,
-            sentence % {"why": in_words(robot.presence.turnaround_reason)},
-        )
+        why = in_words(robot.presence.turnaround_reason)
+        return "attention", shown.label, sentence % {"why": why}
     return "busy", shown.label, _("It accepts visitors again as soon as it is ready.")

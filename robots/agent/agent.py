@@ -1,9 +1,9 @@
-"""The agent: puts adapter, control loop, broker and media side together, and begins again when one
-of them breaks.
+"""The agent: runs adapter, control loop, broker link and media side, and restarts them after a
+failure.
 
-One of the two supervisors of the project: what must outlive every fault lives here, and nothing
-else does. Whatever breaks, the base is stopped first: by the control loop while it lives, by the
-adapter's watchdog when it does not.
+It is one of the project's two supervisors and contains only what must survive every fault. After a
+fault the base is stopped first: by the control loop while it runs, otherwise by the base's
+watchdog.
 """
 
 import logging
@@ -54,9 +54,8 @@ MakeMedia = Callable[[Equipment, AgentConfig, ControlLoop], Media]
 
 def _adapter(config: AgentConfig) -> Adapter:
     memory = config.var / "agent" / config.robot / "pose.json"
-    return registry.autonomous(
-        registry.create(config.adapter, config.profile, config.options), config.plan, memory
-    )
+    adapter = registry.create(config.adapter, config.profile, config.options)
+    return registry.autonomous(adapter, config.plan, memory)
 
 
 def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> Media:
@@ -72,13 +71,9 @@ def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> M
     )
 
 
-def _nothing() -> None:
-    pass
-
-
 class Agent:
     """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal
-    handler. Adapter and media side are made again after a crash; `rng` spreads many robots.
+    handler. `rng` spreads the attempts of many robots to connect.
     """
 
     def __init__(
@@ -97,15 +92,11 @@ class Agent:
         self._store = Store(config.var / "agent" / config.robot)
 
     def stop(self) -> None:
-        """Brake, say goodbye and return from `run`."""
         self._stopping.set()
 
-    def run(self, built: Callable[[], None] = _nothing) -> None:
-        """Serve the robot until `stop`; `built` is called each time when all is loaded that a run
-        needs, before the robot can be driven.
-
-        Raises:
-            ConfigError: it cannot start like this; one sentence.
+    def run(self, built: Callable[[], None] = lambda: None) -> None:
+        """Serve the robot until `stop`; `built` is called for each run when everything is loaded,
+        before the robot can be driven. Raises ConfigError with one sentence.
         """
         self._systemd.ready()
         self._prepare_store()
@@ -114,7 +105,12 @@ class Agent:
             return
         self._endpoints(urls)  # a wrong one fails at once
         backoff = Backoff(self._rng, first=1.0, longest=30.0)
-        threading.Thread(target=self._keep_renewing, name="credentials", daemon=True).start()
+        threading.Thread(
+            target=keep_renewing,
+            args=(self._config, self._renewed, self._stopping.wait),
+            name="credentials",
+            daemon=True,
+        ).start()
         while not self._stopping.is_set():
             began = time.monotonic()
             try:
@@ -123,9 +119,7 @@ class Agent:
                 raise
             except AdapterError as error:
                 raise ConfigError(str(error)) from error
-            # Broad, because this is the supervisor: an unreachable robot must recover by itself,
-            # whatever went wrong.
-            except Exception:
+            except Exception:  # this is the supervisor: an unreachable robot must recover
                 log.exception("agent_crashed", robot=self._config.robot)
             if not self._stopping.is_set():
                 wait = backoff.failed(time.monotonic() - began)
@@ -138,7 +132,7 @@ class Agent:
         return self._stopping.wait(seconds)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
-        """Run once (one boot), until `stop`, or until the control or media thread has died."""
+        """Run once (one boot), until `stop`, or until the control or media thread has ended."""
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
         boot = new_boot(time.time())
@@ -158,9 +152,8 @@ class Agent:
         built()
         try:
             control.start(media)
-            log.info(
-                "agent_started", robot=self._config.robot, adapter=self._config.adapter, boot=boot
-            )
+            config = self._config
+            log.info("agent_started", robot=config.robot, adapter=config.adapter, boot=boot)
             hangs = HangDetector(round(HANG_S / POLL_INTERVAL_S))
             while not (self._stopping.is_set() or media.ended or control.wait(POLL_INTERVAL_S)):
                 if hangs.look(control.ticks):
@@ -177,13 +170,8 @@ class Agent:
             if self._config.clear_estop:
                 self._store.keep_latch(None)
         except OSError as error:
-            raise ConfigError(
-                f"the agent cannot store an emergency stop in {self._config.var}: "
-                f"{error.strerror or error}"
-            ) from error
-
-    def _keep_renewing(self) -> None:
-        keep_renewing(self._config, self._renewed, self._stopping.wait)
+            problem = f"the agent cannot store an emergency stop in {self._config.var}"
+            raise ConfigError(f"{problem}: {error.strerror or error}") from error
 
     def _renewed(self, lines: dict[str, str]) -> None:
         """Use new credentials from the next connection on."""
@@ -194,33 +182,27 @@ class Agent:
             self._link.credentials_changed(self._config.user, lines["token"])
 
     def _endpoints(self, urls: tuple[str, ...]) -> tuple[Endpoint, ...]:
-        return tuple(self._endpoint(url) for url in urls)
-
-    def _endpoint(self, url: str) -> Endpoint:
+        config = self._config
+        user = (config.user or config.robot) if config.token else None
         try:
-            user = (self._config.user or self._config.robot) if self._config.token else None
-            return Endpoint.of(url, user, self._config.token, self._config.ca)
+            return tuple(Endpoint.of(url, user, config.token, config.ca) for url in urls)
         except ConfigError:
             raise
         except ValueError as error:
-            given = (
-                "set by --mqtt, TELEPRESENCE_MQTT_URL, or mqtt_url in the credentials file"
-                if self._config.mqtt_url
-                else f"given by {self._config.server}: correct MQTT_PUBLIC_URL there"
-            )
+            given = f"given by {config.server}: correct MQTT_PUBLIC_URL there"
+            if config.mqtt_url:
+                given = "set by --mqtt, TELEPRESENCE_MQTT_URL, or mqtt_url in the credentials file"
             raise ConfigError(f"{error} ({given})") from error
 
 
 def new_boot(unix: float) -> str:
-    """Return the id of a run of the agent; ids sort by time, so the newer agent is known."""
+    """Return the id of a run of the agent; ids sort by time, which shows the newer agent."""
     return f"{int(unix * 1000):012x}-{secrets.token_hex(4)}"
 
 
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
-    """Return what the robot can do: the adapter's, and what the agent does by itself.
-
-    Assistance with a sensor for obstacles; video and sound by what there is, photos with video;
-    messages, calls and pointers, which every robot's screen can show; a worse network.
+    """Return what the robot can do: the adapter's capabilities, and the agent's own for its devices
+    and sensors.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
@@ -257,18 +239,15 @@ def factsheet_of(
 
 
 def agent_of(arguments: Mapping[str, Any]) -> Agent:
-    """Return the agent that command line, environment and credentials file make; its credentials
-    are fetched first when that is asked.
-
-    Raises:
-        ConfigError: it cannot start like this; one sentence.
+    """Return the agent of command line, environment and credentials file, after enrolling if
+    requested. Raises ConfigError with one sentence.
     """
     enrol_if_asked(arguments, check=_check)
     return Agent(load(arguments))
 
 
 def _check(config: AgentConfig) -> None:
-    """Build the robot's side without starting it; raises ConfigError for what is wrong."""
+    """Build the robot's side without starting it; raises ConfigError."""
     try:
         equipment_of(_adapter(config), config)
     except AdapterError as error:
@@ -276,10 +255,8 @@ def _check(config: AgentConfig) -> None:
 
 
 def run_until_signalled(agent: Agent) -> None:
-    """Run an agent in the main thread until SIGINT or SIGTERM; a second one does not wait.
-
-    Raises:
-        ConfigError: as `Agent.run`.
+    """Run an agent in the main thread until SIGINT or SIGTERM; a second one does not wait. Raises
+    ConfigError as `Agent.run`.
     """
 
     def end(number: int, _frame: FrameType | None) -> None:
@@ -287,7 +264,7 @@ def run_until_signalled(agent: Agent) -> None:
         agent.stop()
 
     def end_at_once(number: int, frame: FrameType | None) -> None:
-        # Interrupted anywhere, a thread may be left that never ends, and Python waits for it.
+        # Python waits for every thread, and an interrupted one may never end
         last = threading.Timer(LAST_SECONDS, os._exit, (128 + number,))
         last.daemon = True
         last.start()

@@ -1,8 +1,8 @@
 """An agent's settings: from command line, environment, or a credentials file, in this order.
 
-A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`,
-and where to reach the server (`server`, or the broker itself as `mqtt_url`); it may also name `ca`,
-`adapter`, `profile`, `plan` and a table of `options`.
+A credentials file is TOML as the site provides it: `robot`, `token`, and where to reach the server
+(`server`, or the broker itself as `mqtt_url`); it may also name `ca`, `adapter`, `profile`, `plan`
+and a table of `options`.
 """
 
 import argparse
@@ -21,22 +21,10 @@ from robots.api.credentials_file import ENVIRONMENT
 from robots.api.messages import NetworkLab
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
-SETTINGS = (
-    "server",
-    "mqtt_url",
-    "token",
-    "ca",
-    "adapter",
-    "profile",
-    "plan",
-    "viewers",
-    "user",
-    "camera",
-    "microphone",
-    "loudspeaker",
-)
+DEVICES = ("camera", "microphone", "loudspeaker")
+SETTINGS = ("server", "mqtt_url", "token", "ca", "adapter", "profile", "plan", "viewers", "user")
 TEXT: tuple[tuple[type, ...], str] = ((str,), "a text in quotes")
-# what a credentials file says that is no text: types, and their name in a sentence
+# settings of a credentials file other than texts: types, and their name in a sentence
 KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "viewers": ((int, str), "a whole number"),
     "options": ((dict,), "a table"),
@@ -48,12 +36,12 @@ LARGEST_SEED = 2**31 - 1
 
 
 class ConfigError(ValueError):
-    """The agent cannot start like this; the message is one sentence for the robot's owner."""
+    """A wrong setting; one sentence for the robot's owner."""
 
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """What differs between agents: one of `server` and `mqtt_url`; `var` survives restarts."""
+    """Settings of one agent: one of `server` and `mqtt_url`; `var` survives restarts."""
 
     robot: str
     server: str | None
@@ -76,6 +64,8 @@ class AgentConfig:
     loudspeaker: str = ""
 
 
+SOUND = "such as alsa:default,"
+CAMERAS = "such as /dev/video0, rtsp://host/stream, a file,"
 NO_SITE = """no site is known for the robot {robot}. What to do next:
   The site is running, here or elsewhere: on its machine run
       manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE
@@ -86,7 +76,7 @@ NO_SITE = """no site is known for the robot {robot}. What to do next:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Name the command line's arguments; `run_robot` and `python -m robots.agent` have the same."""
+    """Add the arguments of `run_robot` and `python -m robots.agent`."""
     parser.add_argument("robot", help="the robot's name on the site")
     _add_server(parser)
     _add_robot(parser)
@@ -134,10 +124,8 @@ def _add_server(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--enrol",
         metavar="TOKEN",
-        help=(
-            "a one-time token: fetch the credentials from --server, save them in "
-            "that file, and start"
-        ),
+        help="a one-time token: fetch the credentials from --server, save them in that file, and"
+        " start",
     )
     parser.add_argument(
         "--ca",
@@ -149,19 +137,14 @@ def _add_server(parser: argparse.ArgumentParser) -> None:
 def _add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--adapter",
-        help=(
-            f"the robot control architecture: {', '.join(sorted(OURS))}, the name "
-            "of an adapter from an installed package, or a .py file (default "
-            f"without --server: {DEFAULT_ADAPTER})"
-        ),
+        help=f"the robot control architecture: {', '.join(sorted(OURS))}, the name of an adapter"
+        f" from an installed package, or a .py file (default without --server: {DEFAULT_ADAPTER})",
     )
     parser.add_argument("--profile", help="the robot's profile (default: the robot's name)")
     parser.add_argument(
         "--plan",
-        help=(
-            "the site in which the robot navigates: a shipped one or a folder "
-            "(default: what the server sends)"
-        ),
+        help="the site in which the robot navigates: a shipped one or a folder (default: what the"
+        " server sends)",
     )
     parser.add_argument(
         "--option",
@@ -176,23 +159,9 @@ def _add_media(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})"
     )
-    parser.add_argument(
-        "--camera",
-        metavar="DEVICE",
-        help=(
-            "such as /dev/video0, rtsp://host/stream, a file, or none (default: the adapter's own)"
-        ),
-    )
-    parser.add_argument(
-        "--microphone",
-        metavar="DEVICE",
-        help="such as alsa:default, or none (default: the adapter's own)",
-    )
-    parser.add_argument(
-        "--loudspeaker",
-        metavar="DEVICE",
-        help="such as alsa:default, or none (default: the adapter's own)",
-    )
+    for device, examples in zip(DEVICES, (CAMERAS, SOUND, SOUND), strict=True):
+        text = f"{examples} or none (default: the adapter's own)"
+        parser.add_argument(f"--{device}", metavar="DEVICE", help=text)
 
 
 def _add_network_lab(parser: argparse.ArgumentParser) -> None:
@@ -219,40 +188,32 @@ def load(
     enrolling: bool = False,
     checking: bool = False,
 ) -> AgentConfig:
-    """Return the configuration that command line, environment and credentials file make together.
+    """Return the configuration of command line, environment and credentials file.
 
-    Args:
-        arguments: what `add_arguments` parsed.
-        environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by
-            default.
-        enrolling: the credentials are still to come: none is asked for, and the file that they will
-            replace is not read.
-        checking: the robot is tried without a site: none is asked for, and the robot's kind is.
-
-    Raises:
-        ConfigError: something is missing, contradictory or unreadable.
+    While `enrolling`, credentials are neither required nor read from the file that they will
+    replace. With `checking` no site is required, but an adapter is. `environment` is the process's
+    by default. Raises ConfigError for a missing, contradictory or unreadable setting.
     """
     environment = os.environ if environment is None else environment
     robot = _checked_name(str(arguments["robot"]))
     var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
     path = credentials_path(arguments, environment)
-    kept = (
-        {} if enrolling else _credentials(path, named=path != _usual_path(var, robot), robot=robot)
-    )
-    found = {
-        name: _first(
-            arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)
-        )
-        for name in SETTINGS
-    }
+    kept: dict[str, Any] = {}
+    if not enrolling:
+        kept = _credentials(path, named=path != _usual_path(var, robot), robot=robot)
+
+    def setting(name: str) -> Any:
+        values = arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)
+        return next((value for value in values if value is not None and value != ""), None)
+
+    found = {name: setting(name) for name in (*SETTINGS, *DEVICES)}
     if not checking:
         _check_addresses(arguments, found, enrolling=enrolling)
     _check_adapter(found, enrolling=enrolling or checking)
+    by_server = found["server"] and not found["mqtt_url"]
     return AgentConfig(
         robot=robot,
-        server=(
-            None if found["mqtt_url"] or not found["server"] else str(found["server"]).rstrip("/")
-        ),
+        server=str(found["server"]).rstrip("/") if by_server else None,
         mqtt_url=found["mqtt_url"],
         token=found["token"],
         ca=found["ca"],
@@ -266,22 +227,14 @@ def load(
         networks=_networks(arguments),
         user=str(found["user"] or robot),
         credentials=path if kept.get("token") and kept["token"] == found["token"] else None,
-        camera=str(found["camera"] or ""),
-        microphone=str(found["microphone"] or ""),
-        loudspeaker=str(found["loudspeaker"] or ""),
+        **{device: str(found[device] or "") for device in DEVICES},
     )
-
-
-def _first(*values: Any) -> Any:
-    return next((value for value in values if value is not None and value != ""), None)
 
 
 def _checked_name(robot: str) -> str:
     if not ROBOT_NAME.match(robot) or robot in RESERVED_NAMES:
-        raise ConfigError(
-            f"{robot!r} is not a valid robot name, or is reserved: use lower-case "
-            "letters, digits and hyphens"
-        )
+        wanted = "use lower-case letters, digits and hyphens"
+        raise ConfigError(f"{robot!r} is not a valid robot name, or is reserved: {wanted}")
     return robot
 
 
@@ -306,16 +259,15 @@ def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(
-            f"the credentials file {path} cannot be read: {error.strerror or error}"
-        ) from error
+        reason = error.strerror or error
+        raise ConfigError(f"the credentials file {path} cannot be read: {reason}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"the credentials file {path} is not valid TOML: {error}") from error
     if content.get("robot", robot) != robot:
         raise ConfigError(
             f"the credentials file {path} is for the robot {content['robot']!r}, not for {robot!r}"
         )
-    for name in (*SETTINGS, "options"):
+    for name in (*SETTINGS, *DEVICES, "options"):
         kinds, expected = KINDS.get(name, TEXT)
         if name in content and type(content[name]) not in kinds:
             raise ConfigError(
@@ -343,8 +295,8 @@ def _check_addresses(
         _check_token(found)
         if not found["token"] and not enrolling:
             raise ConfigError(
-                "the server requires credentials: give --credentials FILE, which it "
-                "provides when you create them"
+                "the server requires credentials: give --credentials FILE, which it provides when"
+                " you create them"
             )
 
 
@@ -358,7 +310,7 @@ def _is_site(address: str) -> bool:
 
 
 def _check_token(found: Mapping[str, Any]) -> None:
-    """Refuse what cannot be a token: it would get into a request's header, and into a log."""
+    """Refuse what cannot be a token, because it would be sent in a request's header and logged."""
     token = str(found["token"] or "")
     if not (token.isascii() and token.isprintable()) or " " in token:
         raise ConfigError(
@@ -368,7 +320,7 @@ def _check_token(found: Mapping[str, Any]) -> None:
 
 
 def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
-    """Refuse to guess: a simulated robot must never replace a real one by mistake."""
+    """Require a name: a simulated robot must never replace a real one by mistake."""
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
         raise ConfigError(
             f"no adapter is given: add --adapter ({', '.join(_adapter_names())}, or a .py file)"

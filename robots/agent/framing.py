@@ -15,11 +15,10 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 class WireError(Exception):
-    """The other side sent something that is no message."""
+    """The other side sent an invalid message."""
 
 
 def pack(message: msgspec.Struct) -> bytes:
-    """Return a message with its length in front."""
     body = _encoder.encode(message)
     return len(body).to_bytes(HEADER, "big") + body
 
@@ -54,22 +53,15 @@ def take(buffer: bytearray, limit: int = LIMIT) -> bytes | None:
 
 
 async def read(reader: asyncio.StreamReader, limit: int = LIMIT) -> bytes:
-    """Wait for the next message and return its bytes.
-
-    Raises:
-        WireError: it is no message.
-        asyncio.IncompleteReadError, OSError: the connection ended.
+    """Return the next message's bytes. Raises WireError for an invalid length, IncompleteReadError
+    or OSError when the connection ended.
     """
     return await reader.readexactly(length(await reader.readexactly(HEADER), limit))
 
 
 async def bodies(reader: asyncio.StreamReader, limit: int = LIMIT) -> AsyncIterator[bytes]:
-    """Yield the bytes of every message; those that arrive together wake the loop once, where `read`
-    waits twice for each.
-
-    Raises:
-        WireError: one is no message.
-        asyncio.IncompleteReadError, OSError: the connection ended.
+    """Yield the bytes of every message, with the errors of `read`. Messages that arrive together
+    wake the loop once; `read` waits twice for each.
     """
     buffer = bytearray()
     while piece := await reader.read(PIECE):

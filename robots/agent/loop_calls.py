@@ -1,6 +1,4 @@
-"""Calls to an event loop from other threads, bounded: a loop that hangs must not fill the memory
-with what waits for it.
-"""
+"""Bounded calls to an event loop from other threads: a hanging loop must not fill the memory."""
 
 import asyncio
 import threading
@@ -25,7 +23,7 @@ class LoopCalls:
         self._waiting = self._dropped = 0
 
     def post(self, call: Callable[..., None], *arguments: Any, most: float = MOST_CALLS) -> None:
-        """Have the loop call this; dropped when `most` calls wait already, or without a loop."""
+        """Have the loop call this; dropped without a loop, or when `most` calls wait already."""
         with self._lock:
             loop = self.loop
             if loop is None:

@@ -1,22 +1,16 @@
-"""Speed ramps: how fast a velocity may change, and how large it may be. Pure, per axis, in SI
-units.
-"""
+"""Limits and ramps of velocities. Pure, per axis, in SI units."""
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
 
-# How long a robot may go on without commands, in seconds.
-LONGEST_DEADMAN = 1.0
-LONGEST_WATCHDOG = 2.0
-# With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than
-# this (m/s).
-ASSIST_MARGIN = 0.05
-ASSIST_CREEP = 0.1
+LONGEST_DEADMAN = 1.0  # s
+LONGEST_WATCHDOG = 2.0  # s
+ASSIST_MARGIN = 0.05  # m that an assisted robot keeps
+ASSIST_CREEP = 0.1  # m/s that assistance always allows
 
 
 @dataclass(frozen=True)
@@ -48,33 +42,24 @@ def caps(limits: Limits, lease: LeaseLimits | None, assist_linear: float | None 
 
 
 def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) -> float | None:
-    """Return the speed in m/s from which the robot can stop within its clearance, None when "off".
-
-    Without a measured clearance (m) half of the robot's own limit.
+    """Return the speed in m/s from which the robot can stop within its clearance (m), half of its
+    limit without a measured clearance, None when "off".
     """
     if level == "off":
         return None
     if clearance is None:
         return limits.linear / 2
-    return max(
-        ASSIST_CREEP,
-        float((2 * limits.linear_braking * max(0.0, clearance - ASSIST_MARGIN)) ** 0.5),
-    )
+    room = max(0.0, clearance - ASSIST_MARGIN)
+    return max(ASSIST_CREEP, math.sqrt(2 * limits.linear_braking * room))
 
 
-def ramp(
-    current: Velocity, target: Velocity, limits: Limits, *, dt: float, dt_up: float
-) -> Velocity:
-    """Return the velocity `dt` seconds after `current` on the way to `target`.
-
-    Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration
-    limits over `dt_up` <= `dt`.
-    """
-    axis = partial(approach, dt=dt, dt_up=dt_up)
-    linear, angular = limits.linear_acceleration, limits.angular_acceleration
+def ramp(current: Velocity, target: Velocity, limits: Limits, *, dt: float) -> Velocity:
+    """Return the velocity `dt` seconds after `current` on the ramp to `target`."""
+    up, down = limits.linear_acceleration, limits.linear_braking
+    turn_up, turn_down = limits.angular_acceleration, limits.angular_braking
     return Velocity(
-        linear=axis(current.linear, target.linear, linear, limits.linear_braking),
-        angular=axis(current.angular, target.angular, angular, limits.angular_braking),
+        linear=approach(current.linear, target.linear, up, down, dt=dt),
+        angular=approach(current.angular, target.angular, turn_up, turn_down, dt=dt),
     )
 
 
@@ -96,7 +81,7 @@ def is_within(velocity: Velocity, largest: Velocity) -> bool:
 
 
 def approach(
-    value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float
+    value: float, target: float, acceleration: float, braking: float, *, dt: float
 ) -> float:
     """Return one axis of `ramp`."""
     sign = 1.0 if value > 0 or (value == 0 and target >= 0) else -1.0
@@ -105,11 +90,10 @@ def approach(
         slower = max(goal, speed - braking * dt)
         if slower > goal or goal == target * sign:
             return sign * slower + 0.0  # never -0.0, which JSON would show
-        # Reversing: the time that remains after the stop goes into the other direction.
-        return approach(
-            0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking)
-        )
-    return sign * min(goal, speed + acceleration * dt_up)
+        # Reversing: the time that remains after the stop is for the other direction.
+        left = max(0.0, dt - speed / braking)
+        return approach(0.0, target, acceleration, braking, dt=left)
+    return sign * min(goal, speed + acceleration * dt)
 
 
 def check_times(watchdog: float, limits: Limits) -> None:
@@ -118,17 +102,11 @@ def check_times(watchdog: float, limits: Limits) -> None:
     """
     deadman = limits.deadman
     if not deadman <= LONGEST_DEADMAN:
-        raise ValueError(
-            f"a deadman of {deadman:g} s is too long: the agent must brake at "
-            f"most {LONGEST_DEADMAN:g} s after the last command"
-        )
+        problem = f"too long: the agent must brake at most {LONGEST_DEADMAN:g} s after the last"
+        raise ValueError(f"a deadman of {deadman:g} s is {problem} command")
     if not watchdog <= LONGEST_WATCHDOG:
-        raise ValueError(
-            f"a watchdog of {watchdog:g} s is too long: the base must stop at "
-            f"most {LONGEST_WATCHDOG:g} s after the last velocity"
-        )
+        problem = f"too long: the base must stop at most {LONGEST_WATCHDOG:g} s after the last"
+        raise ValueError(f"a watchdog of {watchdog:g} s is {problem} velocity")
     if not watchdog >= deadman:
-        raise ValueError(
-            f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base"
-            " would stop between two commands"
-        )
+        problem = f"shorter than the deadman of {deadman:g} s: the base would stop between two"
+        raise ValueError(f"a watchdog of {watchdog:g} s is {problem} commands")

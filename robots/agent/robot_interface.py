@@ -34,7 +34,7 @@ from robots.api.messages import (
     Velocity,
 )
 
-UNKNOWN_BATTERY = Battery(charging=None)  # that of a robot that has not said, or cannot say
+UNKNOWN_BATTERY = Battery(charging=None)  # of a robot that has not reported it
 # the pose of a robot that has no localization
 NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)
 
@@ -86,11 +86,11 @@ class Profile:
     which the base stops by itself when the agent is dead or stuck. An adapter without a watchdog is
     refused.
 
-    A robot with sensors for obstacles gets a collision monitor and assistance
-    (obstacle_sources.py), one with a `laser` also the localization and the navigation that it lacks
-    (navigation_layer/). Sensors for obstacles are `laser` (readings have `scan`), `sonars`
-    (`sonar`), `bumper` (`bumper`) and `depth` (`points`). `plan` is the robot's site, by name or
-    folder, and `start` its pose at the first connection; both are empty when unknown.
+    Sensors for obstacles, with their fields of a reading: `laser` (`scan`), `sonars` (`sonar`),
+    `bumper` (`bumper`) and `depth` (`points`). With one, a robot gets a collision monitor and
+    assistance (obstacle_sources.py), with a `laser` also the localization and the navigation that
+    it lacks (navigation_layer/). `plan` is the robot's site, by name or folder, and `start` its
+    pose at the first connection; both are empty when unknown.
 
     A robot whose measured speeds do not exceed `standstill_linear` (m/s) and `standstill_angular`
     (rad/s) is at rest. `navigation_control` is None for a robot whose RCA does not move it by
@@ -144,19 +144,18 @@ class ObstaclePoints:
 class RcaState:
     """One reading of everything the RCA reports.
 
-    `charger_contact` tells whether the charging contacts meet now, or the robot charges: whether it
-    is docked, robots/api/docked.py says. `pose` is `NOWHERE` when the RCA does not localize itself;
-    `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
-    distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
-    the collisions that began since connect(), `distance` the metres driven since then.
-    `is_measured` is false when `velocity` only repeats an earlier measurement, which does not show
-    that the robot is still at rest. `estop` is true while the robot's own emergency button is
-    pressed, None until that is reported. `path` is what the robot follows by itself, in map metres,
-    () when that is nothing, None when unknown. `scan`, `sonar` and `points` are new since
-    the reading before. `bumper` has the directions, in radians in the robot's frame, in which
-    something touches the robot now: () nothing, None when that is not known. `assist_why` and
-    `assist_point` are those of an RCA's own assistance, as in `messages.State`.
-    `battery` and `tilt` have None for what the robot does not know: never a guess.
+    `charger_contact` is true while the charging contacts meet, or the robot charges;
+    robots/api/docked.py decides whether it is docked. `pose` is `NOWHERE` when the RCA does not
+    localize itself; `odometry` is dead reckoning, in a frame with any origin. `clearance` is the
+    distance in metres from the footprint to the nearest obstacle, None when unknown. `contacts`
+    counts the collisions since connect(), `distance` the metres driven since then. `is_measured` is
+    false when `velocity` only repeats an earlier measurement, which does not show that the robot is
+    still at rest. `estop` is true while the robot's own emergency button is pressed, None until
+    that is reported. `path` is what the robot follows by itself, in map metres, () when it follows
+    none, None when unknown. `scan`, `sonar` and `points` are new since the last reading. `bumper`
+    has the directions, in radians in the robot's frame, in which something touches the robot now:
+    () for none, None when unknown. `assist_why` and `assist_point` are those of an RCA's own
+    assistance, as in `messages.State`. `battery` and `tilt` are None when unknown, never guessed.
     """
 
     stamp: float
@@ -183,8 +182,6 @@ class RcaState:
 
 @dataclass(frozen=True)
 class ActionProgress:
-    """How far an action that `start()` accepted is."""
-
     action_id: str
     status: ActionState
     reason: str = ""
@@ -193,11 +190,10 @@ class ActionProgress:
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture; `stamp` is when the camera sampled the world.
+    """An image; `stamp` is when the camera captured it.
 
     `image` is uint8: (height, width, 3) RGB, or for `yuv420p` (height * 3 / 2, width), the rows of
-    Y, then U and V at half the size in both directions: BT.601, 16 to 235, what the encoder takes
-    without another conversion. pixels.py turns both into a video frame.
+    Y, then U and V at half the size in both directions: BT.601, 16 to 235, which the encoder needs.
     """
 
     image: npt.NDArray[np.uint8]
@@ -221,10 +217,10 @@ class VideoSource(Protocol):
         """Begin to capture; idempotent."""
 
     def stop(self) -> None:
-        """Stop capturing, without viewers; idempotent."""
+        """Stop capturing; called without viewers, idempotent."""
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
+        """Block for the next frame, at most `timeout` s; None without one, or AdapterError."""
 
 
 class AudioSource(Protocol):
@@ -275,19 +271,16 @@ class Adapter(Protocol):
         """Reach the RCA, and cancel every action that an earlier connection or an earlier run of
         the agent has left there. Called again, without a `close()` between, whenever it was lost.
 
-        Raises:
-            AdapterError: it cannot be reached; the agent tries again for ever.
+        Raises AdapterError when it cannot be reached; the agent retries without end.
         """
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity to the base, now, and return what was last really sent: where it has to
-        wait, or is lowered, that is another one.
+        """Send a velocity to the base at once, and return the one that was sent last: another one
+        where velocities wait or are lowered.
 
-        Called on every accepted command and on every tick (50 Hz) while the robot moves; zeros are
-        sent to brake and then silence, so that idle never fights a planner. Must return at once.
-
-        Raises:
-            AdapterError: the RCA is gone; the agent reports the robot unavailable and reconnects.
+        Called on every accepted command and on every tick (50 Hz) while the robot moves; the kernel
+        sends zeros to brake, then nothing, so as not to compete with a planner. Must not block.
+        Raises AdapterError when the RCA is lost; the agent then reconnects.
         """
 
     async def start(self, action: Action) -> None:
@@ -338,19 +331,18 @@ class PassesVelocities(Protocol):
 
 @runtime_checkable
 class WithLock(Protocol):
-    """What an adapter offers besides when the robot has a lock of its own against velocities."""
+    """Optional: the robot has a lock of its own against velocities."""
 
     def set_lock(self, *, locked: bool) -> None:
-        """Lock or release the base; called again at each change and after each connection.
+        """Lock or release the base; called at each change and after each connection.
 
-        Raises:
-            AdapterError: the lock cannot be reached.
+        Raises AdapterError when the lock cannot be reached.
         """
 
 
 @runtime_checkable
 class LimitsSpeed(Protocol):
-    """What an adapter offers besides when the RCA's own navigation takes a speed limit."""
+    """Optional: the RCA's own navigation takes a speed limit."""
 
     def limit_speed(self, linear: float) -> None:
         """Set the largest speed of the RCA's navigation, in m/s."""
@@ -358,36 +350,28 @@ class LimitsSpeed(Protocol):
 
 @runtime_checkable
 class Severable(Protocol):
-    """Optional: lets `--check` show what becomes of the navigation when the agent is lost."""
+    """Optional: lets `--check` show what the navigation does when the agent is lost."""
 
     def sever(self) -> None:
-        """Drop the connection at once and without a goodbye, as the death of the agent's process
-        would: no zero velocity, no cancel, no heartbeat any more. `states()` then raises
-        AdapterError, and `connect()` connects again.
+        """Drop the connection as the death of the agent's process would: no zero velocity, no
+        cancel, no further heartbeat. `states()` then raises AdapterError; `connect()` reconnects.
         """
 
 
 @runtime_checkable
 class Navigating(Protocol):
-    """What an adapter offers besides when localization or navigation run in the agent, so that the
-    safety kernel rules them too.
-
-    `dock` is this robot's own on the map, None when there is not exactly one.
-    """
+    """Optional: localization or navigation run in the agent, under the safety kernel."""
 
     @property
     def dock(self) -> Station | None:
-        """Where the robot stands when it is docked."""
+        """This robot's own dock on the map, None when there is not exactly one."""
 
     def wanted(self) -> Velocity | None:
         """Return the running action's velocity, None without one; an old one becomes zero."""
 
     def located(self, reading: RcaState, points: npt.NDArray[np.float64]) -> RcaState:
         """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return
-        it with pose, path and complaints.
-
-        Raises:
-            AdapterError: what looks after navigation has ended.
+        it with pose, path and errors. Raises AdapterError when navigation cannot be restarted.
         """
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
@@ -406,8 +390,7 @@ class WithOutputs(Protocol):
 
 
 FromPage = Literal["page"]
-# in the place of a source: the page of the robot's own screen gives it
-FROM_PAGE: FromPage = "page"
+FROM_PAGE: FromPage = "page"  # instead of a source: the page on the robot's own screen provides it
 
 Outputs = tuple[Speaker | None, Display | None]
 

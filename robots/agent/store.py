@@ -1,15 +1,14 @@
-"""What an agent must keep across restarts: a latched e-stop, and the newest lease it has seen.
+"""What an agent keeps across restarts: a latched e-stop and the newest lease.
 
-Small JSON files, replaced whole. A latch that cannot be read counts as latched, until
-it is released by hand.
+Small JSON files, replaced as a whole. An unreadable latch counts as latched until it is released by
+hand.
 """
 
 import contextlib
-import json
 import os
-from dataclasses import asdict
 from pathlib import Path
 
+import msgspec
 import structlog
 
 from robots.agent.safety.estop_latch import UNREADABLE, EStopLatch
@@ -36,30 +35,22 @@ class Store:
         probe.unlink()
 
     def shortage(self) -> tuple[str, ...]:
-        """Return the error `disk_low` or `disk_full`, a colon, and what is left. Quick."""
+        """Return the error `disk_low` or `disk_full`, a colon, and the free space. Fast."""
         try:
             state = self._space.state() if self._latch.parent.is_dir() else "ok"
-        except OSError:  # a disk that is dying
+        except OSError:  # a dying disk
             state = "full"
-        return (
-            ()
-            if state == "ok"
-            else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
-        )
+        if state == "ok":
+            return ()
+        return (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
 
     def latch(self) -> EStopLatch | None:
         """Return the e-stop that was held when the agent ended."""
         try:
-            content = json.loads(self._latch.read_text(encoding="utf-8"))
-            return EStopLatch(
-                str(content["source"]),
-                float(content["stamp"]),
-                str(content["user"]),
-                str(content["detail"]),
-            )
+            return msgspec.json.decode(self._latch.read_bytes(), type=EStopLatch)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, msgspec.DecodeError) as error:
             log.exception("latch_unreadable", file=self._latch)
             return EStopLatch(UNREADABLE, 0.0, "", str(error))
 
@@ -68,31 +59,25 @@ class Store:
         if latch is None:
             self._latch.unlink(missing_ok=True)
             return
-        _replace(self._latch, asdict(latch))
+        _replace(self._latch, latch)
 
     def lease(self) -> Remembered | None:
-        """Return the newest grant seen before the agent ended; one that cannot be read is none."""
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            content = json.loads(self._lease.read_text(encoding="utf-8"))
-            return Remembered(
-                str(content["session"]),
-                int(content["epoch"]),
-                int(content["renewal"]),
-                float(content["stamp"]),
-            )
+        """Return the newest grant seen before the agent ended, None if unreadable."""
+        with contextlib.suppress(OSError, ValueError, msgspec.DecodeError):
+            return msgspec.json.decode(self._lease.read_bytes(), type=Remembered)
         return None
 
     def keep_lease(self, newest: Remembered) -> None:
         """Store a grant; raises OSError."""
-        _replace(self._lease, asdict(newest))
+        _replace(self._lease, newest)
 
 
-def _replace(path: Path, content: dict[str, object]) -> None:
-    """Write a file so that it is either the old one or the new one, whenever the power fails."""
+def _replace(path: Path, content: EStopLatch | Remembered) -> None:
+    """Write a file so that a power failure leaves either the old or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".new")
-    with unfinished.open("w", encoding="utf-8") as file:
-        json.dump(content, file)
+    with unfinished.open("wb") as file:
+        file.write(msgspec.json.encode(content))
         file.flush()
         os.fsync(file.fileno())
     unfinished.replace(path)

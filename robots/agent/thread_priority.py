@@ -1,12 +1,11 @@
-"""Going before others when the computer is busy: the agent before other programs, its control loop
-before the rest of it.
+"""Priorities on a busy computer: the agent before other programs, its control loop before the rest.
 
 Measured with four busy processes on two cores: a thread that wakes 50 times a second is late by 89
-ms (p99) without, by 12 ms with it. The rest of the agent is raised as well, because whichever of
-its threads holds the interpreter's lock must not be kept waiting by another program while the
-control loop waits for the lock. Linux gives every thread a nice value of its own and passes it on
-to whatever the thread starts; other systems have none, and an ordinary user may be refused
-(`LimitNICE=` of a systemd unit allows it): then everything goes on as before.
+ms (p99) without, by 12 ms with it. The rest of the agent is raised as well, because a thread that
+holds the interpreter's lock must not wait for another program while the control loop waits for the
+lock. Linux gives every thread its own nice value, which new threads inherit; other systems have
+none, and an ordinary user may be refused (`LimitNICE=` of a systemd unit allows it). Then nothing
+changes.
 """
 
 import os

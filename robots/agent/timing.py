@@ -1,4 +1,4 @@
-"""Time in the agent's loops: clocks that a test can turn, periods, and pauses before retries."""
+"""Time in the agent's loops: clocks that a test can replace, periods, and pauses before retries."""
 
 import random
 import time
@@ -8,10 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TimeSource:
-    """The two clocks of a computer.
-
-    `now` never jumps and judges durations (s, monotonic); `unix` is what stamps say (s, Unix time).
-    """
+    """Two clocks: `now` is monotonic seconds, for durations; `unix` is Unix time, for stamps."""
 
     now: Callable[[], float] = time.monotonic
     unix: Callable[[], float] = time.time
@@ -19,7 +16,7 @@ class TimeSource:
 
 @dataclass
 class Cadence:
-    """Due every `period` seconds of the time that it is asked with, without drifting when late."""
+    """Due every `period` seconds, without drifting when late."""
 
     period: float
     _next: float = float("-inf")
@@ -28,21 +25,16 @@ class Cadence:
         """Return True when another one is due, and count it as done."""
         if now < self._next:
             return False
-        self._next = (
-            self._next + self.period if now - self._next < self.period else now + self.period
-        )
+        is_late = now - self._next >= self.period
+        self._next = (now if is_late else self._next) + self.period
         return True
 
 
 @dataclass
 class Backoff:
-    """How long to wait before the next try.
-
-    Seconds from `first`, doubled each time up to `longest`, of which a random half is left off, so
-    that a thousand robots are never in step.
-
-    A connection that holds shorter than `settled` seconds counts as another failure: what is
-    accepted and dropped at once must not be tried again at full speed.
+    """Pauses before retries: from `first` seconds, doubled up to `longest`, less a random half, so
+    that a thousand robots are never in step. A connection that holds for less than `settled`
+    seconds counts as another failure.
     """
 
     rng: random.Random
@@ -52,7 +44,7 @@ class Backoff:
     _next: float = 0.0
 
     def failed(self, held: float = 0.0) -> float:
-        """Return seconds to wait after a connection that held for `held` seconds (0: none)."""
+        """Return the seconds to wait after a connection that held for `held` seconds (0: none)."""
         base = self.first if held >= self.settled else max(self.first, self._next)
         self._next = min(self.longest, base * 2)
         return base * self.rng.uniform(0.5, 1.0)

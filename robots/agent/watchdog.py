@@ -1,9 +1,9 @@
-"""Notices a control thread that hangs, and ends the process, so that its supervisor restarts it.
+"""Detects a hanging control thread and ends the process, so that its supervisor restarts it.
 
 The base's own watchdog has stopped the robot long before. A thread cannot be ended from outside,
-and a second control loop beside it could move the robot as well; so the process ends at once, with
-the stack of the thread in the log. systemd does the same to a process in which no thread runs any
-more: it expects a datagram from `Systemd` every WatchdogSec (sd_notify(3)).
+and a second control loop could move the robot as well; so the process ends at once, with the
+thread's stack in the log. systemd does the same to a process in which no thread runs: it expects a
+datagram from `Systemd` every WatchdogSec (sd_notify(3)).
 """
 
 import contextlib
@@ -29,10 +29,8 @@ NOTIFY_PERIOD_S = 1.0
 
 
 class HangDetector:
-    """Compares the ticks of a loop at each look; it hangs after `looks` without one.
-
-    Looks count and not the time between them: a process that was suspended does not hang when it
-    goes on.
+    """Compares the ticks of a loop at each look; it hangs after `looks` without one. Looks count
+    and not the time: a suspended process does not hang when it continues.
     """
 
     def __init__(self, looks: int) -> None:
@@ -41,14 +39,14 @@ class HangDetector:
         self._without = 0
 
     def look(self, ticks: int) -> bool:
-        """Return whether the loop hangs, which has ticked so many times by now."""
+        """Return whether the loop hangs, given its ticks so far."""
         self._without = self._without + 1 if ticks == self._ticks else 0
         self._ticks = ticks
         return self._without >= self._most
 
 
 def end_process(thread: threading.Thread, where: str) -> NoReturn:
-    """Log the stack of a thread that hangs, and end the process without waiting for anything."""
+    """Log the stack of a hanging thread, and end the process without waiting for anything."""
     # documented, in spite of its name
     frame = sys._current_frames().get(thread.ident or 0)  # noqa: SLF001
     stack = "".join(traceback.format_stack(frame)) if frame is not None else ""
@@ -58,7 +56,7 @@ def end_process(thread: threading.Thread, where: str) -> NoReturn:
 
 
 class Systemd:
-    """Tells the service manager (NOTIFY_SOCKET), if any, that this process works."""
+    """Reports to the service manager (NOTIFY_SOCKET), if any, that this process works."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")
@@ -69,7 +67,7 @@ class Systemd:
         self._send(b"READY=1")
 
     def alive(self) -> None:
-        """Report that the process works, once a second however often it is called."""
+        """Report that the process works, at most once a second."""
         if self._due.due(time.monotonic()):
             self._send(b"WATCHDOG=1")
 

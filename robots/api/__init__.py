@@ -1,5 +1,4 @@
-"""Robot API version 1: the words that pages, servers and robots say to each other.
+"""Robot API version 1: the messages between pages, servers and robots.
 
-No Django, no sockets: an agent on another computer, and an agent in another language, need nothing
-else of this project.
+Without Django and sockets: an agent on another computer needs nothing else of this project.
 """

@@ -1,14 +1,14 @@
-"""The names by which an adapter is chosen: on an agent's command line, in its credentials file, in
-the profile of a robot, and in the administration.
+"""The names of adapters, as on an agent's command line, in its credentials file, in the profile of
+a robot, and in the administration.
 
-Ours are listed here. Others come with Python packages that name theirs as entry points of `GROUP`,
-each the module that has `create(profile_name, options)`:
+Ours are listed here. Other Python packages declare theirs as entry points of `GROUP`, each a module
+with `create(profile_name, options)`:
 
     [project.entry-points."telepresence.adapters"]
     acme = "telepresence_acme.adapter"
 
-Listing the names imports no adapter, so that the server can do it, too. The agent runs on the
-robot's own computer, where other adapters may be installed than on the server.
+Listing the names imports no adapter, so that the server can do it, too. On the robot's computer,
+where the agent runs, other adapters may be installed than on the server.
 
     https://packaging.python.org/en/latest/specifications/entry-points/
 """
@@ -32,13 +32,13 @@ OURS: Mapping[str, str] = {
 
 
 class AmbiguousAdapterError(ValueError):
-    """Two packages name different adapters alike; the message is one sentence."""
+    """Two packages use the same name for different adapters; the message is one sentence."""
 
 
 def installed() -> dict[str, EntryPoint]:
     """Return the adapters of other packages that are installed here, by name.
 
-    One that takes a name of ours is left out, and a warning says so.
+    One with a name of ours is left out, with a warning.
 
     Raises:
         AmbiguousAdapterError: two packages use one name.
@@ -58,12 +58,11 @@ def installed() -> dict[str, EntryPoint]:
 
 
 def package_of(point: EntryPoint) -> str:
-    """Return the package that an entry point comes from, with its version."""
     return f"{point.dist.name} {point.dist.version}" if point.dist is not None else point.value
 
 
 def known_names() -> tuple[str, ...]:
-    """Return every name that can be given here: ours, and those of installed packages.
+    """Return all names of adapters here, ours and those of installed packages.
 
     Raises:
         AmbiguousAdapterError: two packages use one name.

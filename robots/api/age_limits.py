@@ -1,8 +1,8 @@
-"""How old a command and the picture that it answers may be, and how fast a robot still drives by
-them. The safety kernel enforces it; a server may predict it.
+"""The maximum ages of a command and of the picture that the driver saw, and the speed at an age.
+The safety kernel enforces them; a server may predict them.
 """
 
-# s: the hard bounds, which neither a lease nor a robot's own ceiling can pass
+# s: bounds of every lease and robot
 COMMAND_AGE_BOUND, FRAME_AGE_BOUND = 1.0, 3.0
 
 

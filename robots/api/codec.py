@@ -1,7 +1,7 @@
 """Bytes to messages and back, with limits on size and range.
 
-`decode` is the only door: what passes it has the right type and ranges. What does not raises
-`Rejection`, which every caller counts and drops; nothing on the wire may raise into a loop.
+All messages are read by `decode`, which checks types and ranges. It raises `Rejection`, which every
+caller counts and drops, so that no message can raise an exception into a loop.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from robots.api.errors import Rejection
 from robots.api.messages import Message
 
 _encoder = msgspec.json.Encoder()
-# Made now, by one thread: see robots/api/prepared.py.
+# Created by one thread at import: see robots/api/prepared.py.
 _decoders: dict[str, Any] = {
     topic.suffix: msgspec.json.Decoder(topic.content)
     for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)
@@ -32,8 +32,7 @@ def encode_frame(suffix: str, message: Message) -> str:
 
 
 def decode(suffix: str, payload: bytes | str, direction: topics.Direction | None = None) -> Any:
-    """Return the message that `payload` holds, of the class that the topic table names for
-    `suffix`.
+    """Return the message in `payload`, of the class that the topic table has for `suffix`.
 
     Args:
         suffix: a concrete suffix such as `command/velocity` or `signal/p1`.

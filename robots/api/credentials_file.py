@@ -1,5 +1,5 @@
-"""The file with an agent's credentials, which the site writes and the agent reads and renews: TOML
-that its owner alone can read, replaced whole.
+"""The TOML file with an agent's credentials, which the site writes, and the agent reads and renews.
+Only its owner can read it, and a write replaces the whole file.
 """
 
 import errno
@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-# environment variables that begin so say the same, `TELEPRESENCE_TOKEN` for `token`
+# prefix of environment variables with the same values, such as TELEPRESENCE_TOKEN for `token`
 ENVIRONMENT = "TELEPRESENCE_"
 
 
@@ -21,12 +21,8 @@ def _quoted(value: str) -> str:
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def rehearse(path: Path) -> None:
-    """Do everything of writing the file but to put it in its place.
-
-    Raises:
-        OSError: it could not be written.
-    """
+def check_writable(path: Path) -> None:
+    """Raise OSError if the file could not be written."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=path.parent) as file:
         os.fsync(file.fileno())
@@ -35,9 +31,7 @@ def rehearse(path: Path) -> None:
 
 
 def changed(text: str, values: Mapping[str, str]) -> str:
-    """Return a credentials file with other values on its own lines, and everything else (options,
-    comments, tables) as it was.
-    """
+    """Return a credentials file with other values; the rest (options, comments, tables) stays."""
     left = dict(values)
     lines, in_table = [], False
     for line in text.splitlines():

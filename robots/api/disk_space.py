@@ -28,7 +28,6 @@ class DiskSpace:
             return 0
 
     def state(self) -> DiskState:
-        """Return the state of the disk now."""
         return self.word(self.free())
 
     def word(self, free: int) -> DiskState:

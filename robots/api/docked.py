@@ -1,12 +1,12 @@
-"""When a robot is docked: one rule for the agent, for docking by itself, and for the task of a
-study.
+"""When a robot is docked: one rule for the agent, for automatic docking, and for tasks of studies.
 
-The charging contacts meet, or the robot charges, while it is at rest and receives no velocity other
-than zero, for `seconds` without a break. A robot that slides along its station makes contact and
-loses it again; it is docked only if it stays after its driver has released the controls. It is
-docked until the contacts have been apart for `release` seconds: contacts sit on springs and bounce.
+The charging contacts must meet, or the robot charge, for `seconds` without a break, while the robot
+is at rest and receives no velocity other than zero: a robot that slides along its station makes
+contact and loses it again, and is docked only if it stays after its driver has released the
+controls. It is docked until the contacts have been apart for `release` seconds, because contacts
+have springs and bounce.
 
-Pure: readings come in, one at a time and in order, and a frozen state goes out.
+Pure: readings arrive one at a time and in order, and a frozen state is returned.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class DockedRule:
-    """What counts as docked.
-
-    `seconds` is for how long all conditions must be met; `linear` (m/s) and `angular` (rad/s) are
-    the greatest speeds that count as rest; `release` is for how long (s) the contacts must be
-    apart; a gap of more than `gap` seconds between two readings restarts `seconds`.
+    """`seconds`: for how long all conditions must be met. `linear` (m/s) and `angular` (rad/s) are
+    the greatest speeds that count as rest, `release` is for how long (s) the contacts must be
+    apart. A gap of more than `gap` seconds between two readings restarts `seconds`.
     """
 
     seconds: float = 2.0
@@ -34,9 +32,7 @@ ROUNDING = 1e-6  # seconds that a sum of periods may miss
 
 @dataclass(frozen=True, kw_only=True)
 class DockReading:
-    """One moment: seconds, m/s, rad/s. `released`: no velocity other than zero is sent to the
-    wheels.
-    """
+    """In s, m/s, rad/s. `released`: no velocity other than zero is sent to the wheels."""
 
     at: float
     contact: bool
@@ -47,11 +43,9 @@ class DockReading:
 
 @dataclass(frozen=True, kw_only=True)
 class DockState:
-    """How a robot stands to its station.
-
-    `touching`: the contacts meet, or met within the last `release` seconds. `resting_since` is the
-    time from which contact, standstill and released controls hold together, `apart_since` that from
-    which the contacts do not meet; None where that is not so.
+    """`touching`: the contacts meet, or met within the last `release` seconds. `resting_since`:
+    since when there are contact, standstill and released controls together, `apart_since`: since
+    when the contacts do not meet; or None.
     """
 
     docked: bool = False
@@ -65,19 +59,15 @@ APART = DockState()
 
 
 def follow(rule: DockedRule, before: DockState, reading: DockReading) -> DockState:
-    """Return how the robot stands after the next reading."""
-    stands = abs(reading.linear) <= rule.linear and abs(reading.angular) <= rule.angular
-    rests = reading.contact and stands and reading.released
+    """Return the state after the next reading."""
+    is_still = abs(reading.linear) <= rule.linear and abs(reading.angular) <= rule.angular
+    rests = reading.contact and is_still and reading.released
     continuous = before.at is not None and reading.at - before.at <= rule.gap
     since = before.resting_since if continuous and before.resting_since is not None else reading.at
     has_rested = rests and reading.at - since >= rule.seconds - ROUNDING
-    apart_since = (
-        None
-        if reading.contact
-        else reading.at
-        if before.apart_since is None
-        else before.apart_since
-    )
+    apart_since: float | None = None
+    if not reading.contact:
+        apart_since = reading.at if before.apart_since is None else before.apart_since
     is_apart = apart_since is not None and reading.at - apart_since >= rule.release - ROUNDING
     return DockState(
         docked=has_rested or (before.docked and not is_apart),

@@ -4,8 +4,8 @@ The simulator builds its walls, rooms and pictures from it; the server and the p
 names, doors, docks, checkpoints and places. Metres and radians in the frame of the map. On the wire
 it is camelCase JSON, like every other message.
 
-Titles are in one language, English in the sites that we ship; `translations` has them in others,
-and `in_language` applies these. Robots do not get the translations: they use names, not titles.
+Titles are in one language, English in our own sites; `translations` has them in others, and
+`in_language` applies these. Robots use names, and do not get translations.
 
 Two layers of checks: msgspec refuses a malformed plan, `problems()` lists why a well-formed one
 cannot be a place.
@@ -49,7 +49,7 @@ DecorationKind = Literal["picture", "window", "whiteboard", "poster", "clock", "
 MINIMUM_DOOR = 0.5
 MINIMUM_LENGTH = 0.02
 MINIMUM_ROOM = 0.1  # m²
-ON_WALL = 0.02  # a decoration or mirror may lie this far off the face of its wall
+ON_WALL = 0.02  # m; maximum distance of a decoration or mirror from the face of its wall
 
 
 class FloorPlanError(ValueError):
@@ -246,11 +246,8 @@ class Route(PlanPart, frozen=True, kw_only=True):
 
 
 class FloorPlan(PlanPart, frozen=True, kw_only=True):
-    """A whole site. `ceiling` is its height in metres; `map_id` names the map
-    that it belongs to.
-
-    `translations` has for each language what titles of this file are in it; those that are left out
-    stay as they are.
+    """A whole site. `ceiling` is its height in metres, `map_id` the name of its map; `translations`
+    has translated titles by language and title.
     """
 
     version: Literal[1] = 1
@@ -274,12 +271,12 @@ class FloorPlan(PlanPart, frozen=True, kw_only=True):
     ] = {}
 
     def __hash__(self) -> int:
-        """Plans are keys of caches; a dictionary, as `translations` are, has no hash."""
+        """Hash without `translations`, a dictionary: plans are keys of caches."""
         return hash((self.map_id, self.walls, self.doors, self.furniture))
 
     @property
     def openings(self) -> tuple[Door | Passage, ...]:
-        """Every way from room to room."""
+        """All doors and passages."""
         return (*self.doors, *self.passages)
 
     def room_at(self, x: float, y: float) -> Room | None:
@@ -287,7 +284,6 @@ class FloorPlan(PlanPart, frozen=True, kw_only=True):
         return next((room for room in self.rooms if contains(room.polygon, x, y)), None)
 
     def dock_of(self, series: str) -> ChargingDock | None:
-        """Return the first dock for a series of robots, or None."""
         return next((dock for dock in self.docks if dock.type == series), None)
 
     def route_of(self, series: str) -> Route | None:
@@ -316,22 +312,21 @@ def decode(data: bytes | str) -> FloorPlan:
 
 
 def encode(plan: FloorPlan) -> bytes:
-    """Return a plan as JSON."""
     return msgspec.json.encode(plan)
 
 
 def in_language(plan: Mapping[str, Any], language: str) -> dict[str, Any]:
-    """Return a plan, as JSON has it, with its titles in a language, or as they are where there is
-    no translation, and without the translations.
+    """Return a plan, as JSON, with its titles in a language where there are translations, and
+    without the translations.
     """
     words = translation(plan.get("translations", {}), language)
-    return {
-        name: _translated(value, words) for name, value in plan.items() if name != "translations"
-    } | ({"title": words.get(plan["title"], plan["title"])} if "title" in plan else {})
+    own = {name: value for name, value in plan.items() if name != "translations"}
+    translated: dict[str, Any] = _translated(own, words)
+    return translated
 
 
 def translation(offered: Mapping[str, Mapping[str, str]], language: str) -> Mapping[str, str]:
-    """Return the words that are offered in a language, such as `es-mx`, or else in `es`."""
+    """Return the translations to a language, such as `es-mx`, or else to `es`."""
     language = language.lower()
     return offered.get(language) or offered.get(language.partition("-")[0]) or {}
 
@@ -435,15 +430,12 @@ def _outside(plan: FloorPlan) -> Iterator[str]:
         "place": plan.places,
         "start": plan.starts,
     }
-    stand = [
-        (f"{kind} {one.name!r}", one.x, one.y) for kind, parts in kinds.items() for one in parts
-    ]
-    stand += [
-        (f"checkpoint {c.number} of {r.type!r}", c.x, c.y)
-        for r in plan.routes
-        for c in r.checkpoints
-    ]
-    for what, x, y in stand:
+    points = [(f"{kind} {p.name!r}", p.x, p.y) for kind, parts in kinds.items() for p in parts]
+    for route in plan.routes:
+        points += [
+            (f"checkpoint {c.number} of {route.type!r}", c.x, c.y) for c in route.checkpoints
+        ]
+    for what, x, y in points:
         if plan.room_at(x, y) is None:
             yield f"{what} at ({x:g}, {y:g}) is not in a room"
     for decoration in plan.decorations:
@@ -462,19 +454,16 @@ def _bad_routes(plan: FloorPlan) -> Iterator[str]:
 
 
 def _stray_translations(plan: FloorPlan) -> Iterator[str]:
-    titles = {plan.title} | {
-        part.title
-        for parts in (
-            plan.rooms,
-            plan.openings,
-            plan.mirrors,
-            plan.docks,
-            plan.places,
-            plan.starts,
-            *(route.checkpoints for route in plan.routes),
-        )
-        for part in parts
-    }
+    titled: list[Any] = [
+        *plan.rooms,
+        *plan.openings,
+        *plan.mirrors,
+        *plan.docks,
+        *plan.places,
+        *plan.starts,
+    ]
+    titled += [checkpoint for route in plan.routes for checkpoint in route.checkpoints]
+    titles = {plan.title, *(part.title for part in titled)}
     for language, words in plan.translations.items():
         for title in words:
             if title not in titles:

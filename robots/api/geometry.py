@@ -1,4 +1,4 @@
-"""Planar poses, and the way between metres of the world and pixels of a map image.
+"""Planar poses, and conversion between metres of the world and pixels of a map image.
 
 Frames: the world has x to the right and y up (REP 103 on a map hung on a wall); an image has u to
 the right and v down, with (0, 0) at the outer corner of its first pixel, so that the centre of the
@@ -65,11 +65,8 @@ class MapTransform:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0 and self.height > 0):
-            message = (
-                f"a map needs a positive resolution and height, not {self.resolution} and"
-                f" {self.height}"
-            )
-            raise ValueError(message)
+            given = f"{self.resolution} and {self.height}"
+            raise ValueError(f"a map needs a positive resolution and height, not {given}")
 
     def to_pixel(self, x: float, y: float) -> tuple[float, float]:
         """Return (u, v), with fractions, of the world point (x, y)."""

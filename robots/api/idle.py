@@ -1,4 +1,4 @@
-"""How often an idle robot sends, and how both sides determine that a robot is idle.
+"""When a robot is idle, and how often it then sends its state.
 
 A robot is needed while it has a lease, while a page is connected to it, and for INTEREST_SECONDS
 after each message to it, usually `command/heartbeat`: servers send this for every page that is open
@@ -22,19 +22,8 @@ ANGLE_STEP_RAD = math.radians(15.0)
 TILT_STEP_RAD = 0.03
 
 _COMPARED = (
-    "session",
-    "docked",
-    "charger_contact",
-    "mode",
-    "assist",
-    "safety",
-    "errors",
-    "viewers",
-    "call",
-    "screens",
-    "knockable",
-    "knock",
-    "camera_status",
+    *("session", "docked", "charger_contact", "mode", "assist", "safety", "errors"),
+    *("viewers", "call", "screens", "knockable", "knock", "camera_status"),
 )
 
 

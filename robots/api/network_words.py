@@ -11,8 +11,7 @@ from typing import Protocol
 from robots.api.messages import NetworkLab
 
 MS, PERCENT, KBIT = 1e-3, 1e-2, 1e3
-# Of each word: the least and the greatest value, in its own unit, and what it is called in a
-# sentence.
+# Of each word: the least and the greatest value, and the unit.
 RANGES = {
     "delay": (0.0, 10_000.0, "milliseconds"),
     "jitter": (0.0, 10_000.0, "milliseconds"),
@@ -24,27 +23,20 @@ EXAMPLE = "delay=150,jitter=30,loss=2"
 
 
 class Impairing(Protocol):
-    """Impairments: a `NetworkLab`, or those of a study's condition."""
+    """A `NetworkLab`, or the impairments of a study's condition: delay and jitter in s, loss and
+    reorder as shares, bitrate in bit/s.
+    """
 
     @property
-    def delay(self) -> float:
-        """Seconds."""
-
+    def delay(self) -> float: ...
     @property
-    def jitter(self) -> float:
-        """Seconds."""
-
+    def jitter(self) -> float: ...
     @property
-    def loss(self) -> float:
-        """A share."""
-
+    def loss(self) -> float: ...
     @property
-    def reorder(self) -> float:
-        """A share."""
-
+    def reorder(self) -> float: ...
     @property
-    def bitrate(self) -> float | None:
-        """bit/s."""
+    def bitrate(self) -> float | None: ...
 
 
 def parse(text: str, seed: int = 0) -> NetworkLab:

@@ -1,5 +1,4 @@
-"""One picture as bytes: when the camera sampled the world, and a JPEG. For pages that no WebRTC
-path reaches.
+"""One picture as bytes, its time and a JPEG, for pages that no WebRTC path reaches.
 
 On MQTT and, behind its suffix and a newline, in a binary frame of the page's WebSocket: 8 bytes of
 capture stamp (Unix time in seconds by the robot's clock, float64, big-endian), then the JPEG from
@@ -18,12 +17,11 @@ _BEGIN, _END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
 def suffix_for(peer: str | None) -> str:
-    """Return the suffix of a picture for everybody who has asked, or for one peer alone."""
+    """Return the suffix of a picture for all peers that requested one, or for one peer."""
     return SUFFIX if peer is None else f"{SUFFIX}/{peer}"
 
 
 def is_picture(suffix: str) -> bool:
-    """Tell whether a suffix is one of a picture."""
     return suffix.partition("/")[0] == SUFFIX
 
 
@@ -33,7 +31,6 @@ def is_for(suffix: str, peer: str) -> bool:
 
 
 def pack(stamp: float, jpeg: bytes) -> bytes:
-    """Return a picture on the wire."""
     return _STAMP.pack(stamp) + jpeg
 
 

@@ -1,8 +1,8 @@
-"""Classes that several threads read messages and documents into.
+"""Classes that several threads decode.
 
-msgspec finds out about a class when it is first read into, and two threads that do so at the same
-moment crash the process (a segmentation fault in 0.22). A module's import is done by one thread: so
-a class is prepared where it is defined.
+msgspec inspects a class when it is first decoded, and two threads that do so at once crash the
+process (a segmentation fault in 0.22). One thread imports a module: so a class is prepared where it
+is defined.
 """
 
 from typing import Any
@@ -11,6 +11,6 @@ import msgspec
 
 
 def prepare(*kinds: Any) -> None:
-    """Let msgspec find out about classes, and about those that they are made of."""
+    """Let msgspec inspect classes, and the classes of their fields."""
     for kind in kinds:
         msgspec.json.Decoder(kind)

@@ -1,4 +1,4 @@
-"""Files that only their owner may read, written in one step."""
+"""Files that only their owner can read, written atomically."""
 
 import contextlib
 import os
@@ -12,11 +12,11 @@ OWNER_ALONE = 0o600
 
 @contextlib.contextmanager
 def draft_of(path: Path, *, mode: int = OWNER_ALONE, replace: bool = True) -> Iterator[BinaryIO]:
-    """Give a file to write, which is at `path` afterwards: a reader, also after a power failure,
-    finds either the complete file or the previous one.
+    """Yield a file to write, which is moved to `path` afterwards: a reader, also after a power
+    failure, finds either the complete file or the previous one.
 
     Raises:
-        FileExistsError: something is there and is not to be replaced.
+        FileExistsError: the path exists and `replace` is false.
         OSError: it cannot be written.
     """
     descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

@@ -1,6 +1,4 @@
-"""The topic tree: telepresence/v1/<robot>/<suffix>, and the same suffixes in front of messages on
-sockets and data channels.
-"""
+"""The topics: telepresence/v1/<robot>/<suffix>. Sockets and data channels use the same suffixes."""
 
 import re
 from dataclasses import dataclass
@@ -171,18 +169,17 @@ def parse(topic: str) -> tuple[str, str] | None:
 
 
 def subscriptions(robot: str) -> tuple[str, ...]:
-    """Return the filters of an agent's subscriptions, at QoS 0: its inputs, and its presence (see
-    Connection). Nothing else arrives over one connection, and NATS loses messages at QoS 1 while
-    others subscribe on a busy computer.
+    """Return the filters that an agent subscribes to at QoS 0: its inputs and its connection.
+
+    QoS 1 would only add acknowledgements, as the session ends with the connection. NATS creates a
+    queue for each subscription at QoS 1, and can lose messages meanwhile.
     """
-    inputs = (of(robot, line.suffix) for line in TABLE if line.direction == "to_robot")
+    inputs = (of(robot, topic.suffix) for topic in TABLE if topic.direction == "to_robot")
     return (*inputs, of(robot, "connection"))
 
 
 def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
-    """Return the filters a robot's own user may `write` and `read`; everything else is refused by
-    the broker.
-    """
+    """Return the filters that a robot's user may `write` and `read`; the broker refuses others."""
     return {
         "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
         "read": subscriptions(robot),

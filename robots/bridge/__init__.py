@@ -1,1 +1,1 @@
-"""The web process's connection to the broker, and what it knows of robots; bridge.py joins them."""
+"""The web process's connection to the broker, and its copy of the robots' last messages."""

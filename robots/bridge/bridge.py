@@ -23,7 +23,7 @@ import functools
 import random
 import secrets
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,24 +47,11 @@ from robots.enrol.credentials import server_credentials
 
 log = structlog.stdlib.get_logger(__name__)
 
-# The floor plan, which is large, is not among them.
-LISTENED = (
-    "connection",
-    "factsheet",
-    "state",
-    "pose",
-    "scan",
-    "path",
-    "event",
-    "action",
-    "words",
-    "receipt",
-    "pointer",
-    "heartbeat",
-    "picture",
-    "picture/+",
-    "lease",
-    "signal/+/reply",
+# The suffixes that pages listen to: not photos and the floor plan, which are large.
+LISTENED = tuple(
+    topic.suffix
+    for topic in topics.TABLE
+    if topic.suffix == "lease" or (topic.direction == "from_robot" and topic.suffix != "photo/+")
 )
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_IN_FLIGHT = 500
@@ -105,7 +92,7 @@ class Bridge:
         self._failover = Failover(parse_nodes(url), rng)
         self._credentials = credentials
         self._delivery = Delivery()
-        self.follow = self._delivery.follow  # the notices of a session
+        self.follow = self._delivery.follow
         self.unfollow = self._delivery.unfollow
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
@@ -131,7 +118,6 @@ class Bridge:
         return self._up.is_set() and not (self._task.done() or self._watching.done())
 
     async def wait_connected(self, seconds: float) -> bool:
-        """Wait until the broker is connected, at most `seconds`."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._up.wait()
@@ -142,7 +128,6 @@ class Bridge:
         return self._loop is loop and not self._closed
 
     async def close(self) -> None:
-        """Disconnect for good."""
         self._closed = True
         await cancel(self._task, self._watching)
 
@@ -190,12 +175,12 @@ class Bridge:
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
-                wanted = [
-                    (topics.session_notices("+"), 0),
-                    (topics.MANAGER_STATUS, 0),
+                filters = [
+                    topics.session_notices("+"),
+                    topics.MANAGER_STATUS,
                     *(each for robot in self._delivery.robots for each in _filters(robot)),
                 ]
-                broker_address.check_subscribed(await client.subscribe(wanted))
+                await _subscribe(client, filters)
                 self._arrive()
                 await broker_address.until_lost(client)
             finally:
@@ -226,26 +211,18 @@ class Bridge:
     def _receive(self, message: aiomqtt.Message) -> None:
         self.counts["arrived"] += 1
         topic, payload = str(message.topic), message.payload
-        raw = (
-            bytes(payload)
-            if isinstance(payload, bytes | bytearray)
-            else str(payload or "").encode()
-        )
+        raw = payload if isinstance(payload, bytes | bytearray) else str(payload or "").encode()
         try:
-            self._delivery.arrive(topic, raw, time.monotonic())
+            self._delivery.arrive(topic, bytes(raw), time.monotonic())
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
-            log.warning(
-                "bridge_message_rejected",
-                topic=topic,
-                reason=str(rejection),
-                count=self.counts[rejection.reason],
-            )
+            count, reason = self.counts[rejection.reason], str(rejection)
+            log.warning("bridge_message_rejected", topic=topic, reason=reason, count=count)
 
     # --- listening --------------------------------------------------------------------------------
 
     def listen(self, robot: str, listener: Listener, *, needs: bool = True) -> KnownRobot:
-        """Deliver a robot's messages to a listener; returns the robot's KnownRobot, which stays up
+        """Deliver a robot's messages to a listener; return the robot's KnownRobot, which is kept up
         to date. While a listener `needs` the robot, it sends at its full rate.
         """
         first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
@@ -258,7 +235,7 @@ class Bridge:
         """Subscribe to a robot; retry while a cluster refuses after the loss of a node."""
         while client is self._client and robot in self._delivery.robots:
             try:
-                broker_address.check_subscribed(await client.subscribe(_filters(robot)))
+                await _subscribe(client, _filters(robot))
             except aiomqtt.MqttError as error:
                 log.warning("subscription_refused", robot=robot, reason=str(error))
                 await asyncio.sleep(SUBSCRIBE_AGAIN_SECONDS)
@@ -270,22 +247,13 @@ class Bridge:
         if not self.connected:
             return
         for robot, count in self._delivery.beats_due(time.monotonic()):
-            self.send(
-                robot,
-                "command/heartbeat",
-                CommandHeartbeat(n=count, stamp=time.time(), peer=WATCHER),
-            )
+            heartbeat = CommandHeartbeat(n=count, stamp=time.time(), peer=WATCHER)
+            self.send(robot, "command/heartbeat", heartbeat)
 
     def ignore(self, robot: str, listener: Listener) -> None:
         """Stop delivering a robot's messages to a listener; without listeners, unsubscribe."""
-        if not self._delivery.ignore(robot, listener):
-            return
-        if self._client is not None:
-            self._launch(
-                functools.partial(
-                    self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]
-                )
-            )
+        if self._delivery.ignore(robot, listener) and self._client is not None:
+            self._launch(functools.partial(self._client.unsubscribe, _filters(robot)))
 
     # --- publishing -------------------------------------------------------------------------------
 
@@ -298,13 +266,8 @@ class Bridge:
 
     def send_stop(self, robot: str, action: Action) -> None:
         """Publish a stop or an e-stop; until the broker confirms it, repeat it for 3 s at most."""
-        self._publish_stop(
-            _Stop(
-                topics.of(robot, "command/action"),
-                codec.encode(action),
-                time.monotonic() + STOP_SECONDS,
-            )
-        )
+        topic, deadline = topics.of(robot, "command/action"), time.monotonic() + STOP_SECONDS
+        self._publish_stop(_Stop(topic, codec.encode(action), deadline))
 
     def publish_lease(self, robot: str, lease: Lease | None) -> bool:
         """Publish a lease (None: no driver), and act on it here at once.
@@ -313,12 +276,8 @@ class Bridge:
         still valid, and the page of the session reads it there first.
         """
         self._delivery.note_lease(robot, lease, time.monotonic())
-        return self._publish(
-            topics.of(robot, "lease"),
-            b"" if lease is None else codec.encode(lease),
-            qos=1,
-            retain=True,
-        )
+        payload = b"" if lease is None else codec.encode(lease)
+        return self._publish(topics.of(robot, "lease"), payload, qos=1, retain=True)
 
     def publish_notice(self, session: str, frame: str) -> bool:
         """Publish a notice of a session for every web process and the session manager."""
@@ -418,11 +377,16 @@ class Bridge:
         self._send_reports()
 
 
-def _filters(robot: str) -> list[tuple[str, int]]:
-    return [(topics.of(robot, suffix), 0) for suffix in LISTENED]  # see topics.subscriptions
+def _filters(robot: str) -> list[str]:
+    return [topics.of(robot, suffix) for suffix in LISTENED]
 
 
-# --- the one of this process ----------------------------------------------------------------------
+async def _subscribe(client: aiomqtt.Client, filters: Iterable[str]) -> None:
+    """Subscribe at QoS 0, for the reasons in topics.subscriptions; MqttError when refused."""
+    broker_address.check_subscribed(await client.subscribe([(each, 0) for each in filters]))
+
+
+# --- the bridge of this process -------------------------------------------------------------------
 
 
 class _Process:

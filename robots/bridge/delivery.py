@@ -58,7 +58,6 @@ class Delivery:
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """The robots with listeners."""
         return tuple(self._listeners)
 
     def listen(self, robot: str, listener: Listener, now: float, *, needs: bool = True) -> bool:
@@ -106,7 +105,7 @@ class Delivery:
         return due
 
     def beat_again(self) -> None:
-        """Make all heartbeats due: the broker is new."""
+        """Make all heartbeats due, because the connection is new."""
         self._beats.clear()
 
     def follow(self, session: str, listener: Listener) -> None:
@@ -114,7 +113,6 @@ class Delivery:
         self._followers.setdefault(session, set()).add(listener)
 
     def unfollow(self, session: str, listener: Listener) -> None:
-        """Stop delivering them."""
         followers = self._followers.get(session, set())
         followers.discard(listener)
         if not followers:
@@ -148,11 +146,9 @@ class Delivery:
         self, known: KnownRobot, suffix: str, message: Any, payload: bytes, now: float
     ) -> None:
         if known.take(suffix, message, now):
-            frame = (
-                picture.frame(payload)
-                if picture.is_picture(suffix)
-                else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
-            )
+            frame: str | bytes = f"{suffix}\n{payload.decode('utf-8', 'replace')}"
+            if picture.is_picture(suffix):
+                frame = picture.frame(payload)
             self.bring(known.name, ReceivedMessage(suffix, message, frame))
 
     def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
@@ -168,12 +164,10 @@ class Delivery:
             known.connection = None
 
     def bring(self, robot: str, inbound: ReceivedMessage) -> None:
-        """Deliver a message to all listeners of a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
             _deliver(listener, inbound)
 
     def bring_everybody(self, inbound: ReceivedMessage) -> None:
-        """Deliver a message to the listeners of all robots."""
         for robot in self.robots:
             self.bring(robot, inbound)
 

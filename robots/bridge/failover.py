@@ -41,17 +41,14 @@ class Failover:
 
     @property
     def node(self) -> BrokerAddress:
-        """The node to connect to now."""
         return self._nodes[self._index]
 
     @property
     def has_nodes(self) -> bool:
-        """Tell whether there is more than one."""
         return len(self._nodes) > 1
 
     @property
     def keepalive_seconds(self) -> int:
-        """The keepalive of MQTT, in seconds."""
         return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
 
     def client(

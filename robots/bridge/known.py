@@ -1,6 +1,6 @@
-"""What a web process knows of one robot, from its messages: pure, `now` is monotonic seconds.
+"""A web process's copy of a robot's last messages: pure; `now` is monotonic seconds.
 
-Presence and permission are decided by this, so that no message waits for the database.
+Presence and permission are decided by it, so that no message waits for the database.
 """
 
 import math
@@ -9,7 +9,7 @@ from typing import Any
 
 from robots.api.messages import Connection, Factsheet, Lease, State
 
-# A heartbeat that comes this long after an OFFLINE shows that the robot is online; an earlier one
+# A heartbeat that arrives this long after an OFFLINE shows that the robot is online; an earlier one
 # may have been sent before.
 DOUBT_SECONDS = 3.0
 
@@ -119,8 +119,6 @@ class KnownRobot:
 
     def lease_at(self, now: float) -> Lease | None:
         """Return the lease while it is renewed; a retained copy counts for its ttl at most."""
-        return (
-            self.lease
-            if self.lease is not None and now - self.renewed_at < self.lease.ttl
-            else None
-        )
+        if self.lease is None or now - self.renewed_at >= self.lease.ttl:
+            return None
+        return self.lease

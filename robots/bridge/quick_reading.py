@@ -1,13 +1,12 @@
 """Fewer system calls for a client that receives thousands of messages a second.
 
-paho reads a packet's first byte, its length and its body with a system call each, and wakes itself
-through a socket pair for every acknowledgement, as if it ran in a thread. Each call gives the
-interpreter away, and the recorder's thread takes it (measured: more than half of the time of a
-message). So the socket is read a piece at a time, and the socket pair is taken away.
+paho reads a packet's first byte, its length and its body with a system call each, and for every
+acknowledgement writes to a socket pair, as if it ran in a thread. Each call releases the
+interpreter to the recorder's thread (measured: more than half of the time of a message). Therefore
+the socket is read in larger pieces, and the socket pair is removed.
 
-Touches private names of paho-mqtt 2 and aiomqtt 2; where they are not what they were, or the
-connection is no plain socket (WebSocket), everything stays as it is. A test notices when that
-happens.
+This uses private names of paho-mqtt 2 and aiomqtt 2. If they have changed, or the connection is not
+a plain socket (WebSocket), nothing is replaced; a test detects that.
 """
 
 import asyncio
@@ -21,11 +20,10 @@ CHUNK = 65536
 
 
 def read_quickly(client: aiomqtt.Client, chunk: int = CHUNK) -> bool:
-    """Make a connected client read in pieces of up to `chunk` bytes; False when it is not of a kind
-    that can. Call it in the client's loop.
+    """Make a connected client read in pieces of up to `chunk` bytes; False if it cannot. Call it in
+    the client's loop.
 
-    What a piece holds is handled in one turn of the loop, and no more: who has something to send in
-    between wants small ones.
+    One turn of the loop handles one piece: small pieces let other tasks send in between.
     """
     paho: Any = getattr(client, "_client", None)
     known = all(
@@ -33,22 +31,14 @@ def read_quickly(client: aiomqtt.Client, chunk: int = CHUNK) -> bool:
     )
     if not known or not isinstance(getattr(paho, "_sock", None), socket.socket):
         return False
-    pieces = _Pieces(paho, chunk, getattr(paho._sock, "pending", _nothing))
-    paho._sock_recv, paho.loop_read, paho._sockpairW = (
-        pieces.receive,
-        pieces.read_all,
-        None,
-    )
+    pieces = _Pieces(paho, chunk, getattr(paho._sock, "pending", lambda: 0))
+    paho._sock_recv, paho.loop_read, paho._sockpairW = pieces.receive, pieces.read_all, None
     return True
 
 
-def _nothing() -> int:
-    return 0
-
-
 class _Pieces:
-    """What was read of the socket and not yet taken by paho: one piece a turn of the loop, and the
-    rest of the packet in which it ends.
+    """Data that was read from the socket and not yet by paho: in each turn of the loop one piece,
+    and the rest of its last packet.
     """
 
     def __init__(self, paho: Any, chunk: int, pending: Callable[[], int]) -> None:
@@ -60,8 +50,8 @@ class _Pieces:
         self._has_read = False
 
     def receive(self, size: int) -> bytes:
-        """Return up to `size` bytes; raises BlockingIOError when there are none now, or no more in
-        this turn, as a socket does.
+        """Return up to `size` bytes, or raise BlockingIOError, as a socket does, when no more are
+        available or allowed in this turn.
         """
         if self._at == len(self._ahead):
             if self._has_read and self._paho._in_packet["command"]:
@@ -74,15 +64,12 @@ class _Pieces:
         return part
 
     def read_all(self, max_packets: int = 1) -> Any:
-        """Handle every packet of a piece, because the socket will not say again that they are
-        there.
-        """
+        """Handle every packet of a piece: the socket will not become readable for them again."""
         self._has_read = False
         result = self._read(max_packets)
         while result == 0 and self._at < len(self._ahead):
             result = self._read(max_packets)
-        # a TLS record is decrypted as a whole, and what is left of it makes the socket readable for
-        # nobody
+        # TLS decrypts a whole record, and the unread rest of it does not make the socket readable
         if result == 0 and self._pending():
             asyncio.get_running_loop().call_soon(self.read_all)
         return result

@@ -1,13 +1,13 @@
-"""A message of its moment written to the broker at once: no task, no event, no turn of the loop.
+"""Writes a message at QoS 0 to the broker's socket at once, without task, event or turn of the
+loop.
 
-aiomqtt makes a coroutine, a task and an event of every message, and paho two objects and a look at
-the selector, whose costs are those of all the rest of a command on its way through a web process. A
-command at QoS 0 needs none of it: nobody answers it. So its packet goes straight into the socket,
-and only what the socket does not take goes to paho, which sends it on when there is room.
+For every message aiomqtt creates a coroutine, a task and an event, and paho two objects and a call
+of the selector. This costs as much as all the rest of a command's path through a web process, and a
+command at QoS 0, which has no answer, needs none of it. Its packet is written to the socket, and
+paho gets only what the socket does not accept, and sends it later.
 
-Touches private names of paho-mqtt 2 and aiomqtt 2; where they are not what they were, or the
-connection is no plain socket (TLS, WebSocket), `writer_of` returns None and everything stays as it
-is. A test notices when that happens.
+This uses private names of paho-mqtt 2 and aiomqtt 2. If they have changed, or the connection is not
+a plain socket (TLS, WebSocket), `writer_of` returns None; a test detects that.
 """
 
 import socket
@@ -16,7 +16,7 @@ from typing import Any
 import aiomqtt
 from paho.mqtt.enums import MessageType
 
-MOST_WAITING = 500  # packets that the socket has not taken
+MAX_PENDING = 500  # packets that the socket has not accepted
 
 
 class QuickWriter:
@@ -26,11 +26,9 @@ class QuickWriter:
         self._paho, self._socket = paho, plain
 
     def publish(self, topic: str, payload: bytes) -> bool:
-        """Publish at QoS 0, behind what already waits; False when the broker is away or does not
-        keep up.
-        """
+        """Publish at QoS 0, after pending packets; False when the broker is away or too slow."""
         waiting = self._paho._out_packet
-        if len(waiting) >= MOST_WAITING:
+        if len(waiting) >= MAX_PENDING:
             return False
         name = topic.encode()
         packet = bytearray([MessageType.PUBLISH])
@@ -40,17 +38,16 @@ class QuickWriter:
             sent = 0 if waiting else self._socket.send(packet)
         except BlockingIOError:
             sent = 0
-        except OSError:  # the loop is about to find out
+        except OSError:  # the loop will notice
             return False
         if sent < len(packet):
-            # Said to be a ping, because paho would look for somebody to whom to announce that a
-            # message has left.
+            # Marked as a ping: for a message, paho would call a callback when it has been sent.
             self._paho._packet_queue(MessageType.PINGREQ, bytes(packet[sent:]), 0, 0)
         return True
 
 
 def writer_of(client: aiomqtt.Client) -> QuickWriter | None:
-    """Return a writer for a connected client; None when it is not of a kind that can."""
+    """Return a writer for a connected client, or None."""
     paho: Any = getattr(client, "_client", None)
     plain = getattr(paho, "_sock", None)
     known = all(

@@ -48,7 +48,6 @@ class ServerWatch:
         return True
 
     def answered(self) -> None:
-        """Note the broker's acknowledgement."""
         self._asked_at, self._has_answered = None, True
 
     def faults(self, robot: KnownRobot, now: float) -> tuple[str, ...]:

@@ -1,12 +1,11 @@
-"""Keys to the broker: random 256-bit tokens, shown once, kept only as hashes.
+"""Robots' tokens for the broker: 256 random bits, shown once, stored as hashes.
 
-The hash has Mosquitto's own form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so
-that one string in the database serves Mosquitto's password file and the HTTPS endpoint alike. NATS
-reads only bcrypt: for it a second hash is made of each token, and of older tokens when an agent
-shows one (`robot_of`).
+The hash has Mosquitto's form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so
+that one string serves Mosquitto's password file and the HTTPS endpoint. NATS reads only bcrypt:
+each token has a second hash for it, an older token once an agent sends it (`robot_of`).
 
-A token of 256 random bits cannot be guessed, so the iterations protect nothing; there are as few as
-`mosquitto_passwd` makes, and as bcrypt allows, because a broker checks them between two messages.
+256 random bits cannot be guessed, so the iterations protect nothing. There are as few as
+`mosquitto_passwd` uses and bcrypt allows, because a broker checks them between two messages.
 """
 
 import base64
@@ -29,7 +28,7 @@ from robots.models import Robot, RobotCredentials
 
 TOKEN_BYTES = 32
 ITERATIONS = 101
-SALT_BYTES = 12  # the one length that Mosquitto reads
+SALT_BYTES = 12  # the only length that Mosquitto reads
 HASH_BYTES = 64
 BCRYPT_COST = 4
 BCRYPT_SALT_BYTES = 16
@@ -51,7 +50,7 @@ NONE: dict[str, Any] = {
 }
 MAX_ITERATIONS = 100_000
 
-# A robot's name has no dot, so that no robot can be called like a server.
+# A robot's name has no dot, so that no robot can have a server's name.
 ServerPart = Literal["web", "session-manager"]
 SERVER_USERS: dict[ServerPart, str] = {
     "web": "server.web",
@@ -61,32 +60,22 @@ SERVER_USERS: dict[ServerPart, str] = {
 
 @dataclass(frozen=True)
 class Credentials:
-    """What a robot's computer needs besides the server's address; the token is here for the only
-    time.
-    """
+    """What a robot's computer needs besides the server's address."""
 
     robot: str
     token: str = field(repr=False)
     user: str = ""  # at the broker, when that is not the robot's name
 
     def toml(self, **addresses: str) -> str:
-        """Return the credentials file of `run_robot`; `addresses` are further lines, such as
-        `server` or `mqtt_url`.
+        """Return the content of a credentials file; `addresses` are further lines, such as `server`
+        or `mqtt_url`.
         """
-        return toml(
-            {
-                "robot": self.robot,
-                **({"user": self.user} if self.user else {}),
-                "token": self.token,
-                **addresses,
-            }
-        )
+        user = {"user": self.user} if self.user else {}
+        return toml({"robot": self.robot, **user, "token": self.token, **addresses})
 
 
 def new_token() -> str:
-    """Return 256 random bits as text that survives shells, URLs and MQTT, and that no command takes
-    for an option of its own.
-    """
+    """Return 256 random bits as text for shells, URLs and MQTT, unlike an option of a command."""
     while (token := secrets.token_urlsafe(TOKEN_BYTES)).startswith("-"):
         pass
     return token
@@ -109,28 +98,20 @@ def bcrypt_hash(token: str, *, salt: bytes | None = None) -> str:
 def matches(token: str, credential_hash: str) -> bool:
     """Tell whether a token has this hash; an empty or malformed hash matches nothing."""
     try:
-        empty, kind, iterations, salt, digest = credential_hash.split("$")
-        count, expected = int(iterations), base64.b64decode(digest, validate=True)
-        found = hashlib.pbkdf2_hmac(
-            "sha512",
-            token.encode(),
-            base64.b64decode(salt, validate=True),
-            min(count, MAX_ITERATIONS),
-            HASH_BYTES,
-        )
+        empty, kind, iterations, *parts = credential_hash.split("$")
+        salt, expected = (base64.b64decode(part, validate=True) for part in parts)
+        count = int(iterations)
+        if empty or kind != "7" or not 0 < count <= MAX_ITERATIONS:
+            return False
+        found = hashlib.pbkdf2_hmac("sha512", token.encode(), salt, count, HASH_BYTES)
     except (ValueError, binascii.Error):
         return False
-    return (
-        not empty
-        and kind == "7"
-        and 0 < count <= MAX_ITERATIONS
-        and hmac.compare_digest(found, expected)
-    )
+    return hmac.compare_digest(found, expected)
 
 
 def make_credentials(robot: Robot, now: datetime.datetime) -> Credentials:
-    """Give a robot a new token; the old one is worthless from the broker's next look at the
-    database on (about 2 s).
+    """Give a robot a new token; the broker refuses the old one after its next poll of the database
+    (about 2 s).
     """
     token = new_token()
     user = "" if robot.credentials.credential_made_at is None else _new_user(robot)
@@ -140,10 +121,11 @@ def make_credentials(robot: Robot, now: datetime.datetime) -> Credentials:
 
 
 def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials | None:
-    """Give a robot new credentials while those that it showed hold for GRACE longer.
+    """Give a robot new credentials; those that it sent remain valid for GRACE.
 
-    A robot that lost the answer asks again with what it has, and that holds no longer for it. Of
-    two requests that overlap, one is answered with None: the robot keeps the answer to the other.
+    A robot that lost the answer repeats the request with its old credentials, which do not become
+    valid for longer. Of two overlapping requests, one returns None: the robot uses the other's
+    answer.
     """
     before, user, token = robot.credentials, _new_user(robot), new_token()
     changes = _given(user, token, now) | {"renewal_asked_at": None}
@@ -159,17 +141,15 @@ def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials | No
 
 
 def ask_for_renewal(robot: Robot, now: datetime.datetime) -> None:
-    """Have a robot fetch new credentials the next time that its agent asks, at the latest when it
-    starts again.
+    """Have a robot fetch new credentials with its agent's next request, at the latest when the
+    agent restarts.
     """
     _write(robot, {"renewal_asked_at": now})
 
 
 def _new_user(robot: Robot) -> str:
-    """Return a user for the robot's next credentials.
-
-    A broker knows one password a user, and Mosquitto parts with a client whose user is gone, but
-    not with one whose password is another.
+    """Return a user for the robot's next credentials: a broker has one password for each user, and
+    Mosquitto disconnects clients whose user was deleted, but not those whose password has changed.
     """
     return f"{robot.name}.{secrets.token_hex(4)}"
 
@@ -184,7 +164,7 @@ def _given(user: str, token: str, now: datetime.datetime) -> dict[str, Any]:
 
 
 def _write(robot: Robot, changes: dict[str, Any], **only_if: str) -> bool:
-    """Write these columns, if the row is as the caller read it; return whether it was."""
+    """Write these columns, if `only_if` still holds in the database; return whether it did."""
     rows = RobotCredentials.objects.filter(robot=robot, **only_if)
     if not rows.update(**changes):
         return False
@@ -194,22 +174,20 @@ def _write(robot: Robot, changes: dict[str, Any], **only_if: str) -> bool:
 
 
 def revoke(robot: Robot) -> None:
-    """Take a robot's tokens away, also one with which it could enrol; the broker disconnects it."""
+    """Revoke a robot's tokens, also for enrolment; the broker disconnects it."""
     robot.enrolments.all().delete()
     _write(robot, NONE)
 
 
 def keep_credentials(credentials: Credentials, path: Path, **addresses: str) -> None:
-    """Write a credentials file that only its owner can read (for a robot on the server's own
-    machine).
-    """
+    """Write a credentials file that only its owner can read, for a robot on this machine."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_private(path, credentials.toml(**addresses))
 
 
 def users_of(name: str, kept: RobotCredentials, now: datetime.datetime) -> dict[str, str]:
-    """Return the users at the broker that are the robot of this name, and their hashes: its own,
-    and the former while that still holds.
+    """Return a robot's users at the broker and their hashes: the present one, and the former one
+    while it is valid.
     """
     found = {kept.credential_user or name: kept.credential_hash}
     if kept.former_hash and kept.former_until is not None and now < kept.former_until:
@@ -218,50 +196,40 @@ def users_of(name: str, kept: RobotCredentials, now: datetime.datetime) -> dict[
 
 
 def bcrypt_hashes_of(kept: RobotCredentials) -> dict[str, str]:
-    """Return the bcrypt hash beside each other hash of a robot, "" where there is none yet."""
+    """Return the bcrypt hash of each token by its other hash, "" if there is none yet."""
     return {kept.credential_hash: kept.bcrypt_hash, kept.former_hash: kept.former_bcrypt_hash}
 
 
 def robot_of(name: str, token: str) -> Robot | None:
-    """Return the enabled robot that these credentials belong to, or None. A token of before there
-    were bcrypt hashes gets its own.
+    """Return the enabled robot with these credentials, or None. An older token gets its bcrypt
+    hash.
     """
     robot = Robot.objects.filter(name=name, enabled=True).select_related("credentials").first()
     if robot is None:
         return None
-    fits = [
-        credential_hash
-        for credential_hash in users_of(name, robot.credentials, timezone.now()).values()
-        if matches(token, credential_hash)
-    ]
-    if fits and not bcrypt_hashes_of(robot.credentials)[fits[0]]:
-        # unless the credentials have changed since they were read
-        for kept, added in (
-            ("credential_hash", "bcrypt_hash"),
-            ("former_hash", "former_bcrypt_hash"),
-        ):
-            _write(robot, {added: bcrypt_hash(token)}, **{kept: fits[0]})
-    return robot if fits else None
+    hashes = users_of(name, robot.credentials, timezone.now()).values()
+    found = next((one for one in hashes if matches(token, one)), None)
+    if found is None:
+        return None
+    if not bcrypt_hashes_of(robot.credentials)[found]:
+        # written only where the token's hash still is
+        _write(robot, {"bcrypt_hash": bcrypt_hash(token)}, credential_hash=found)
+        _write(robot, {"former_bcrypt_hash": bcrypt_hash(token)}, former_hash=found)
+    return robot
 
 
 def server_credentials(part: ServerPart) -> tuple[str, str]:
-    """Return (user name, password) of a server process at the broker.
-
-    The password comes from the site's secret key, which all server processes share, and changes
-    with it: nothing to store or copy.
+    """Return (user name, password) of a server process at the broker. The password is derived from
+    the site's secret key, so that it need not be stored or copied.
     """
-    return (
-        SERVER_USERS[part],
-        salted_hmac("robots.credentials.server", part, algorithm="sha256").hexdigest(),
-    )
+    digest = salted_hmac("robots.credentials.server", part, algorithm="sha256")
+    return SERVER_USERS[part], digest.hexdigest()
 
 
 def server_client_id(part: ServerPart, number: int = 0) -> str:
-    """Return the MQTT client id of a server process that keeps a persistent session: the same at
-    every start, and not to be guessed. Of several processes each has a number.
-
-    With Mosquitto a client id is all it takes to take a session over, whoever one is; so ids are
-    secrets or random.
+    """Return the MQTT client id of a server process with a persistent session: the same at every
+    start, and secret, because with Mosquitto any user who knows the id can take over the session.
+    Of several processes, each has a number.
     """
     name = f"{part}-{number}" if number else part
     digest = salted_hmac("robots.credentials.client_id", name, algorithm="sha256")
@@ -269,7 +237,7 @@ def server_client_id(part: ServerPart, number: int = 0) -> str:
 
 
 def bearer(header: str) -> tuple[str, str]:
-    """Return (robot, token) of an Authorization header, empty when there is none."""
+    """Return (robot, token) of an Authorization header, or empty texts."""
     scheme, _, rest = header.partition(" ")
     name, _, token = rest.strip().partition(":")
     return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")

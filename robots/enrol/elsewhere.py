@@ -1,8 +1,8 @@
-"""Robots that another site of the same house serves: pages lead there, and an agent that comes to
-the wrong site is told the right one.
+"""Robots that another site of the same organization serves: their pages redirect there, and an
+agent that connects to the wrong site gets the right address.
 
-An agent is told and never sent, so that no credentials go to an address that a server named. A
-robot that is enabled here is served here, whatever the directory says.
+An agent is not redirected, because it must not send credentials to an address that a server names.
+A robot that is enabled here is served here, whatever the directory says.
 """
 
 from collections.abc import Callable
@@ -13,38 +13,34 @@ from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, JsonRes
 from robots.models import Robot, RobotElsewhere
 
 MISDIRECTED = 421  # RFC 9110, 15.5.20
-MARK = "from_site"  # an address with it leads no further, where two sites name each other
+LOOP_GUARD = "from_site"  # an address with it is not redirected again
 
 
 def site_of(name: str) -> str | None:
-    """Return the address of the other site that serves a robot; None when none is known, or this
-    one serves it.
-    """
+    """Return the address of the other site that serves a robot, or None."""
     site = RobotElsewhere.objects.filter(name=name).values_list("site", flat=True).first()
     if site is None or Robot.objects.filter(name=name, enabled=True).exists():
         return None
     return str(site)
 
 
-def led_to_its_site(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponse]:
-    """Lead from a robot's page to the same page at the site that serves it, before anybody is asked
-    to log in here.
-    """
+def redirect_to_home_site(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponse]:
+    """Redirect a robot's page to the site that serves the robot, before it requires a login."""
 
     @wraps(view)
-    def leading(request: HttpRequest, robot: str) -> HttpResponse:
-        site = None if MARK in request.GET else site_of(robot)
+    def redirecting(request: HttpRequest, robot: str) -> HttpResponse:
+        site = None if LOOP_GUARD in request.GET else site_of(robot)
         if site is None:
             return view(request, robot)
-        asked = request.GET.copy()
-        asked[MARK] = request.get_host()
-        return HttpResponseRedirect(f"{site}{request.path}?{asked.urlencode()}")
+        query = request.GET.copy()
+        query[LOOP_GUARD] = request.get_host()
+        return HttpResponseRedirect(f"{site}{request.path}?{query.urlencode()}")
 
-    return leading
+    return redirecting
 
 
 def misdirected(name: str) -> JsonResponse | None:
-    """Return what an agent is told whose robot another site serves; None when none is known."""
+    """Return the answer to an agent whose robot another site serves, or None."""
     site = site_of(name)
     if site is None:
         return None

@@ -1,7 +1,8 @@
-"""One-time tokens: how the computer on a robot gets the robot's credentials without anybody copying
-a file.
+"""One-time tokens, with which a robot's computer gets the robot's credentials without copying a
+file.
 
-Made by the owner, shown once, kept as a hash, good for one robot, for some hours, and once.
+The owner creates a token. It is shown once, stored as a hash, and valid for one robot, some hours,
+and one use.
 """
 
 import datetime
@@ -14,7 +15,7 @@ HOURS = 24.0
 
 
 def make_token(robot: Robot, now: datetime.datetime, hours: float = HOURS) -> str:
-    """Return a new token for a robot, for the only time; the one before leads nowhere any more."""
+    """Return a new token for a robot; an earlier unused one becomes invalid."""
     token = new_token()
     Enrolment.objects.filter(robot=robot, used_at=None).delete()
     Enrolment.objects.create(
@@ -27,11 +28,8 @@ def make_token(robot: Robot, now: datetime.datetime, hours: float = HOURS) -> st
 
 
 def redeem(name: str, token: str, now: datetime.datetime) -> Credentials | None:
-    """Exchange a token for new credentials, once; None for one that was used, has expired, or is
-    another robot's.
-
-    The credentials before stop working at once: whoever enrols a robot anew has perhaps lost the
-    old computer.
+    """Exchange a token for new credentials, once; None if it was used, has expired, or is another
+    robot's. The old credentials become invalid at once, because their computer may be lost.
     """
     rows = Enrolment.objects.filter(
         token_sha256=hash_of(token),
@@ -42,13 +40,13 @@ def redeem(name: str, token: str, now: datetime.datetime) -> Credentials | None:
     )
     found = rows.select_related("robot").first()
     if found is None or not Enrolment.objects.filter(pk=found.pk, used_at=None).update(used_at=now):
-        return None  # of two who come at once the second finds it used
+        return None  # the second of two simultaneous requests finds it used
     return make_credentials(found.robot, now)
 
 
 def open_enrolment(robot: Robot, now: datetime.datetime) -> str:
-    """Return the id of the enrolment whose token still works, empty when none does: credentials
-    that are made delete it.
+    """Return the id of the enrolment with a valid token, or an empty text. New credentials delete
+    it.
     """
     rows = Enrolment.objects.filter(robot=robot, used_at=None, expires_at__gt=now)
     found = rows.values_list("pk", flat=True).first()

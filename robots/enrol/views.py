@@ -1,5 +1,5 @@
-"""The doors through which an agent gets its credentials: by a one-time token, and anew by those
-that it has. POST alone, no cookies.
+"""Views from which an agent gets credentials, by a one-time token, and renews them. POST only, no
+cookies.
 """
 
 from typing import Any
@@ -20,13 +20,11 @@ from robots.enrol.credentials import Credentials, bearer
 from robots.enrol.elsewhere import MISDIRECTED, misdirected
 
 log = structlog.stdlib.get_logger(__name__)
-LARGEST = 4096
+MAX_BODY = 4096  # bytes
 ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
 
 
 class EnrolmentRequest(msgspec.Struct):
-    """What an agent shows to be enrolled."""
-
     robot: str
     token: str
 
@@ -38,11 +36,9 @@ class EnrolmentRequest(msgspec.Struct):
 def enrol(request: HttpRequest) -> JsonResponse:
     """Exchange a one-time token for credentials: {"robot", "token"} in, {"robot", "token"} out."""
     try:
-        asked = msgspec.json.decode(request.body[:LARGEST], type=EnrolmentRequest)
+        asked = msgspec.json.decode(request.body[:MAX_BODY], type=EnrolmentRequest)
     except (msgspec.DecodeError, RecursionError):
-        return JsonResponse(
-            {"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400
-        )
+        return _refusal(400, "malformed", "Send a JSON object with robot and token.")
     made = tokens.redeem(asked.robot, asked.token, timezone.now())
     if made is None:
         log.warning("enrolment_refused", robot=asked.robot[:80])
@@ -53,9 +49,9 @@ def enrol(request: HttpRequest) -> JsonResponse:
             " before needs none: leave --enrol out. Else its owner can make a new one in the"
             " administration."
         )
-        return JsonResponse({"error": "unknown_token", "detail": detail}, status=403)
+        return _refusal(403, "unknown_token", detail)
     audit.note("robot_enrolled", robot=asked.robot)
-    return JsonResponse(_told(made))
+    return JsonResponse(_as_json(made))
 
 
 @csrf_exempt
@@ -63,30 +59,27 @@ def enrol(request: HttpRequest) -> JsonResponse:
 @require_POST
 @limited(RENEWING, json=True, refusals={401, MISDIRECTED})
 def renew(request: HttpRequest) -> JsonResponse:
-    """Give an agent new credentials, if somebody asked for that; what it shows holds for a while
-    longer.
+    """Give an agent new credentials, if the owner requested that; those that it sent remain valid
+    for a while.
     """
     name, token = bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
-        return misdirected(name) or JsonResponse(
-            {
-                "error": "wrong_credentials",
-                "detail": "These credentials are not valid, or no longer valid.",
-            },
-            status=401,
-        )
+        detail = "These credentials are not valid, or no longer valid."
+        return misdirected(name) or _refusal(401, "wrong_credentials", detail)
     is_former = not credentials.matches(token, robot.credentials.credential_hash)
     if robot.credentials.renewal_asked_at is None and not is_former:
         return JsonResponse({"robot": robot.name})
     made = credentials.rotate(robot, token, timezone.now())
     if made is None:
-        return JsonResponse(
-            {"error": "busy", "detail": "Another renewal of this robot was faster."}, status=409
-        )
+        return _refusal(409, "busy", "Another renewal of this robot was faster.")
     audit.note("credentials_rotated", robot=robot.name)
-    return JsonResponse(_told(made))
+    return JsonResponse(_as_json(made))
 
 
-def _told(made: Credentials) -> dict[str, Any]:
+def _refusal(status: int, error: str, detail: str) -> JsonResponse:
+    return JsonResponse({"error": error, "detail": detail}, status=status)
+
+
+def _as_json(made: Credentials) -> dict[str, Any]:
     return {"robot": made.robot, "user": made.user or made.robot, "token": made.token}

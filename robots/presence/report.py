@@ -1,4 +1,4 @@
-"""What a robot's last state means for those who want to drive it. Pure."""
+"""What a robot's last state means for its drivers. Pure."""
 
 import datetime
 import re
@@ -6,28 +6,26 @@ from typing import Any, Literal
 
 from robots.models import Robot
 
-# robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
-# agent of, and that the robot moves although it should be at rest
+# robots.agent.control.dispatcher: the errors of an agent that does not reach its robot, and of a
+# robot that moves although it should be at rest
 AWAY = re.compile(r"adapter_(?:lost|starting): ")
 RUNS_ON = "runs_on: "
 FAULT_NAME = re.compile(r"^\w+: ")
 
 # Why a connected robot cannot be driven: its emergency stop is on, its agent does not reach it, or
-# it has another fault, such as that it does not stop. A paused queue has the same reasons. None of
-# them ends or pauses a drive that has begun.
+# it has another fault, such as not stopping. A paused queue has the same reasons. None of them ends
+# or pauses a drive in progress.
 Standstill = Literal["", "estop", "not_connected", "fault"]
 
 
 def trouble_of(report: Any) -> str:
-    """Return why an agent does not reach its robot, as its last state has it; empty when it does,
-    or has not said.
-    """
+    """Return why an agent does not reach its robot, by its last state; empty if it does."""
     found = (error for error in _errors(report) if AWAY.match(error))
     return AWAY.sub("", next(found, ""), count=1)
 
 
 def standstill_of(report: Any) -> Standstill:
-    """Return why a robot cannot be driven, by its last state; empty when it can."""
+    """Return why a robot cannot be driven, by its last state; empty if it can."""
     safety = safety_of(report)
     if safety.get("estop") is True:
         return "estop"
@@ -48,17 +46,15 @@ def safety_of(report: Any) -> dict[str, Any]:
 
 
 def is_stopped_there(report: Any) -> bool:
-    """Tell whether the emergency stop was pressed at the robot: on its screen, or the robot's own
-    button (robots.agent.safety.estop_latch).
+    """Tell whether the emergency stop was pressed at the robot, on its screen or its button
+    (robots.agent.safety.estop_latch).
     """
     source = safety_of(report).get("estopSource")
     return isinstance(source, str) and source.partition(":")[0] in {"screen", "button"}
 
 
 def fault_of(report: Any) -> str:
-    """Return the fault that a robot's agent reported, empty when it reported none. That the robot
-    moves although it should be at rest comes before all others.
-    """
+    """Return the first reported fault, or empty. That the robot does not stop precedes others."""
     errors = sorted(_errors(report), key=lambda error: not error.startswith(RUNS_ON))
     return FAULT_NAME.sub("", next(iter(errors), ""), count=1)
 

@@ -1,8 +1,7 @@
-"""What a robot last reported, kept in its RobotPresence: pure rules, and a writer that spares the
-database.
+"""Stores a robot's last report in its RobotPresence: pure rules, and a writer that batches rows.
 
-A will can arrive seconds after the robot is back (a half-open connection that the broker gave up
-late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's are ignored.
+A will can arrive seconds after the robot has reconnected, when the broker ends a half-open
+connection late. OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's are ignored.
 """
 
 import datetime
@@ -32,10 +31,10 @@ def changes(
     """Return the fields of a robot's presence that a message changes.
 
     Args:
-        row: as it is known.
+        row: the present fields.
         message: a Connection, Factsheet or State of this robot; others change nothing.
-        now: when the message came.
-        retained: the broker had it in store, so that it is no proof that the robot is online.
+        now: when the message arrived.
+        retained: the broker had stored it, so that it does not prove that the robot is online.
     """
     match message:
         case Connection():
@@ -52,9 +51,7 @@ def changes(
 
 
 def _connection(row: RobotPresence, message: Connection) -> dict[str, Any]:
-    if message.state == "ONLINE":
-        return {"connection": message.state, "boot": message.boot}
-    if row.boot not in {"", message.boot}:
+    if message.state != "ONLINE" and row.boot not in {"", message.boot}:
         return {}
     return {"connection": message.state, "boot": message.boot}
 
@@ -81,9 +78,7 @@ def without_nul(value: Any) -> Any:
 
 
 def _is_news(before: Any, after: Any) -> bool:
-    """Tell whether a state is the first of its boot, begins or ends a standstill, or comes from a
-    robot that has docked or left.
-    """
+    """Tell whether a state is the first of its boot, or its standstill or docking is new."""
     keys = [
         ((one or {}).get("boot"), (one or {}).get("docked", False), standstill_of(one))
         for one in (before, after)
@@ -115,10 +110,10 @@ class _KnownRobot:
 
 
 class PresenceWriter:
-    """Takes every message of every robot, and writes rows together: at the next `write` the changes
-    that matter on the list of robots, other states every two seconds.
+    """Collects the messages of all robots, and writes rows together: at the next `write` the
+    changes that the list of robots shows, other states every two seconds.
 
-    Synchronous; for the one process that records a robot, which alone writes these fields.
+    Synchronous; used by the one process that records a robot, which alone writes these fields.
     """
 
     def __init__(self, fence: Fence, write_seconds: float = WRITE_SECONDS) -> None:
@@ -130,7 +125,7 @@ class PresenceWriter:
         self._unwritten: set[str] = set()
 
     def read(self, names: Collection[str], now: datetime.datetime) -> None:
-        """Read the rows of those that are not known yet, in one statement."""
+        """Read the rows of robots that are not in memory, in one statement."""
         at = now.timestamp()
         asked = {
             name
@@ -146,7 +141,7 @@ class PresenceWriter:
     def take(
         self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False
     ) -> RobotPresence | None:
-        """Take a message of the robot called `name`; return its presence when it came or went."""
+        """Note a message of the robot `name`; return its presence if its connection has changed."""
         self.read([name], now)
         known = self._known.get(name)
         if known is None:
@@ -162,8 +157,8 @@ class PresenceWriter:
         return known.row if known.row.connection != was else None
 
     def forget(self, names: Collection[str] | None = None) -> None:
-        """Read these robots' rows, or every row, again before anything more is taken: what was last
-        taken is not stored, or other processes have written there.
+        """Read these robots' rows, or all rows, again before the next message: a write failed, or
+        other processes have written them.
         """
         for name in list(self._known) if names is None else names:
             self._known.pop(name, None)
@@ -216,18 +211,14 @@ class PresenceWriter:
 
 
 def update_each(rows: Collection[RobotPresence], fields: Collection[str]) -> int:
-    """Write these fields of each row; return how many of the rows there are.
+    """Write these fields of each row; return how many of the rows exist.
 
-    One statement with many parameters, where `bulk_update` makes one whose size and cost grow with
-    the rows: at a hundred rows that takes twice the processor of an `update` for each.
+    One prepared statement for all rows: the statement of `bulk_update` grows with the rows, and at
+    a hundred rows takes twice the CPU time of an `update` for each.
     """
     if connection.vendor == "mongodb":
-        return sum(
-            RobotPresence.objects.filter(pk=row.pk).update(
-                **{name: getattr(row, name) for name in fields}
-            )
-            for row in rows
-        )
+        values = [(row.pk, {name: getattr(row, name) for name in fields}) for row in rows]
+        return sum(RobotPresence.objects.filter(pk=pk).update(**value) for pk, value in values)
     meta = RobotPresence._meta
     key, columns = meta.pk, [meta.get_field(name) for name in fields]
     table, *names = (
@@ -236,14 +227,12 @@ def update_each(rows: Collection[RobotPresence], fields: Collection[str]) -> int
     )
     changed = ", ".join(f"{name} = %s" for name in names[1:])
     with connection.cursor() as cursor:
-        cursor.executemany(
-            f"UPDATE {table} SET {changed} WHERE {names[0]} = %s",  # noqa: S608
+        values = [
             [
-                [
-                    column.get_db_prep_save(getattr(row, column.attname), connection)
-                    for column in (*columns, key)
-                ]
-                for row in rows
-            ],
-        )
+                column.get_db_prep_save(getattr(row, column.attname), connection)
+                for column in (*columns, key)
+            ]
+            for row in rows
+        ]
+        cursor.executemany(f"UPDATE {table} SET {changed} WHERE {names[0]} = %s", values)  # noqa: S608
         return int(cursor.rowcount)

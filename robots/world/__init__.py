@@ -1,3 +1,1 @@
-"""Sites: their plans, their maps, and casting rays in them. Pure numpy; knows no robot and no
-network.
-"""
+"""Sites: their plans, their maps, and casting rays in them; robots as data."""

@@ -47,7 +47,7 @@ class MapError(ValueError):
 
 class _PlainYaml(yaml.BaseLoader):
     """YAML whose scalars are all text, without aliases: a line of aliases can expand to gigabytes,
-    and a number of YAML 1.1 can take minutes to compute.
+    and some numbers of YAML 1.1 take minutes to compute.
     """
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -63,7 +63,7 @@ class _PlainYaml(yaml.BaseLoader):
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """A map: `image` (h, w) uint8 as in the file, row 0 on top, and where it lies."""
+    """A map: `image` (h, w) uint8 as in the file, row 0 on top, and its place in the world."""
 
     image: npt.NDArray[np.uint8]
     transform: MapTransform
@@ -72,7 +72,7 @@ class OccupancyGrid:
     free_thresh: float = 0.196
 
     def occupied(self) -> npt.NDArray[np.bool_]:
-        """Return (h, w), True where something stands."""
+        """Return (h, w), True where a cell is occupied."""
         return (self._of_values() > self.occupied_thresh)[self.image]
 
     def free(self) -> npt.NDArray[np.bool_]:
@@ -80,9 +80,7 @@ class OccupancyGrid:
         return (self._of_values() < self.free_thresh)[self.image]
 
     def _of_values(self) -> npt.NDArray[np.float64]:
-        """Return (256,), the occupancy of each image value: a large map takes a byte a cell and not
-        sixteen.
-        """
+        """Return (256,) the occupancy of each image value: one of each cell would take 16 bytes."""
         share = np.arange(256) / 255.0
         return share if self.negate else 1.0 - share
 
@@ -108,12 +106,15 @@ def load_grid(path: Path) -> OccupancyGrid:
 def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
     mode = str(content.get("mode", "trinary"))
     if mode not in MODES:
-        message = f"mode {mode[:40]!r} is none of {', '.join(MODES)}"
-        raise ValueError(message)
+        raise ValueError(f"mode {mode[:40]!r} is none of {', '.join(MODES)}")
     file = path.parent / str(content["image"])
-    if file.is_absolute() and not file.exists():  # map_saver writes where the image once was
+    if file.is_absolute() and not file.exists():  # map_saver writes the path at that time
         file = path.parent / file.name
-    image, opaque = _decoded(_bytes_of(file), str(file))
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise MapError(f"{file}: cannot be read as an image ({error})") from error
+    image, opaque = _decoded(data, str(file))
     resolution = _number(content["resolution"], "resolution")
     x, y, theta = (_number(value, "origin") for value in content["origin"])
     grid = OccupancyGrid(
@@ -136,16 +137,14 @@ def _number(text: Any, name: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        message = f"{name} {text[:40]!r} is not a finite number"
-        raise ValueError(message)
+        raise ValueError(f"{name} {text[:40]!r} is not a finite number")
     return number
 
 
 def _flag(text: Any) -> bool:
     word = str(text).lower()
     if word not in YES | NO:
-        message = f"negate {word[:40]!r} is neither 0 nor 1"
-        raise ValueError(message)
+        raise ValueError(f"negate {word[:40]!r} is neither 0 nor 1")
     return word in YES
 
 
@@ -165,18 +164,11 @@ def decode_grey(data: bytes, name: str) -> npt.NDArray[np.uint8]:
     return _decoded(data, name)[0]
 
 
-def _bytes_of(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read as an image ({error})") from error
-
-
 def _decoded(data: bytes, name: str) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
     """Return the grey values (h, w), and which of them are opaque, None when all are."""
     import av  # noqa: PLC0415 -- a sixth of the time that a simulator takes to load
 
-    # opening it would already unpack a picture of any size
+    # before it is opened, which unpacks a picture of any size
     _check_size(*_declared_size(data[:HEADER_BYTES], name), name)
     is_png = data.startswith(PNG)
     try:
@@ -232,8 +224,8 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 def _declared_size(start: bytes, name: str) -> tuple[int, int]:
     """Return (width, height) as the header of a PNG (ISO/IEC 15948, 11.2.2) or PGM file has it.
 
-    FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those
-    the size is not known, and they are refused.
+    FFmpeg also reads PNGs that do not start with IHDR, and many other formats: these are refused,
+    because their size is not known.
     """
     if start.startswith(PNG) and start[12:16] == b"IHDR":
         return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])

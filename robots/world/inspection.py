@@ -1,8 +1,8 @@
-"""Can a site be driven in? Its plan and its map must show the same place, and robots must get where
-the plan sends them.
+"""Whether robots can drive in a site: plan and map must show the same place, and robots must be
+able to reach the places of the plan.
 
-The checks of `robots.api.floorplan` ask whether a plan can be a place at all; these ask what only
-the map can answer, so they come second. One sentence for each thing that is wrong.
+The checks of `robots.api.floorplan` need only the plan and run first; these also need the map. The
+result is one sentence for each error.
 """
 
 import math
@@ -61,7 +61,7 @@ class Floor:
 
     @classmethod
     def of(cls, grid: OccupancyGrid) -> "Floor":
-        """Return the floor of a map; all doors count as open, because maps leave them out."""
+        """Return the floor of a map; all doors count as open, because maps do not show them."""
         clearance = (
             scipy.ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1]
             * grid.transform.resolution
@@ -121,10 +121,8 @@ class Landmarks:
         floor = np.array(
             [drawn.transform.to_world(column + 0.5, row + 0.5) for column, row in pixels]
         ).reshape(-1, 2)
-        tolerances = np.repeat(
-            [WALL_TOLERANCE + wall.thickness / 2.0 for wall in plan.walls], counts
-        )
-        return cls(np.concatenate(walls), tolerances, floor)
+        tolerances = [WALL_TOLERANCE + wall.thickness / 2.0 for wall in plan.walls]
+        return cls(np.concatenate(walls), np.repeat(tolerances, counts), floor)
 
     def shown(self, grid: OccupancyGrid) -> tuple[float, float]:
         """Return which shares of the walls and of the floor a map shows."""
@@ -138,9 +136,12 @@ class Landmarks:
 def _disagreements(plan: FloorPlan, grid: OccupancyGrid, drawn: OccupancyGrid) -> Iterator[str]:
     corners = np.vstack([np.array(room.polygon) for room in plan.rooms])
     if not all(_inside(grid, x, y) for x, y in corners.tolist()):
+        height, width = grid.image.shape
+        ends = ((0, 0), (width, 0), (0, height), (width, height))
+        extent = [grid.transform.to_world(u, v) for u, v in ends]
         yield (
             f"the plan's rooms reach from {_span(corners)}, but the map only covers"
-            f" {_span(_extent(grid))}"
+            f" {_span(np.array(extent))}"
         )
         return
     landmarks = Landmarks.of(plan, drawn)
@@ -177,16 +178,6 @@ def _inside(grid: OccupancyGrid, x: float, y: float) -> bool:
     return bool(-1 <= row <= height and -1 <= column <= width)
 
 
-def _extent(grid: OccupancyGrid) -> Floats:
-    height, width = grid.image.shape
-    return np.array(
-        [
-            grid.transform.to_world(u, v)
-            for u, v in ((0, 0), (width, 0), (0, height), (width, height))
-        ]
-    )
-
-
 def _span(points: Floats) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
     return f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) m"
@@ -195,8 +186,8 @@ def _span(points: Floats) -> str:
 def _cells(
     grid: OccupancyGrid, points: Floats
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return the rows and columns of (n, 2) points of the world, moved to the border where they lie
-    outside.
+    """Return the rows and columns of (n, 2) points of the world; points outside of the map are
+    moved to its border.
     """
     height, width = grid.image.shape
     in_map = points_in_frame(grid.transform.origin, points) / grid.transform.resolution
@@ -247,7 +238,7 @@ def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -
 
 
 def _bad_dock(dock: ChargingDock, floor: Floor, where: str, main: int) -> Iterator[str]:
-    """The docked robot stands close to its station; what counts is the way out, straight back."""
+    """Check the path straight back out of a dock: a docked robot itself is close to its station."""
     cell = floor.grid.transform.resolution
     docked = Pose2D(dock.x, dock.y, dock.theta)
     for back in np.arange(0.0, BACKED_OUT + SAMPLE, SAMPLE).tolist():

@@ -14,14 +14,10 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 TURN = 2.0 * math.pi
-# of the step from beam to beam by which a side reaches beyond its corners, so that no beam slips
-# between two
-EDGE = 1e-6
+EDGE = 1e-6  # steps by which a side extends beyond its corners, so that no beam passes between two
 
 
-def cast(
-    segments: Floats, x: float, y: float, angles: Floats
-) -> tuple[Floats, npt.NDArray[np.intp]]:
+def cast(segments: Floats, x: float, y: float, angles: Floats) -> tuple[Floats, Indices]:
     """Return how far each ray goes and which segment stops it.
 
     Args:
@@ -54,12 +50,11 @@ def sweep(segments: Floats, x: float, y: float, start: float, step: float, count
     """Return (count,) how far the beams of a scanner go: `cast` for evenly spaced rays and the
     sides of solids, five times faster.
 
-    A side that looks at the scanner covers one stretch of beams, so only these are computed, and of
-    each beam's the least is kept.
+    A side that faces the scanner covers a single interval of beams, so only these are computed.
 
     Args:
-        segments: (n, 4) sides of solids, counter-clockwise about each: those that look away are not
-            met.
+        segments: (n, 4) sides of solids, counter-clockwise about each; those that face away are
+            ignored.
         x: of the scanner, metres.
         y: of the scanner, metres.
         start: direction of the first beam in the frame of the segments, radians.
@@ -67,7 +62,7 @@ def sweep(segments: Floats, x: float, y: float, start: float, step: float, count
         count: of beams.
     """
     x0, y0, x1, y1 = segments.T - np.array([[x], [y], [x], [y]])
-    # twice the area of the triangle with the scanner: negative where the side looks at it
+    # twice the area of the triangle with the scanner: negative where the side faces it
     across = x0 * y1 - y0 * x1
     facing = (across < 0.0).nonzero()[0]
     x0, y0, x1, y1, across = x0[facing], y0[facing], x1[facing], y1[facing], across[facing]
@@ -91,19 +86,17 @@ def _stretches(first: Floats, last: Floats, turn: float, count: int) -> tuple[In
     """Return pairs (side, beam): every beam from `first` to `last` of every side, both counted in
     steps from the first beam.
 
-    A stretch that runs over a whole `turn` is two, at both ends of the sweep.
+    An interval across a whole `turn` becomes two, at both ends of the sweep.
     """
     low, high = np.ceil(first - EDGE).astype(np.intp), np.floor(last + EDGE).astype(np.intp)
     which = np.arange(len(first))
     over = (last >= turn).nonzero()[0]
     if len(over):
-        low, which = (
-            np.concatenate([low, np.zeros(len(over), dtype=np.intp)]),
-            np.concatenate([which, over]),
-        )
+        low = np.concatenate([low, np.zeros(len(over), dtype=np.intp)])
+        which = np.concatenate([which, over])
         high = np.concatenate([high, np.floor(last[over] - turn + EDGE).astype(np.intp)])
     lengths = np.minimum(high, count - 1) - low + 1
-    # narrow ones fall between two beams, and some look where no beam goes
+    # narrow sides are between two beams, and some are beyond the field of view
     met = (lengths > 0).nonzero()[0]
     low, lengths = low[met], lengths[met]
     ends = lengths.cumsum()

@@ -1,7 +1,7 @@
 """plan.json to map.png and map.yaml: `python -m robots.world.render_plan DIRECTORY`.
 
 A cell is occupied when at least half of it is, unknown outside of the rooms, free elsewhere. Doors
-are left out: they are open today and closed tomorrow.
+are left out, because they open and close.
 """
 
 import argparse
@@ -50,10 +50,11 @@ def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
 
 
 def with_stations(grid: OccupancyGrid, plan: FloorPlan) -> OccupancyGrid:
-    """Return a map with the charging stations of a plan, which come after a robot has made its map.
+    """Return a map with the charging stations of a plan, which are placed after a robot has made
+    its map.
 
-    A docked robot sees little else: on a map without them it takes the station for the wall behind,
-    and the same where a gap is left between the two.
+    A docked robot sees little else: without them, or with a gap behind them, it would take the
+    station for the wall behind.
     """
     image, transform = grid.image.copy(), grid.transform
     top = np.array([0.0, transform.height * transform.resolution])

@@ -2,8 +2,8 @@
 
 Giraff: wheel separation, speeds, accelerations and the range of the head's height are the
 manufacturer's; rhodon is a Pioneer PatrolBot base (0.51 m x 0.425 m) with a fixed camera on a mast.
-Braking, cameras, lasers and batteries are ours, chosen so that the floor in front is in view and a
-charge lasts a working day.
+Braking, cameras, lasers and batteries are chosen so that the floor in front is in view and a charge
+lasts a working day.
 """
 
 import math
@@ -15,7 +15,7 @@ from robots.api.messages import Camera, Limits, TiltRange
 
 
 class UnknownProfileError(ValueError):
-    """There is no such robot; the message names those that there are."""
+    """There is no such robot; the message lists the existing ones."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class LaserModel:
 
     @property
     def mount(self) -> Pose2D:
-        """Where it sits in the robot's frame."""
+        """Its pose in the robot's frame."""
         return Pose2D(self.x, 0.0, 0.0)
 
     @property
@@ -58,9 +58,9 @@ class SonarModel:
     ahead, each with a cone of `width` radians.
 
     Metres: from `nearest` to `farthest`, `noise` is a standard deviation, `dropout` the share of
-    echoes that are lost. A smooth wall sends nothing back from more than `slant` radians off its
-    normal; an edge within `edge` metres does. `volley` of them, spread evenly, sound every `period`
-    seconds. Of the order of a Devantech SRF08.
+    echoes that are lost. A smooth wall gives no echo beyond `slant` radians from its normal, except
+    within `edge` metres of an edge. `volley` of them, spread evenly, sound every `period` seconds.
+    Similar to a Devantech SRF08.
     """
 
     count: int = 16
@@ -75,26 +75,23 @@ class SonarModel:
     period: float = 0.04
 
     def mounts(self, footprint: tuple[tuple[float, float], ...]) -> tuple[Pose2D, ...]:
-        """Return where they sit in the robot's frame: at the edge of a convex footprint about its
-        centre.
-        """
-        return tuple(
-            _edge_at(footprint, 2.0 * math.pi * index / self.count) for index in range(self.count)
-        )
+        """Return their poses in the robot's frame: at the edge of a convex footprint."""
+        bearings = (2.0 * math.pi * index / self.count for index in range(self.count))
+        return tuple(_edge_at(footprint, bearing) for bearing in bearings)
 
     def sounding(self, volley: int) -> tuple[int, ...]:
-        """Return which of them sound in the volley of that number."""
+        """Return the indices of those that sound in the volley of that number."""
         apart = self.count // self.volley
         return tuple(range(volley % apart, self.count, apart))
 
 
 def _edge_at(footprint: tuple[tuple[float, float], ...], bearing: float) -> Pose2D:
-    """Return the point of a footprint's edge in a direction from the centre, looking on."""
+    """Return the point of a footprint's edge in a direction from the centre, facing outwards."""
     along_x, along_y = math.cos(bearing), math.sin(bearing)
     reach = math.inf
     for (x0, y0), (x1, y1) in zip(footprint, (*footprint[1:], footprint[0]), strict=True):
         across = along_x * (y1 - y0) - along_y * (x1 - x0)
-        if across > 0.0:  # counter-clockwise: the side looks that way
+        if across > 0.0:  # counter-clockwise: the side faces that direction
             reach = min(reach, (x0 * (y1 - y0) - y0 * (x1 - x0)) / across)
     return Pose2D(reach * along_x, reach * along_y, wrap_angle(bearing))
 
@@ -134,8 +131,8 @@ class BodyPart:
 class DockTolerance:
     """How far from the dock's pose the contacts meet: metres ahead or back, metres aside, radians.
 
-    They sit on springs: once they meet they go on meeting until the robot is `travel` metres, or
-    `twist` radians, farther off.
+    They are on springs: once they meet, they keep contact until the robot is `travel` metres, or
+    `twist` radians, farther away.
     """
 
     longitudinal: float = 0.07
@@ -147,8 +144,8 @@ class DockTolerance:
 
 @dataclass(frozen=True)
 class OdometryModel:
-    """What the wheels' encoders get wrong on every drive of one robot: standard deviations among
-    robots, as shares of the true value.
+    """Systematic errors of the wheels' encoders: standard deviations among robots, as shares of the
+    true value.
     """
 
     radius_error: float = 0.005
@@ -157,11 +154,9 @@ class OdometryModel:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """Everything about one kind of robot.
+    """Everything about one kind of robot; the simulation chooses which of its sensors are fitted.
 
-    The simulation decides which of its sensors are fitted.
-    `wheel_noise` is the relative slip of a wheel (standard deviation over one metre), `odometry`
-    how wrong its dead reckoning is.
+    `wheel_noise` is the relative slip of a wheel (standard deviation over one metre).
     """
 
     series: str

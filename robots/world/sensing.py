@@ -1,4 +1,4 @@
-"""What a robot's own sensors say, in numbers that localization and navigation share."""
+"""A robot's scans and poses as localization, navigation and the simulator share them."""
 
 import math
 from dataclasses import dataclass, field
@@ -20,9 +20,9 @@ Covariance = tuple[float, float, float, float, float, float]
 class LaserScan:
     """One sweep of a planar laser.
 
-    `ranges` (n,) in metres from `angle_min` on, counter-clockwise, `inf` where nothing came back;
-    `mount` is the laser's pose in the robot's frame. What no laser measures (NaN, negative, beyond
-    `range_max`) counts as nothing.
+    `ranges` (n,) in metres from `angle_min` on, counter-clockwise, `inf` without an echo; `mount`
+    is the laser's pose in the robot's frame. Invalid ranges (NaN, negative, beyond `range_max`)
+    become `inf`.
     """
 
     stamp: float
@@ -37,15 +37,12 @@ class LaserScan:
         ranges = np.array(self.ranges, dtype=np.float64)
         with np.errstate(invalid="ignore"):
             ranges[~((ranges >= 0.0) & (ranges <= self.range_max))] = np.inf
+        angles = self.angle_min + self.angle_increment * np.arange(len(ranges), dtype=np.float64)
         object.__setattr__(self, "ranges", ranges)
-        object.__setattr__(
-            self,
-            "angles",
-            self.angle_min + self.angle_increment * np.arange(len(ranges), dtype=np.float64),
-        )
+        object.__setattr__(self, "angles", angles)
 
     def points(self) -> Floats:
-        """Return (m, 2) where the beams that came back ended, in the robot's frame, metres."""
+        """Return (m, 2) the ends of the beams with an echo, in the robot's frame, metres."""
         return self._points
 
     @cached_property
@@ -55,17 +52,13 @@ class LaserScan:
         points = np.empty((len(angles), 2))
         points[:, 0] = self.mount.x + ranges * np.cos(angles)
         points[:, 1] = self.mount.y + ranges * np.sin(angles)
-        points.flags.writeable = False  # several ask, and get the same
+        points.flags.writeable = False  # all callers share it
         return points
 
 
 def beams_of(scan: Scan, laser: Laser) -> LaserScan:
-    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing
-    came back.
-    """
-    ranges = np.array(
-        [np.inf if value is None else value for value in scan.ranges], dtype=np.float64
-    )
+    """Return a message as the sweep of a laser at its place; `null` is a beam without an echo."""
+    ranges = np.array([np.inf if value is None else value for value in scan.ranges], dtype=float)
     mount = Pose2D(laser.x, laser.y, laser.theta)
     return LaserScan(
         scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount
@@ -74,10 +67,10 @@ def beams_of(scan: Scan, laser: Laser) -> LaserScan:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Where a robot believes it is, in the map's frame, at `stamp`.
+    """A robot's estimated pose in the map's frame, at `stamp`.
 
-    `covariance` is the upper triangle over (x, y, theta) as in `robots.api.messages.Pose`; `score`
-    from 0 to 1 says how far to trust the pose, and below one half the robot is lost: `localized` is
+    `covariance` is the upper triangle over (x, y, theta) as in `robots.api.messages.Pose`; `score`,
+    from 0 to 1, is the confidence in the pose; below one half the robot is lost and `localized`
     false.
     """
 
@@ -89,20 +82,15 @@ class Estimate:
 
 
 def points_in_frame(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the outer frame in the inner one, whose pose in the
-    outer is `frame`.
-    """
+    """Return (n, 2) points of the outer frame in the inner one, whose pose is `frame`."""
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
-    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array(
-        [[cosine, -sine], [sine, cosine]]
-    )
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ turn
     return result
 
 
 def points_from_frame(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the inner frame, whose pose in the outer is `frame`, in the outer
-    one.
-    """
+    """Return (n, 2) points of the inner frame, whose pose is `frame`, in the outer one."""
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     result: Floats = points[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
     result += (frame.x, frame.y)

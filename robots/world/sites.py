@@ -11,7 +11,7 @@ SHIPPED = Path(__file__).parent / "plans"
 
 
 class SiteError(ValueError):
-    """A site that cannot be used, in one sentence."""
+    """A site cannot be used; the message is one sentence."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,5 @@ def load_site(name: str) -> Site:
 def with_doors(
     plan: FloorPlan, doors: dict[str, floorplan.DoorState]
 ) -> dict[str, floorplan.DoorState]:
-    """Return the state of every door: as the plan has it, changed by `doors`; unknown names are
-    left out.
-    """
+    """Return the state of every door: the plan's, changed by `doors`; ignores unknown names."""
     return {door.name: doors.get(door.name, door.state) for door in plan.doors}

@@ -1,6 +1,4 @@
-"""The solid things of a plan: upright prisms over convex outlines, for bumping into, for the laser
-and for the map.
-"""
+"""The solid things of a plan for collisions, the laser and the map: prisms over convex outlines."""
 
 import math
 from dataclasses import dataclass
@@ -9,11 +7,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.api.floorplan import ChargingDock, Door, DoorState, FloorPlan, Furniture, Wall
+from robots.api.floorplan import ChargingDock, Door, DoorState, FloorPlan, Furniture
 from robots.api.geometry import Pose2D
 
 Floats = npt.NDArray[np.float64]
-# of a door: how it rests, or how much of its swing it has, from 0, closed, to 1, open
+# of a door: its state at rest, or its share of the swing, from 0, closed, to 1, open
 Opening = DoorState | float
 SolidKind = Literal["wall", "furniture", "station", "door", "person"]
 ROUND = 16  # corners of a cylinder
@@ -43,9 +41,7 @@ def rectangle(pose: Pose2D, width: float, depth: float) -> Floats:
 
 
 def disc(x: float, y: float, diameter: float, corners: int = ROUND) -> Floats:
-    """Return a regular polygon (corners, 2) around the circle, so that nothing of the circle lies
-    outside.
-    """
+    """Return a regular polygon (corners, 2) around a circle."""
     angles = (np.arange(corners) + 0.5) * (2.0 * math.pi / corners)
     radius = diameter / 2.0 / math.cos(math.pi / corners)
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
@@ -63,23 +59,15 @@ def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) 
     return rectangle(middle, math.dist(start, end), thickness)
 
 
-def wall_solid(wall: Wall, number: int, ceiling: float) -> Solid:
-    """Return a wall, up to the ceiling."""
-    return Solid("wall", f"wall-{number}", bar(wall.start, wall.end, wall.thickness), ceiling)
-
-
 def furniture_solid(piece: Furniture) -> Solid:
-    """Return a piece of furniture with its full outline from the floor up: what a robot must not
-    drive under either.
+    """Return a piece of furniture with its full outline from the floor up: a robot must not drive
+    under it either.
     """
     if piece.shape == "cylinder":
-        return Solid("furniture", piece.name, disc(piece.x, piece.y, piece.width), piece.height)
-    return Solid(
-        "furniture",
-        piece.name,
-        rectangle(Pose2D(piece.x, piece.y, piece.theta), piece.width, piece.depth),
-        piece.height,
-    )
+        outline = disc(piece.x, piece.y, piece.width)
+    else:
+        outline = rectangle(Pose2D(piece.x, piece.y, piece.theta), piece.width, piece.depth)
+    return Solid("furniture", piece.name, outline, piece.height)
 
 
 def station_pose(dock: ChargingDock) -> Pose2D:
@@ -91,19 +79,15 @@ def station_pose(dock: ChargingDock) -> Pose2D:
 
 def station_solid(dock: ChargingDock) -> Solid:
     """Return the body of a charging station."""
-    return Solid(
-        "station",
-        dock.name,
-        rectangle(station_pose(dock), dock.station.depth, dock.station.width),
-        dock.station.height,
-    )
+    body = dock.station
+    outline = rectangle(station_pose(dock), body.depth, body.width)
+    return Solid("station", dock.name, outline, body.height)
 
 
 def leaf_turn(door: Door, opening: Opening) -> float:
     """Return by how many radians the leaf is turned about its hinge from where it is closed."""
-    return door.swing * (
-        {"closed": 0.0, "open": 1.0}[opening] if isinstance(opening, str) else opening
-    )
+    share = {"closed": 0.0, "open": 1.0}[opening] if isinstance(opening, str) else opening
+    return door.swing * share
 
 
 def leaf_end(door: Door, opening: Opening) -> tuple[float, float]:
@@ -116,32 +100,28 @@ def leaf_end(door: Door, opening: Opening) -> tuple[float, float]:
 
 
 def leaf_solid(door: Door, opening: Opening) -> Solid:
-    """Return the leaf of a door, closed in its frame, open beside it, or on its way."""
-    return Solid(
-        "door", door.name, bar(door.start, leaf_end(door, opening), door.leaf), door.height
-    )
+    """Return the leaf of a door."""
+    outline = bar(door.start, leaf_end(door, opening), door.leaf)
+    return Solid("door", door.name, outline, door.height)
 
 
 def fixed_solids(plan: FloorPlan) -> tuple[Solid, ...]:
     """Return everything that never moves: walls, furniture, stations."""
-    walls = tuple(wall_solid(wall, number, plan.ceiling) for number, wall in enumerate(plan.walls))
+    outlines = (bar(wall.start, wall.end, wall.thickness) for wall in plan.walls)
     return (
-        *walls,
+        *(Solid("wall", f"wall-{n}", each, plan.ceiling) for n, each in enumerate(outlines)),
         *(furniture_solid(piece) for piece in plan.furniture),
         *(station_solid(dock) for dock in plan.docks),
     )
 
 
 def edges(solids: tuple[Solid, ...]) -> Floats:
-    """Return the sides of solids as segments (n, 4): x0, y0, x1, y1, counter-clockwise about each
-    solid.
-    """
-    if not solids:
-        return np.zeros((0, 4))
-    return np.concatenate([_sides(solid.outline) for solid in solids])
+    """Return the sides of solids (n, 4), see `sides`, one solid after the other."""
+    return np.concatenate([np.zeros((0, 4)), *(sides(solid.outline) for solid in solids)])
 
 
-def _sides(outline: Floats) -> Floats:
+def sides(outline: Floats) -> Floats:
+    """Return the sides (n, 4) of an outline (n, 2) in its direction: x0, y0, x1, y1."""
     found = np.empty((len(outline), 4))
     found[:, :2] = outline
     found[:-1, 2:], found[-1, 2:] = outline[1:], outline[0]
@@ -153,6 +133,6 @@ def inside(outline: Floats, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
     border included.
     """
     result = np.ones(x.shape, dtype=np.bool_)
-    for ax, ay, bx, by in _sides(outline).tolist():
+    for ax, ay, bx, by in sides(outline).tolist():
         result &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
     return result

@@ -1,8 +1,5 @@
-"""Keys of the JSON API in the administration: made and shown once, listed with when they were used,
-and taken away.
-
-Owners see and make those of their own robots. Nothing of a key can be changed: whoever wants
-another label makes another key.
+"""Keys of the JSON API in the administration: created and shown once, listed with their last use,
+and revoked. Owners manage the keys of their own robots. A key cannot be changed.
 """
 
 from typing import Any
@@ -18,13 +15,13 @@ from django.utils.translation import gettext_lazy as _
 from accounts import audit
 from robots.admin_pages.access import OfRobots
 from robots.models import Robot
-from sessions.api.keys import cut
+from sessions.api.keys import issue
 from sessions.models import ApiKey
 
 
 @admin.register(ApiKey)
 class ApiKeyAdmin(OfRobots):
-    """Which programs look after which robots."""
+    """The keys of programs that monitor and stop robots."""
 
     robot = "robot"
     list_display = ("label", "robot", "made_at", "used")
@@ -43,7 +40,7 @@ class ApiKeyAdmin(OfRobots):
         return False
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Whoever may see a key as its robot's owner takes it away."""
+        """Allow it also to the owner of the key's robot."""
         return bool(super().has_delete_permission(request, obj)) or self.is_of(request, obj)
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
@@ -71,8 +68,8 @@ class ApiKeyAdmin(OfRobots):
         )
 
     def save_model(self, request: HttpRequest, obj: ApiKey, form: Any, change: bool) -> None:
-        """Make the key; only its hash is kept, and the answer to this very request shows it."""
-        request.api_key = cut(obj, timezone.now())  # type: ignore[attr-defined]
+        """Create the key; only its hash is stored, and this response alone shows it."""
+        request.api_key = issue(obj, timezone.now())  # type: ignore[attr-defined]
         obj.save(force_insert=True)
         audit.note("api_key_made", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label)
 
@@ -102,5 +99,4 @@ class ApiKeyAdmin(OfRobots):
 
     @admin.display(description=_("last used"), ordering="last_used_at", empty_value=_("never"))
     def used(self, key: ApiKey) -> Any:
-        """When a program came with it last, to the minute."""
         return key.last_used_at

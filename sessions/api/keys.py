@@ -8,7 +8,7 @@ from robots.models import Robot
 from sessions.models import ApiKey
 
 MAX_LENGTH = 128
-# how exactly it is kept when a key was used: not every question is a write
+# resolution of `last_used_at`: not every request is a write
 USE_STEP = datetime.timedelta(minutes=1)
 
 
@@ -19,13 +19,13 @@ def make_key(robot: Robot, label: str, now: datetime.datetime) -> str:
         IntegrityError: the robot has one of this label.
     """
     made = ApiKey(robot=robot, label=label)
-    key = cut(made, now)
+    key = issue(made, now)
     made.save(force_insert=True)
     return key
 
 
-def cut(row: ApiKey, now: datetime.datetime) -> str:
-    """Give a row that is not stored yet its token, and return the key."""
+def issue(row: ApiKey, now: datetime.datetime) -> str:
+    """Create the token of a row that is not stored yet, and return the key."""
     token = new_token()
     row.token_hash, row.made_at = hash_token(token), now
     return f"{row.pk.hex}.{token}"
@@ -49,6 +49,6 @@ def key_of(header: str) -> ApiKey | None:
 
 
 def note_use(key: ApiKey, now: datetime.datetime) -> None:
-    """Keep when a key was used last, to the minute."""
+    """Store when a key was last used, to the minute."""
     if key.last_used_at is None or now - key.last_used_at >= USE_STEP:
         ApiKey.objects.filter(pk=key.pk).update(last_used_at=now)

@@ -1,9 +1,8 @@
-"""The JSON API for other programs, version 1: which robots there are and how they are;
-docs/reference/json-api.md describes it.
+"""The JSON API for other programs, version 1, as described in docs/reference/json-api.md.
 
-What the site shows to visitors without an account can be read without a key. A key
-(sessions/api/keys.py) belongs to one robot: it also reads that robot's state, and may stop it or
-send it to its station. It cannot drive: leases are for persons.
+Robots that are public on the site can be read without a key. A key (sessions/api/keys.py) belongs
+to one robot: it also reads that robot's state, and may stop it or send it to its station. It cannot
+drive: leases are for persons.
 """
 
 import datetime
@@ -42,11 +41,10 @@ READ = Attempts("api-read", limit=120)
 ACTIONS = ("stop", "estop", "dock")
 MAX_BODY = 1024
 BROKER_PATIENCE_SECONDS = 1.0
-View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 
 def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
-    """Return the key that comes along, None when none does, or what is wrong with it."""
+    """Return the key of a request, None without one, or the answer to a wrong one."""
     header = request.headers.get("Authorization", "")
     if not header:
         return None
@@ -92,7 +90,7 @@ def robots(request: HttpRequest) -> JsonResponse:
 @never_cache
 @require_safe
 def robot(request: HttpRequest, robot: str) -> JsonResponse:
-    """Tell how one robot is."""
+    """Describe one robot."""
     key = _reader(request)
     if isinstance(key, JsonResponse):
         return key
@@ -186,10 +184,10 @@ def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> s
 # --- acting ---------------------------------------------------------------------------------------
 
 
-def _counted(
+def _for_own_key(
     view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]],
 ) -> Callable[..., Awaitable[JsonResponse]]:
-    """Let only the robot's own key through, so often a minute."""
+    """Require the robot's own key and a known action, within the rate limit of the key."""
 
     @functools.wraps(view)
     async def checked(request: HttpRequest, robot: str) -> JsonResponse:
@@ -207,7 +205,9 @@ def _counted(
 
 
 def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
-    """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
+    """Return the key of a request that acts on a robot, after counting the action. Queries the
+    database and the cache: not for the event loop.
+    """
     key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
@@ -228,12 +228,14 @@ def _kind(request: HttpRequest) -> str | None:
     return kind if kind in ACTIONS else None
 
 
-@csrf_exempt  # no cookie counts here
+@csrf_exempt  # cookies are not used here
 @never_cache
 @require_POST
-@_counted
+@_for_own_key
 async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
-    """Stop a robot, or send it home; 202: it was told, and its state says the rest."""
+    """Stop a robot, or send it to its station; 202: the request was sent, and the robot's state
+    shows the result.
+    """
     now = timezone.now()
     done = await (_send_home(key, now) if kind == "dock" else _stop(key, kind, now))
     await database_sync_to_async(system_log.log)(
@@ -258,7 +260,7 @@ async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
 
 
 async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
-    """Have the session manager bring it home as after a visit, unless it is somebody's."""
+    """Have the session manager send the robot to its dock as after a session, if it is free."""
     if not key.robot.can_go_home:
         return problem(
             409,
@@ -280,7 +282,7 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
 
 
 def _mark_returning(robot: Robot, now: datetime.datetime) -> bool:
-    """Mark it, in one statement that finds it free; what is on its way already stays so."""
+    """Mark a free robot as returning, in one statement; True also if it is already returning."""
     free = RobotPresence.objects.filter(robot=robot).exclude(
         robot__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id")
     )

@@ -1,11 +1,10 @@
-"""Who may say what to a robot: the rules of one page's connection, without a socket, a broker or a
-database.
+"""What one page may send to a robot: pure.
 
-A page is a guest, waits or drives, and may watch unless it drives. Whatever it says about its role,
-session, epoch or peer is replaced by what the server knows: the peer that the server made, the
-session and epoch of the grant, and the lease that is in force. A frame ends in one effect:
-something to publish, a verb for the database, a report for the record, or a refusal, which is
-counted and told to the page but never raised.
+A page is a guest, waits or drives, and may watch unless it drives. The role, session, epoch and
+peer in its messages are replaced by those that the server knows: the peer that the server made, the
+session and epoch of the grant, and the lease in force. A frame ends in one effect: a message to
+publish, a verb for the database, a report for the record, or a refusal, which is counted and sent
+to the page but never raised.
 """
 
 import collections
@@ -44,18 +43,18 @@ from robots.api.messages import (
 from sessions import protocol
 from sessions.consumers.rate_limits import Allowance
 
-Standing = Literal["guest", "waiting", "driver"]
+PageRole = Literal["guest", "waiting", "driver"]
 Operator = Literal["owner", "staff"]
-# What somebody who operates the robot may ask without driving it.
+# Actions that an operator of the robot may request without driving it.
 OPERATORS_OWN: tuple[type[Action], ...] = (ClearEStop, Photo, Relocalize, Cancel)
-# What a visitor may ask whose robot a hidden operator drives.
+# Actions that a visitor may request while a hidden operator drives.
 OF_A_VISITOR: tuple[type[Action], ...] = (Photo, Say, Call, Knock)
 REPEAT_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
 class Publish:
-    """Send a message to the robot; `wanted` ones that cannot be sent are answered with `denied`."""
+    """Send a message to the robot; if a `wanted` one cannot be sent, the page receives `denied`."""
 
     suffix: str
     message: Message
@@ -64,14 +63,14 @@ class Publish:
 
 @dataclass(frozen=True)
 class Halt:
-    """Send a stop or e-stop to the robot, and do not give up at once."""
+    """Send a stop or e-stop to the robot, with retries."""
 
     message: Stop | EStop
 
 
 @dataclass(frozen=True)
 class Verb:
-    """Ask the database: a Take, Observe or Leave."""
+    """Carry out a message that needs the database, such as Take, Observe or Leave."""
 
     suffix: str
     message: Message
@@ -79,21 +78,21 @@ class Verb:
 
 @dataclass(frozen=True)
 class Write:
-    """Bring words to the people at a robot that nobody has (sessions/consumers/waiting_chat.py)."""
+    """Send a chat message to the people at a robot without a driver (waiting_chat.py)."""
 
     message: Say
 
 
 @dataclass(frozen=True)
 class ReportFrame:
-    """Tell the session manager for the record."""
+    """Send a report to the session manager, for the record."""
 
     message: protocol.PageReport
 
 
 @dataclass(frozen=True)
 class ToSfu:
-    """Tell the page's side of the SFU."""
+    """Send a signalling message to the SFU."""
 
     message: protocol.WantOffer | SdpAnswer | Candidate | Bye
 
@@ -107,15 +106,15 @@ class TellAudience:
 
 
 @dataclass(frozen=True)
-class Spare:
-    """Leave out what the page hears directly from its robot, or do so no longer."""
+class SkipDirect:
+    """Skip telemetry that the page receives directly from its robot, or send it again."""
 
     direct: bool
 
 
 @dataclass(frozen=True)
 class DenyFrame:
-    """Tell the page that a frame of it was refused."""
+    """Report to the page that its frame was refused."""
 
     suffix: str
     reason: str
@@ -129,7 +128,16 @@ class Close:
 
 
 Effect = (
-    Publish | Halt | Verb | Write | ReportFrame | ToSfu | TellAudience | Spare | DenyFrame | Close
+    Publish
+    | Halt
+    | Verb
+    | Write
+    | ReportFrame
+    | ToSfu
+    | TellAudience
+    | SkipDirect
+    | DenyFrame
+    | Close
 )
 
 
@@ -138,14 +146,14 @@ class FrameRefused(Exception):
 
 
 class Authorization:
-    """One page's place in a robot's room.
+    """The permissions of one page at a robot.
 
     Args:
         peer: the id that the server made for this connection; a page that resumes gets its old one
             back with the grant.
         who: the visitor's name, as in messages.
         operator: whether the visitor operates the robot, and as what.
-        ice_servers: returns what the robot is to use for its side of a connection with this page;
+        ice_servers: returns the ICE servers for the robot's side of a connection with this page;
             called for each offer, because credentials expire.
     """
 
@@ -162,11 +170,11 @@ class Authorization:
         self.who = who[:120]
         self.operator = operator
         self.ice_servers = ice_servers
-        self.standing: Standing = "guest"
+        self.role: PageRole = "guest"
         self.watches = False
         self.by_sfu = False  # watches, but has no connection to the robot
-        # Private sessions, by their ids: the one that has the robot as the database says, for as
-        # long as this process has heard of no lease, and the one that this page may watch.
+        # Ids of private sessions: the one that has the robot by the database, until this process
+        # receives a lease, and the one that this page may watch.
         self.private = ""
         self.watchable = ""
         self.session: str | None = None
@@ -178,17 +186,17 @@ class Authorization:
         self._allowance = Allowance()
         self._sent: dict[tuple[str, str], float] = {}
 
-    # --- what the database decided ----------------------------------------------------------------
+    # --- decisions of the database ----------------------------------------------------------------
 
     def drive(self, session: str, epoch: int, peer: str) -> None:
         """The page was granted the robot."""
-        self.standing, self.velocity_seq = "driver", 0
+        self.role, self.velocity_seq = "driver", 0
         self.session, self.epoch, self.peer = session, epoch, peer
         self.look_away()
 
     def wait(self, session: str) -> None:
-        """The page waits for the robot; meanwhile it may watch."""
-        self.standing, self.session, self.epoch = "waiting", session, 0
+        """The page waits for the robot, and may watch until it drives."""
+        self.role, self.session, self.epoch = "waiting", session, 0
 
     def observe(self, *, by_sfu: bool = False) -> None:
         """The page watches, the robot itself or through the SFU."""
@@ -201,19 +209,19 @@ class Authorization:
     def leave(self) -> None:
         """The page neither drives nor waits nor watches any more."""
         self.awaits_picture = False
-        self.standing, self.session, self.epoch = "guest", None, 0
+        self.role, self.session, self.epoch = "guest", None, 0
         self.look_away()
 
     def holds(self, lease: Lease | None) -> bool:
         """Tell whether this page is the one that the lease names."""
         return (
             lease is not None
-            and self.standing == "driver"
+            and self.role == "driver"
             and (lease.session, lease.epoch, lease.peer) == (self.session, self.epoch, self.peer)
         )
 
     def note_private(self, session: str, *, may_watch: bool) -> None:
-        """The database says that this private session, or none, has the robot."""
+        """Note that by the database this private session, or none (""), has the robot."""
         self.private = session
         if may_watch:
             self.watchable = session
@@ -221,7 +229,7 @@ class Authorization:
             self.watchable = ""
 
     def is_shut_out(self, lease: Lease | None) -> bool:
-        """Tell whether the drive that is under way is private, and not this page's to see."""
+        """Tell whether the present drive is private and this page may not watch it."""
         if self.operator is not None or self.holds(lease):
             return False
         session = self.private if lease is None else lease.session if lease.private else ""
@@ -234,21 +242,20 @@ class Authorization:
         return lease is not None and lease.kind == "visitor" and self.holds(lease)
 
     def moderates(self, lease: Lease | None) -> bool:
-        """Tell whether this page deals with the questions of the audience: it drives, or watches
-        for somebody who operates the robot.
+        """Tell whether this page may answer questions of the audience: it drives, or watches for
+        an operator of the robot.
         """
         return self.holds(lease) or (self.watches and self.operator is not None)
 
     def may_see_picture(self, lease: Lease | None) -> bool:
-        """Tell whether a picture that the robot sent through the server goes to this page: one for
-        each that it asked for.
+        """Tell whether to send this page a picture of the robot: one for each request.
 
-        Asked again here, because since it asked the page may have lost the robot.
+        The permission is checked again, because the page may have lost the robot since its request.
         """
         asked, self.awaits_picture = self.awaits_picture, False
         return asked and (self.watches or self.holds(lease)) and not self.is_shut_out(lease)
 
-    # --- what the page says -----------------------------------------------------------------------
+    # --- frames of the page -----------------------------------------------------------------------
 
     def receive(self, frame: str | bytes, lease: Lease | None, now: float) -> tuple[Effect, ...]:
         """Decide about a frame; `now` is monotonic seconds, `lease` the one in force."""
@@ -275,8 +282,8 @@ class Authorization:
         )
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
-        """Count a refusal; tell the page of the same one at most once a second, and end the
-        connection in a flood.
+        """Count a refusal; report the same one to the page at most once a second, and close the
+        connection of a page that floods.
         """
         self.refused[reason] += 1
         if self._allowance.floods(now):
@@ -313,7 +320,7 @@ class Authorization:
     def _server_effect(self, suffix: str, message: Any, lease: Lease | None) -> Effect:
         match message:
             case protocol.Direct():
-                return Spare(message.direct)
+                return SkipDirect(message.direct)
             case protocol.RaiseHand() | protocol.AskQuestion():
                 if not self.watches:
                     raise FrameRefused("not_watching")
@@ -343,7 +350,7 @@ class Authorization:
             # single frames come from the robot, for which there are too many pages
             raise FrameRefused("sfu")
         if not (self.watches or self.holds(lease)):
-            raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
+            raise FrameRefused("not_driver" if self.role == "driver" else "no_role")
         if self.is_shut_out(lease):
             raise FrameRefused("private")
         self.awaits_picture = True
@@ -363,27 +370,27 @@ class Authorization:
             return msgspec.structs.replace(
                 action, session=self.session, epoch=self.epoch, role="driver", user=self.who
             )
-        # A page stops the robot when its drive ends. Copies that arrive afterwards, also on another
-        # connection, name that drive, and without a lease they do not hold the robot as the stop of
-        # a person does. A false claim only weakens the sender's own stop.
+        # A page stops the robot when its drive ends. Copies of this stop that arrive afterwards
+        # still name that drive: without a lease they do not hold the robot, as the stop of another
+        # person would. A false claim only weakens the sender's own stop.
         session = None if lease else action.session
         stamped = msgspec.structs.replace(
             action, session=session, epoch=0, role=self.operator or "observer", user=self.who
         )
-        # The number belongs to the driver's counter: a stranger's would kill commands that the
+        # `seq` belongs to the driver's counter: that of another page would void commands that the
         # driver has yet to send.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped
 
     def _action(self, suffix: str, action: Action, lease: Lease | None) -> Publish | Write:
-        if isinstance(action, Say) and self.standing == "waiting" and lease is None:
+        if isinstance(action, Say) and self.role == "waiting" and lease is None:
             return Write(action)
         return Publish(suffix, self.stamp_action(action, lease))
 
     def stamp_action(self, action: Action, lease: Lease | None) -> Action:
-        """Return an action with the role, session and user that the robot is to know.
+        """Return an action with the role, session and user of this page.
 
         Raises:
-            FrameRefused: this page may not ask for it.
+            FrameRefused: this page may not request it.
         """
         if isinstance(action, ResendStates):
             raise FrameRefused("not_allowed")
@@ -422,7 +429,7 @@ class Authorization:
     def _stamp_signal(self, signal: SdpOffer | Candidate | Bye, lease: Lease | None) -> Message:
         drives = self.holds(lease)
         if not drives and not self.watches:
-            raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
+            raise FrameRefused("not_driver" if self.role == "driver" else "no_role")
         if not isinstance(signal, SdpOffer):
             return signal
         return SdpOffer(
@@ -450,18 +457,16 @@ class Authorization:
     def parting_stop(
         self, action_id: str, stamp: float, lease: Lease | None, now: float
     ) -> Stop | None:
-        """Return the stop to send when the page's socket has closed while it drove over it; None
-        when it did not.
-
-        A page whose commands take the data channel is none of the socket's business, nor is one
-        that has stopped by itself.
+        """Return the stop to send when the page's socket has closed; None when no velocity came
+        over the socket within REPEAT_SECONDS: the page drives over the data channel, or has
+        stopped by itself.
         """
         if now - self.velocity_at > REPEAT_SECONDS:
             return None
         return self.last_stop(action_id, stamp, lease)
 
     def last_stop(self, action_id: str, stamp: float, lease: Lease | None) -> Stop | None:
-        """Return the stop to send for a page that is gone; None when it does not drive."""
+        """Return the stop to send for a page that has closed; None when it does not drive."""
         if not self.drives(lease):
             return None
         stop = Stop(action_id=action_id, stamp=stamp, seq=self.velocity_seq)

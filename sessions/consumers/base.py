@@ -1,14 +1,14 @@
-"""A WebSocket consumer that takes every frame at once, in the order in which they came.
+"""A WebSocket consumer that handles every frame at once, in order.
 
-Channels' own looks after old database connections before every frame, in the one thread that all
-queries of all pages share: a page's stop would wait behind another page's query, and for as long as
-the database is away. Queries have threads of their own (database.py), which look after
-connections themselves. Nor is the channel layer asked before every frame: who listens to it does so
-in a task of its own (sessions/page_channel.py).
+Channels' own consumer closes old database connections before every frame, in the one thread that
+the queries of all pages share: a page's stop would wait behind another page's query, and for as
+long as the database is away. Here queries have threads of their own (database.py), which also
+manage their connections. Channels' consumer also polls the channel layer for every frame; here
+pages listen to it in a separate task (sessions/page_channel.py).
 
-Frames that wait are taken in one turn of the loop. One a turn would be fairer, and would let a
-page's commands pile up for as long as a turn takes longer than they are apart, which is just when
-the computer is busy (seen in a benchmark: commands a minute old).
+All waiting frames are handled in one iteration of the event loop. One frame an iteration would be
+fairer, but on a busy computer, where an iteration takes longer than a page's send interval, its
+commands would pile up (seen in a benchmark: commands a minute old).
 """
 
 from typing import Any
@@ -22,7 +22,7 @@ class DirectConsumer(AsyncWebsocketConsumer):
     """Base of all consumers here."""
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Take frames until the socket is closed."""
+        """Handle frames until the socket is closed."""
         self.scope, self.base_send, self.channel_layer = scope, send, None
         try:
             while True:
@@ -31,5 +31,5 @@ class DirectConsumer(AsyncWebsocketConsumer):
             return
 
     async def dispatch(self, message: Any) -> None:
-        """Hand a frame to its handler."""
+        """Pass a frame to its handler."""
         await getattr(self, get_handler_name(message))(message)

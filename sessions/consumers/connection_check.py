@@ -1,23 +1,21 @@
-"""A line that says back what it is told: a page measures with it whether, and how quickly, this
-site can be reached.
-"""
+"""A WebSocket that echoes: a page measures whether, and how quickly, it reaches this site."""
 
 import asyncio
 
 from sessions import protocol
 from sessions.consumers.base import DirectConsumer
 
-MOST_ECHOES = 20
-LONGEST = 64  # characters
+MAX_ECHOES = 20
+MAX_LENGTH = 64  # characters
 SECONDS = 20.0
 
 
 class CheckConsumer(DirectConsumer):
-    """Anybody's, so it does little, and not for long."""
+    """Needs no login, so it allows few echoes in a short time."""
 
     async def connect(self) -> None:
-        """Let everybody in for a moment."""
-        self.left = MOST_ECHOES
+        """Accept the page for SECONDS."""
+        self.left = MAX_ECHOES
         await self.accept()
         self.ending = asyncio.get_running_loop().create_task(self._end())
 
@@ -26,12 +24,12 @@ class CheckConsumer(DirectConsumer):
         await self.close()
 
     async def disconnect(self, code: int) -> None:
-        """Forget the end that is not needed any more."""
+        """Cancel the pending end."""
         self.ending.cancel()
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
-        """Say a short word back."""
-        if text_data is None or len(text_data) > LONGEST or self.left == 0:
+        """Echo a short text."""
+        if text_data is None or len(text_data) > MAX_LENGTH or self.left == 0:
             await self.close(protocol.FLOODED)
             return
         self.left -= 1

@@ -1,8 +1,8 @@
-"""The threads in which pages ask the database.
+"""The threads for the database queries of pages.
 
-asgiref would run the queries of all pages in one thread: a slow one would keep all other pages
-waiting. Like queries of several processes, those of several pages overlap; those of one page do not
-where the page takes its `turn`.
+asgiref would run the queries of all pages in one thread, where a slow one delays all other pages.
+Here the queries of several pages overlap, as those of several processes do; those of one page do
+not if it holds its `turn`.
 """
 
 from collections.abc import Callable
@@ -20,10 +20,10 @@ _POOL = ThreadPoolExecutor(4, "page-database")
 async def query(
     question: Callable[Parameters, Answer], *args: Parameters.args, **kwargs: Parameters.kwargs
 ) -> Answer:
-    """Return what `question` returns, in one of the threads, with a connection that works.
+    """Call `question` in one of the threads, with a working connection, and return its result.
 
     Raises:
-        DatabaseError: or InterfaceError, as the question did.
+        DatabaseError: or InterfaceError, from `question`.
     """
     ask: Any = DatabaseSyncToAsync(question, thread_sensitive=False, executor=_POOL)
     answer: Answer = await ask(*args, **kwargs)

@@ -1,5 +1,5 @@
-"""The page's WebSocket: decode, ask, perform. The rules are in authorization.py, the session's part
-in page_session.py.
+"""The drive page's WebSocket: decode, authorize (authorization.py), perform. page_session.py has
+what needs the session.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ from sessions.consumers.authorization import (
     Effect,
     Publish,
     ReportFrame,
-    Spare,
+    SkipDirect,
     TellAudience,
     ToSfu,
     Write,
@@ -45,13 +45,11 @@ SPREAD_SECONDS = 2.0
 
 
 class RobotConsumer(RobotPageConsumer):
-    """One page at one robot. Until the page is let in there is no visit, and whatever it says is
-    ignored.
-    """
+    """One page at one robot; its frames are ignored until it is admitted."""
 
-    page_session: PageSession | None = None
+    page_session: PageSession = None  # type: ignore[assignment]  # until `_register`
 
-    # --- coming and going -------------------------------------------------------------------------
+    # --- from connecting to closing ---------------------------------------------------------------
 
     async def _enter(self) -> int | None:
         user, name = self.scope["user"], self.scope["url_route"]["kwargs"]["robot"]
@@ -73,7 +71,7 @@ class RobotConsumer(RobotPageConsumer):
             context.operator,
             IceCredentials(self.name),
         )
-        self.sparing = relay.Sparing()
+        self.telemetry = relay.TelemetryFilter()
         self.peers = peers_of(self.name)
         self.peers.waiting, self.peers.pause = context.waiting, context.pause
         client = self.scope.get("client") or ("",)
@@ -98,7 +96,7 @@ class RobotConsumer(RobotPageConsumer):
         self.peers.members.add(self.page_session)
         self.page_session.audience.join(self.page_session)
         self.peers.changed()
-        self._launch(self._keep_time(self.page_session))
+        self._launch(self._keep_time())
         groups = (page_channel.robot_group(self.name), page_channel.visitor_group(user.pk))
         self._launch(page_channel.listen(groups, self._take_event))
 
@@ -118,7 +116,7 @@ class RobotConsumer(RobotPageConsumer):
         self.sender.post("hello", hello)
 
     async def disconnect(self, code: int) -> None:
-        """Leave without ending the visit: its drive may live on the data channel."""
+        """Leave without ending the session: its drive may continue over the data channel."""
         if self.page_session is None:
             return
         stop = self.authorization.parting_stop(
@@ -127,7 +125,7 @@ class RobotConsumer(RobotPageConsumer):
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
         self._stop_listening()
-        await self.page_session.page_gone(code)
+        await self.page_session.page_closed(code)
         log.info(
             "page_left",
             robot=self.name,
@@ -136,38 +134,37 @@ class RobotConsumer(RobotPageConsumer):
             dropped=self.sender.queue.dropped,
         )
 
-    async def _gone(self) -> None:
-        await super()._gone()
+    async def _clean_up(self) -> None:
+        await super()._clean_up()
         if self.page_session is not None:
             self.page_session.forget()
 
     def _stop_listening(self) -> None:
         super()._stop_listening()
         if self.page_session is not None:
-            # a connection to the robot lives without this socket, and nobody would look after it
+            # the page's connection to the robot outlives this socket, but not its supervision
             self.page_session.stop_watching()
             part(self.name, self.page_session)
             self.page_session.audience.part(self.page_session)
             self.peers.changed()
 
-    # --- what the page says -----------------------------------------------------------------------
+    # --- frames of the page -----------------------------------------------------------------------
 
     def _do(self, effect: Effect) -> None:
-        assert self.page_session is not None
         match effect:
             case ReportFrame(message):
                 self.bridge.report(protocol.page_reports(message.session), message)
             case ToSfu(message):
                 self.page_session.tell_sfu(message)
-            case Spare(direct):
-                self.sparing.direct = direct
+            case SkipDirect(direct):
+                self.telemetry.direct = direct
             case Write(message):
                 self._launch(self._write(message), "command/action")
             case TellAudience():
                 self._tell_audience(effect)
 
     async def _write(self, action: Say) -> None:
-        """Bring what the first in the queue of a stopped robot writes to the people there."""
+        """Send a message of the first in a stopped robot's queue to the people at the robot."""
         session, first = self.authorization.session, None
         if waiting_chat.is_open(self.known, time.monotonic()):
             first = await query(waiting_chat.first_waiting, self.name, timezone.now())
@@ -197,7 +194,6 @@ class RobotConsumer(RobotPageConsumer):
             self._change_audience(effect)
 
     def _change_audience(self, effect: TellAudience) -> None:
-        assert self.page_session is not None
         if reason := self.page_session.tell_audience(effect.message):
             self._perform(self.authorization.deny(effect.suffix, reason, time.monotonic()))
 
@@ -218,10 +214,7 @@ class RobotConsumer(RobotPageConsumer):
     async def _do_as_operator(
         self, suffix: str, may: Callable[[], bool], do: Callable[[], None]
     ) -> None:
-        """Do what somebody asks who operates the robot, if they still may: that may be over since
-        the page came.
-        """
-        assert self.page_session is not None
+        """Carry out an operator's request, if the rights of this page's user still permit it."""
         async with self.page_session.turn:
             if await self.page_session.still_welcome() and may():
                 do()
@@ -229,16 +222,15 @@ class RobotConsumer(RobotPageConsumer):
                 self._perform(self.authorization.deny(suffix, "not_allowed", time.monotonic()))
 
     def _ask(self, suffix: str, verb: Message) -> None:
-        assert self.page_session is not None
         if self.page_session.waiting_verbs < MAX_WAITING_VERBS:
             self._launch(self.page_session.do(verb), suffix)
         else:
             self._perform(self.authorization.deny(suffix, "busy", time.monotonic()))
 
-    # --- what the robot says ----------------------------------------------------------------------
+    # --- messages of the robot --------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a message of the bridge, with this page's ids in the lines of the log."""
+        """Handle a message of the bridge, with this page's ids in its log lines."""
         token = log_ids.bind(self.ids)
         try:
             self._handle_message(inbound)
@@ -246,13 +238,12 @@ class RobotConsumer(RobotPageConsumer):
             log_ids.unbind(token)
 
     def _handle_message(self, inbound: ReceivedMessage) -> None:
-        assert self.page_session is not None
         unsure = False
         if inbound.suffix == "lease":
             unsure = self.page_session.lost_lease(inbound.message)
             if (work := self.page_session.privacy_changed()) is not None:
                 self._launch(work)
-        elif self._tells_connection(inbound):
+        elif self._handle_connection(inbound):
             unsure = inbound.suffix == LINK and inbound.message
         elif picture.is_picture(inbound.suffix):
             if (
@@ -271,29 +262,27 @@ class RobotConsumer(RobotPageConsumer):
             self._launch(self.page_session.confirm())
 
     def _relay(self, inbound: ReceivedMessage) -> None:
-        assert self.page_session is not None
         if self.authorization.is_shut_out(self.known.lease):
             return
         if self.page_session.moves_to_sfu(inbound):
             return
         now, by_sfu = time.monotonic(), self.authorization.by_sfu
         if (out := relay.for_driver(inbound, self.known.lease)) is not None:
-            # What visitor and people at the robot write to each other, and where they point, is no
-            # business of those who watch.
-            if self.authorization.holds(self.known.lease) and self.sparing.passes(
+            # Observers do not receive the chat of visitor and people at the robot, nor where they
+            # point.
+            if self.authorization.holds(self.known.lease) and self.telemetry.passes(
                 inbound.suffix, now
             ):
                 self.sender.put(out)
         elif (
-            self.sparing.passes(inbound.suffix, now, by_sfu=by_sfu)
+            self.telemetry.passes(inbound.suffix, now, by_sfu=by_sfu)
             and (out := relay.relayed(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)
 
-    # --- what Django code says --------------------------------------------------------------------
+    # --- events of Django code --------------------------------------------------------------------
 
     def _take_event(self, event: page_channel.Event) -> None:
-        assert self.page_session is not None
         if event.get("session") not in {None, self.authorization.session}:
             return
         if event["type"] == page_channel.NOTICE:
@@ -302,26 +291,25 @@ class RobotConsumer(RobotPageConsumer):
             self.sender.put(relay.Outgoing(event["frame"]))
         else:
             at_once = event.get("session") is not None or self.authorization.session is not None
-            self._launch(self._look_again(0.0 if at_once else random.random() * SPREAD_SECONDS))
+            self._launch(self._check_again(0.0 if at_once else random.random() * SPREAD_SECONDS))
 
-    async def _look_again(self, pause: float) -> None:
-        """Find out whether the page may stay, and where its session stands; those who only watch a
-        robot do not ask all at once.
+    async def _check_again(self, pause: float) -> None:
+        """Check whether the page may stay, and the status of its session, after `pause` seconds,
+        which spread the queries of a robot's observers.
         """
-        assert self.page_session is not None
         await asyncio.sleep(pause)
         async with self.page_session.turn:
             welcome = await self.page_session.still_welcome()
         if welcome:
             await self.page_session.confirm()
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
-    async def _keep_time(self, page_session: PageSession) -> None:
-        """Say every few seconds that the page is open, and every minute ask whether it may stay."""
-        # Pages that came together do not ask together from then on.
+    async def _keep_time(self) -> None:
+        """Store every few seconds that the page is open; check every minute whether it may stay."""
+        # Random, so that pages which connected together do not check together.
         asked = time.monotonic() - random.random() * WELCOME_EVERY / 2
-        pause = random.random() * PAGE_SEEN_EVERY
+        pause, page_session = random.random() * PAGE_SEEN_EVERY, self.page_session
         while True:
             await asyncio.sleep(pause)
             pause = PAGE_SEEN_EVERY

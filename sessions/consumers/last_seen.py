@@ -1,8 +1,7 @@
-"""Pages that are open, said to the database for many of them at once.
+"""Stores that pages are open, many in one query.
 
-Every page says so every ten seconds. One by one that keeps the database's thread busy for some ten
-milliseconds each; it shares the interpreter with whatever passes between pages and robots, which is
-late for as long.
+Every page stores it every ten seconds. One query each would take some ten milliseconds of a thread
+that shares the interpreter with the messages between pages and robots, which it would delay.
 """
 
 import asyncio
@@ -16,7 +15,7 @@ GATHER_SECONDS = 1.0  # a page counts as gone after many times as long
 
 
 class LastSeenBatcher:
-    """The pages of one process that are about to be said to be open."""
+    """Collects the open pages of one process."""
 
     def __init__(self) -> None:
         self._present: set[str] = set()
@@ -25,10 +24,10 @@ class LastSeenBatcher:
         self._written: asyncio.Task[set[str]] | None = None  # stores `_writing`
 
     async def seen(self, session: str) -> bool:
-        """Say that a page of this session is open; False when the session has ended.
+        """Store that a page of this session is open; False when the session has ended.
 
         Raises:
-            DatabaseError: it was not said.
+            DatabaseError: it was not stored.
         """
         loop = asyncio.get_running_loop()
         if self._asking is None or self._asking.done() or self._asking.get_loop() is not loop:
@@ -39,8 +38,8 @@ class LastSeenBatcher:
         return session in await asyncio.shield(self._asking)
 
     async def forget(self, session: str) -> None:
-        """Leave out a page that has closed, and wait for a batch that names it already: it would
-        be stored as open after it was stored as gone.
+        """Leave out a page that has closed, and wait for a batch that already names it, which
+        would otherwise store it as open after it was stored as closed.
         """
         self._present.discard(session)
         if session in self._writing and self._written is not None:
@@ -54,7 +53,7 @@ class LastSeenBatcher:
 
 
 def _check(asked: asyncio.Task[set[str]]) -> None:
-    """Take note of an error for which every page that would hear of it has gone."""
+    """Retrieve an error although every page that waited for the result may have closed."""
     if not asked.cancelled():
         asked.exception()
 

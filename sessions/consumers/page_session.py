@@ -1,6 +1,4 @@
-"""What a page's connection does with its session: takes, watches, leaves, learns that it is over.
-Asks the database, tells everybody.
-"""
+"""One page's part in a session: taking the robot, watching, leaving, and the session's end."""
 
 import asyncio
 import time
@@ -36,9 +34,9 @@ from sessions.models import Session
 from sessions.sfu.broadcast import ToSfu, broadcast_of, has_sfu
 
 log = structlog.stdlib.get_logger(__name__)
-MAX_WAITING_VERBS = 5  # that one page may ask for while earlier ones are being done
-VERDICT_SECONDS = 1.0  # in which the database must say that a page may watch a private drive
-ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
+MAX_WAITING_VERBS = 5  # of one page
+VERDICT_SECONDS = 1.0  # timeout of the query whether a page may watch a private drive
+ROOM_SECONDS = 2.0  # between two `room` messages to a page that watches through the SFU
 
 
 @dataclass(eq=False)
@@ -46,7 +44,7 @@ class PageSession:
     """One page's session at one robot; also a member of the robot's peers, and a follower of the
     session's notices.
 
-    Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
+    Verbs run one after another, under `turn`. Frames that need no database do not wait for them.
     """
 
     robot: Robot
@@ -65,9 +63,9 @@ class PageSession:
     described: protocol.RoomState | None = None
     described_at: float = 0.0
     audience_seen: tuple[int, bool, bool] = (-1, False, False)
-    asked_about: str = ""  # the private session of which the database was asked
-    misses: bool = False  # it would watch if the drive under way were not private
-    audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
+    checked_private: str = ""  # the private session for which `may_watch_private` was queried
+    misses: bool = False  # it would watch if the present drive were not private
+    audience_sent: protocol.AudienceState | None = None  # None until the page watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
 
@@ -75,7 +73,7 @@ class PageSession:
         """Carry out a Take, Observe, Leave or Assist, after those before it.
 
         Raises:
-            DatabaseError: or InterfaceError or LeaseContention; the page is not answered yet.
+            DatabaseError: or InterfaceError or LeaseContention; no answer was sent to the page.
         """
         self.waiting_verbs += 1
         async with self.turn:
@@ -122,8 +120,8 @@ class PageSession:
                 self.sender.post("session/refused", taken)
 
     async def _how_it_ended(self, session: str | None) -> str:
-        """Return the outcome of a session whose page was not there to hear it; empty when it is not
-        this visitor's.
+        """Return the outcome of a session that ended while its page was disconnected; empty when
+        it is not this visitor's.
         """
         if session is None or not await query(queries.is_of, session, self.user):
             return ""
@@ -136,7 +134,7 @@ class PageSession:
         self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
             self.peers.replace(granted.peer, self)
-        # Before the page hears of it, so that the robot knows the driver when the offer comes.
+        # Before `session/granted`, so that the robot has the lease when the page's offer arrives.
         self.bridge.publish_lease(self.robot.name, granted.lease)
         message = protocol.Granted(
             session=granted.session,
@@ -156,7 +154,7 @@ class PageSession:
 
     async def _choose_assist(self, verb: protocol.Assist) -> None:
         session, chosen = self.authorization.session, None
-        if session is not None and self.authorization.standing == "driver":
+        if session is not None and self.authorization.role == "driver":
             chosen = await query(
                 queries.choose_assist,
                 session,
@@ -198,12 +196,12 @@ class PageSession:
         self.sender.post("session/observing", observing)
 
     def moves_to_sfu(self, inbound: ReceivedMessage) -> bool:
-        """Watch through the SFU from now on if the robot says that it has no place: this process
-        does not know who watches it through others.
+        """Switch to the SFU if the robot reports that it has no place: this process does not know
+        the viewers of other processes.
         """
         page, reply = self.authorization, inbound.message
         if not (isinstance(reply, Bye) and reply.reason == "full"):
-            return False  # as of nearly all that a robot says
+            return False
         is_ours = inbound.suffix == f"{protocol.SIGNAL}/{page.peer}/reply"
         if not is_ours or not page.watches or page.by_sfu:
             return False
@@ -212,9 +210,9 @@ class PageSession:
         return page.by_sfu
 
     def tell_sfu(self, message: ToSfu) -> None:
-        """Tell the SFU what the page says to it."""
+        """Pass a message of the page to the SFU."""
         broadcast = broadcast_of(self.robot.name, self.bridge)
-        # it may be another one than that which the page came to
+        # it may be newer than the one that the page joined
         broadcast.join(self.authorization.peer, self._tell_of_sfu)
         broadcast.take(self.authorization.peer, message)
 
@@ -227,7 +225,7 @@ class PageSession:
             broadcast.leave(self.authorization.peer)
 
     async def _leave(self, verb: protocol.Leave) -> None:
-        session, drove = self.authorization.session, self.authorization.standing == "driver"
+        session, drove = self.authorization.session, self.authorization.role == "driver"
         if session is None and verb.session is not None:
             await self._leave_late(verb.session, verb.peer or "")
             return
@@ -238,17 +236,17 @@ class PageSession:
         left, ended = await self._end(session, self.authorization.peer)
         self._over(ended)
         if left:
-            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
+            self._send_ended(ended, drove=drove)
 
     async def _end(self, session: str, peer: str) -> tuple[bool, protocol.Ended]:
-        """End a session of this peer's; tell whether it lived until then, and how it ended."""
+        """End a session of this peer; return whether it lived until then, and how it ended."""
         left = await query(store.leave, session, peer=peer, now=timezone.now())
         outcome, reason = await query(queries.outcome_of, session)
         return left, protocol.Ended(session=session, outcome=outcome or "moved", reason=reason)
 
     async def _leave_late(self, session: str, peer: str) -> None:
-        """End what the visitor left while the page could not say so; what has moved to another
-        page, or is another's, stays.
+        """End a session that the visitor left while the page was disconnected, unless it has moved
+        to another page or is another visitor's.
         """
         if not await query(queries.is_of, session, self.user):
             self.sender.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
@@ -256,19 +254,17 @@ class PageSession:
         left, ended = await self._end(session, peer)
         self.sender.notify(ended)
         if left:
-            drove = ended.reason != store.LEFT_QUEUE
-            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
+            self._send_ended(ended, drove=ended.reason != store.LEFT_QUEUE)
 
-    def _send_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
+    def _send_ended(self, ended: protocol.Ended, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
-        ended = protocol.Ended(session=session, outcome=outcome, reason=reason)
-        self.bridge.publish_notice(session, protocol.notice_frame(ended))
+        self.bridge.publish_notice(ended.session, protocol.notice_frame(ended))
 
-    # --- what is heard ----------------------------------------------------------------------------
+    # --- notices and leases -----------------------------------------------------------------------
 
     def handle_notice(self, frame: str) -> None:
-        """Hand a notice of the page's session on, and act on its end."""
+        """Pass a notice of the session to the page, and act on the session's end."""
         try:
             notice = protocol.decode_notice(frame)
         except Rejection as rejection:
@@ -281,11 +277,9 @@ class PageSession:
             self.sender.put(Outgoing(frame))
 
     def lost_lease(self, lease: Lease | None) -> bool:
-        """Act on a lease that is not this page's any more; True when only the
-        database knows why.
-        """
+        """Act on a lease that is no longer this page's; True when only the database knows why."""
         if (
-            self.authorization.standing != "driver"
+            self.authorization.role != "driver"
             or self.authorization.holds(lease)
             or (lease is not None and lease.epoch < self.authorization.epoch)
         ):
@@ -296,14 +290,14 @@ class PageSession:
         return True
 
     async def confirm(self) -> None:
-        """Ask the database where this page's session stands, when the broker may have forgotten or
-        mixed up something.
+        """Read the status of this page's session, when the broker may have lost or reordered
+        messages.
         """
         async with self.turn:
             session = self.authorization.session
             if session is None or self.sender.closed:
                 return
-            standing = await query(
+            status = await query(
                 queries.session_status_of,
                 self.robot,
                 session,
@@ -312,48 +306,48 @@ class PageSession:
                 now=timezone.now(),
             )
             if session == self.authorization.session:
-                self._stand(standing, session)
+                self._apply_status(status, session)
 
-    def _stand(self, standing: queries.SessionStatus, session: str) -> None:
-        driving = self.authorization.standing == "driver"
-        if standing.state == "ended":
+    def _apply_status(self, status: queries.SessionStatus, session: str) -> None:
+        driving = self.authorization.role == "driver"
+        if status.state == "ended":
             self._over(
-                protocol.Ended(session=session, outcome=standing.outcome, reason=standing.reason)
+                protocol.Ended(session=session, outcome=status.outcome, reason=status.reason)
             )
-        elif driving and standing.moved:
+        elif driving and status.moved:
             self._over(protocol.Ended(session=session, outcome="moved"))
-        elif driving and standing.lease is not None:
-            self.bridge.publish_lease(self.robot.name, _ahead(standing.lease, self.known))
-        elif not driving and standing.seconds is not None:
-            self.sender.notify(protocol.Offered(session=session, seconds=standing.seconds))
+        elif driving and status.lease is not None:
+            self.bridge.publish_lease(self.robot.name, _ahead(status.lease, self.known))
+        elif not driving and status.seconds is not None:
+            self.sender.notify(protocol.Offered(session=session, seconds=status.seconds))
 
     def note_private(self, drive: queries.PrivateDrive | None) -> None:
-        """Note what the database says of a private drive at the robot."""
+        """Note the private drive at the robot, by the database."""
         if drive is None:
             self.authorization.note_private("", may_watch=False)
         else:
             self.authorization.note_private(drive.session, may_watch=drive.may_watch)
 
     def privacy_changed(self) -> Coroutine[Any, Any, None] | None:
-        """Act on a lease: return what is to be done now that the drive under way is private, or is
-        so no longer.
+        """Return the work that a lease requires because the present drive has become private, or is
+        no longer.
         """
         lease = self.known.lease
-        self.authorization.private = ""  # what the lease says counts from now on
+        self.authorization.private = ""  # from now on the lease decides
         if not self.authorization.is_shut_out(lease):
-            # whoever waited without a picture gets one again
-            again = self.misses and self.authorization.standing == "waiting"
+            # a visitor who waits watches again
+            again = self.misses and self.authorization.role == "waiting"
             self.misses = False
             return self.do(protocol.Observe()) if again else None
         assert lease is not None
-        if lease.session == self.asked_about:
+        if lease.session == self.checked_private:
             return None
-        self.asked_about = lease.session
-        return self._look_at_private(lease.session)
+        self.checked_private = lease.session
+        return self._check_private(lease.session)
 
-    async def _look_at_private(self, session: str) -> None:
-        """End what the page sees of a private drive, unless the database says in time that it may
-        watch it. Meanwhile nothing of the robot's is passed on.
+    async def _check_private(self, session: str) -> None:
+        """Stop the page from watching a private drive, unless the database answers in time that it
+        may. Until then none of the robot's messages are relayed.
         """
         try:
             async with asyncio.timeout(VERDICT_SECONDS):
@@ -364,86 +358,86 @@ class PageSession:
         self._shut_out()
 
     def _shut_out(self) -> None:
-        """Show a page that watches no more of a drive that is none of its business."""
+        """Stop a page from watching a private drive that it may not see."""
         if self.authorization.watches and self.authorization.is_shut_out(self.known.lease):
             self.misses = True
             self.stop_watching()
             self.sender.post("session/refused", protocol.Refused(reason="private"))
         self.peers.changed()
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     async def read_peers(self) -> None:
-        """Read how many wait, and what the robot does when nobody drives it; say so to all. If the
-        database is away, what was read last stands: it decides nothing.
+        """Read the length of the queue and why the robot is not ready, and notify all pages. If the
+        database is away, the last values remain: they are only shown.
         """
         try:
-            found = await query(queries.between_visits_at, self.robot, timezone.now())
+            self.peers.waiting, self.peers.pause = await query(
+                queries.queue_at, self.robot, timezone.now()
+            )
         except (DatabaseError, InterfaceError) as error:
             log.warning("peers_not_read", robot=self.robot.name, reason=str(error))
             return
-        self.peers.waiting, self.peers.pause = found
         self.peers.changed()
 
     async def say_seen(self) -> None:
-        """Note in the database that this page is open."""
+        """Store that this page is open."""
         session = self.authorization.session
         if session is not None and not await last_seen_batcher.seen(session):
             await self.confirm()
 
     async def still_welcome(self) -> bool:
-        """Tell whether the visitor is still signed in and allowed here; otherwise end what the page
-        does, and its connection.
-
-        What the visitor may do here besides is looked at anew as well. The caller holds `turn`.
+        """Tell whether the visitor is still signed in and allowed here, and update the page's
+        permissions; otherwise end its session and its connection. The caller holds `turn`.
         """
         welcome = await query(queries.welcome, self.session_key, self.user, self.robot)
         answer = welcome.answer
         if answer == "welcome" and welcome.user is not None:
             self.user = welcome.user
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
-            told_before = not self.authorization.private
+            had_lease = not self.authorization.private
             self.note_private(welcome.private)
-            if told_before:
-                self.authorization.private = ""  # a lease was heard of, which is newer
+            if had_lease:
+                self.authorization.private = ""  # the lease is newer than the database's answer
             self._shut_out()
             if self.authorization.watches and not self.may_observe:
                 self.stop_watching()
                 self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
             return True
         log.warning("page_dismissed", robot=self.robot.name, reason=answer)
-        session, drove = self.authorization.session, self.authorization.standing == "driver"
+        session, drove = self.authorization.session, self.authorization.role == "driver"
         self.hang_up()
         if session is not None:
             self.forget()
             outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
             if await query(store.end, session, outcome, answer, timezone.now()):
-                self._send_ended(session, outcome, answer, drove=drove)
+                ended = protocol.Ended(session=session, outcome=outcome, reason=answer)
+                self._send_ended(ended, drove=drove)
         self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
 
-    async def page_gone(self, code: int) -> None:
-        """Note that the page's socket has closed, when what was begun is done, with the code of its
-        end. The visit goes on: its time is the session manager's.
+    async def page_closed(self, code: int) -> None:
+        """Store after any running verb that the page's socket has closed with `code`. The session
+        continues until the session manager ends it.
         """
         async with self.turn:
             session, peer = self.authorization.session, self.authorization.peer
-            waited = self.authorization.standing == "waiting"
+            waited = self.authorization.role == "waiting"
             if session is not None:
                 self.forget()
                 await last_seen_batcher.forget(session)
-                await query(store.page_gone, session, peer, timezone.now(), code)
+                await query(store.page_closed, session, peer, timezone.now(), code)
             if waited:
                 await self.read_peers()
 
     # --- small steps ------------------------------------------------------------------------------
 
     def peers_changed(self) -> None:
-        """Tell the page who is here, if that is news."""
+        """Send the page its peers, if they have changed."""
         self.audience_changed()
         now = time.monotonic()
         if self.authorization.by_sfu and now - self.described_at < ROOM_SECONDS:
-            return  # of a thousand who come one after the other, a thousand hear now and then
+            return  # each of a thousand pages that join would notify all others
         self.described_at = now
         described = self.peers.describe(self.known, now)
         if self.authorization.is_shut_out(self.known.lease):
@@ -453,8 +447,8 @@ class PageSession:
             self.sender.post("room", described)
 
     def audience_changed(self) -> None:
-        """Tell the page what it may see of hands and questions, if that is news; the hand of one
-        that watches no more is down.
+        """Send the page the hands and questions that it may see, if they have changed; take down
+        the hand of a page that stops watching.
         """
         page, audience = self.authorization, self.audience
         if not page.watches:
@@ -464,29 +458,27 @@ class PageSession:
         if seen == self.audience_seen:
             return
         self.audience_seen = seen
-        told = None if self.audience_told is None else protocol.AudienceState()
+        state = None if self.audience_sent is None else protocol.AudienceState()
         if page.watches or moderates:
-            told = audience.board.view(str(self.user.pk), moderates=moderates)
-        if told is not None and told != self.audience_told:
-            self.audience_told = told
-            self.sender.post("audience", told)
+            state = audience.board.view(str(self.user.pk), moderates=moderates)
+        if state is not None and state != self.audience_sent:
+            self.audience_sent = state
+            self.sender.post("audience", state)
 
     def tell_audience(self, message: protocol.ToAudience) -> str:
-        """Do what the page asks of its audience, or as a part of one; return why not, or
-        nothing.
-        """
+        """Carry out a request about the audience; return why it is refused, or nothing."""
         return self.audience.take(message, self, str(self.user.pk), self.authorization.who)
 
     def replaced(self) -> None:
-        """Another socket of this page has come: this one is dead, and must neither stop the robot
-        nor report the page gone.
+        """Give up this socket for a newer one of the same page: this one must neither stop the
+        robot nor report the page closed.
         """
         self._leave_sfu()
         self.forget()
         self.sender.end(protocol.REPLACED)
 
     def handle_message(self, inbound: Any) -> None:
-        """Take a notice of the session that is followed."""
+        """Handle a notice of the followed session."""
         self.handle_notice(str(inbound.frame))
 
     def _follow(self, session: str) -> None:
@@ -495,7 +487,7 @@ class PageSession:
         self.bridge.follow(session, self)
 
     def forget(self) -> None:
-        """Have nothing to do with the session any more."""
+        """Detach this page from its session."""
         if self.authorization.session is not None:
             self.bridge.unfollow(self.authorization.session, self)
         self.authorization.leave()
@@ -506,15 +498,15 @@ class PageSession:
         self.sender.notify(ended)
 
     def hang_up(self) -> None:
-        """Tell the robot that this page wants no more pictures, and must get none."""
+        """End the page's connection to the robot or to the SFU."""
         if self.authorization.by_sfu:
             self.stop_watching()
-        elif self.authorization.watches or self.authorization.standing == "driver":
+        elif self.authorization.watches or self.authorization.role == "driver":
             self._signal(Bye(reason="left"))
 
     def stop_watching(self) -> None:
-        """End the page's pictures when it watches; whoever drives may do so without the server, and
-        is ended by the lease.
+        """End the page's video when it watches. A driver's connection works without the server, and
+        ends with the lease.
         """
         if not self.authorization.watches:
             return
@@ -525,7 +517,7 @@ class PageSession:
         self.authorization.look_away()
 
     def vouch(self) -> None:
-        """Tell the robot that this page may go on watching."""
+        """Confirm to the robot that this page may still watch."""
         if self.authorization.watches and not self.authorization.by_sfu:
             self._signal(Stay())
 
@@ -537,9 +529,7 @@ class PageSession:
 
 
 def _sent_terms(fixed: Terms) -> protocol.GrantedTerms | None:
-    """Return what the page is told of the terms of its visit; None when they leave everything to
-    the visitor.
-    """
+    """Return the terms as the page receives them; None when they restrict nothing."""
     sent = protocol.GrantedTerms(
         label=fixed.label[:120],
         controllers=fixed.controllers,
@@ -552,8 +542,8 @@ def _sent_terms(fixed: Terms) -> protocol.GrantedTerms | None:
 
 
 def _ahead(lease: Lease, known: KnownRobot) -> Lease:
-    """Return the copy that the robot takes: its renewal may be ahead of the database's, and one
-    after an empty lease must be newer.
+    """Return a copy of the lease that the robot accepts: the robot's renewal number may be ahead of
+    the database's, and a lease after an empty one needs a greater number.
     """
     if known.epoch != lease.epoch:
         return lease

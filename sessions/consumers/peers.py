@@ -1,4 +1,4 @@
-"""The pages of one robot that this process serves: who they are to each other."""
+"""The pages of one robot in this process, and what they show of each other."""
 
 from collections import Counter
 from typing import Protocol
@@ -20,11 +20,11 @@ class Member(Protocol):
         """Another socket of the same page has taken this one's place."""
 
     def peers_changed(self) -> None:
-        """Somebody came, left, or does something else now."""
+        """A page joined or left, or has another role."""
 
 
 class Peers:
-    """Everybody here at one robot. `waiting` is the length of its queue when it was last read, and
+    """The pages at one robot. `waiting` is the length of its queue when it was last read, and
     `pause` why it was not ready then (sessions/leases/store.py).
     """
 
@@ -37,13 +37,13 @@ class Peers:
 
     @property
     def observers(self) -> int:
-        """How many of the pages here watch."""
+        """The number of pages here that watch."""
         return sum(member.authorization.watches for member in self.members)
 
     def is_to_be_read(self, known: KnownRobot, now: float) -> bool:
-        """Tell whether queue and robot are to be read anew, once for all pages here: after a lease
-        has ended, and now and then, because pages of other processes come and go too, and because
-        of what the robot does between two visits. `now` is monotonic seconds.
+        """Tell whether to read queue and robot again, once for all pages here: after each end of a
+        lease, and every PAGE_SEEN_EVERY seconds, because pages of other processes join and leave
+        and the robot's readiness changes. `now` is monotonic seconds.
         """
         is_over = known.lease_at(now) is None
         is_new = is_over and self._read_after != known.epoch
@@ -57,8 +57,8 @@ class Peers:
     def describe(self, known: KnownRobot, now: float) -> RoomState:
         """Return who is here; `now` is monotonic seconds.
 
-        The robot counts the viewers of every web process, this process those whose picture is still
-        to come. Those who watch while they wait count as waiting.
+        The robot counts the viewers of all web processes, this process also those whose video has
+        not started. Visitors who watch while they wait count as waiting.
         """
         lease = known.lease_at(now)
         drives = (
@@ -74,20 +74,22 @@ class Peers:
         )
 
     def _watching_queue(self, viewers: int) -> int:
-        """Return how many of those who watch wait for the robot: here, and at most elsewhere."""
+        """Return how many observers wait for the robot: those here, and at most so many of other
+        processes.
+        """
         here = [member.authorization for member in self.members]
-        waiting = [page for page in here if page.standing == "waiting"]
+        waiting = [page for page in here if page.role == "waiting"]
         direct = sum(page.watches and not page.by_sfu for page in here)
         elsewhere = min(max(0, viewers - direct), max(0, self.waiting - len(waiting)))
         return sum(page.watches for page in waiting) + elsewhere
 
     def has_place(self, known: KnownRobot) -> bool:
-        """Tell whether one more may watch; the robot's last place is kept for its driver."""
+        """Tell whether one more page may watch; the robot's last place is kept for its driver."""
         return self.observers < _places(known) - 1
 
     def has_place_beside_sfu(self, known: KnownRobot, *, operates: bool) -> bool:
-        """Tell whether one more may watch the robot itself where an SFU has it too: places are kept
-        for the driver, the SFU, and somebody who operates the robot.
+        """Tell whether one more page may connect to the robot itself although there is an SFU:
+        places are kept for the driver, the SFU, and an operator.
         """
         direct = sum(
             member.authorization.watches and not member.authorization.by_sfu
@@ -98,15 +100,13 @@ class Peers:
         return direct < min(_places(known) - 3, settings.DIRECT_WATCHERS)
 
     def replace(self, peer: str, by: Member) -> None:
-        """Let a page's new socket take the place of its old one, which may not know yet that it is
-        dead.
-        """
+        """Replace the old socket of a page by its new one; the old one may be dead unnoticed."""
         for member in tuple(self.members):
             if member is not by and member.authorization.peer == peer:
                 member.replaced()
 
     def changed(self) -> None:
-        """Tell every page here that its peers have changed."""
+        """Notify every page here that its peers have changed."""
         for member in tuple(self.members):
             member.peers_changed()
 
@@ -125,7 +125,7 @@ def peers_of(robot: str) -> Peers:
 
 
 def part(robot: str, member: Member) -> None:
-    """Leave; with its last page the robot's entry is dropped."""
+    """Remove a page; with its last page the robot's entry is dropped."""
     peers = _peers.get(robot)
     if peers is not None:
         if member in peers.members:
@@ -136,10 +136,12 @@ def part(robot: str, member: Member) -> None:
 
 
 def counts_by_role() -> Counter[str]:
-    """Return how many pages of this process do what: drive, wait, watch, or neither (`guest`)."""
+    """Return the numbers of pages of this process that drive, wait, watch, or do neither
+    (`guest`).
+    """
     members = [member for peers in _peers.values() for member in peers.members]
     return Counter(
-        "observer" if member.authorization.watches else member.authorization.standing
+        "observer" if member.authorization.watches else member.authorization.role
         for member in members
     )
 

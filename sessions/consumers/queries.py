@@ -1,7 +1,7 @@
-"""What a page's connection asks the database: synchronous, one question a function, plain answers.
+"""The database queries of pages' connections: synchronous, with plain results.
 
-Consumers call these through database.py, and never for a command or a signal: those
-are judged by the lease in memory.
+Consumers call these through database.py, and never for a command or a signal, which are authorized
+by the lease in memory.
 """
 
 import datetime
@@ -19,8 +19,7 @@ from robots.access import Verdict, may_drive, may_observe, may_operate
 from robots.api import messages as m
 from robots.models import Robot
 from sessions.consumers.authorization import Operator
-from sessions.leases import store as turns
-from sessions.leases import terms
+from sessions.leases import store, terms
 from sessions.models import Lease, Session
 from sessions.protocol import Refused
 
@@ -37,7 +36,7 @@ class PrivateDrive:
 
 @dataclass(frozen=True)
 class ConnectionContext:
-    """What a page is told, and may do, when it connects."""
+    """The data and permissions of a page that connects."""
 
     robot: Robot
     may_drive: Verdict
@@ -52,16 +51,16 @@ class ConnectionContext:
 
     @property
     def may_enter(self) -> bool:
-        """Tell whether there is anything at all for this visitor here."""
+        """Tell whether the visitor may drive or watch."""
         return bool(self.may_drive or self.may_observe)
 
 
 @dataclass(frozen=True)
 class Welcome:
-    """What a page that is already inside is told when it is looked at again."""
+    """The permissions of a connected page when they are checked again."""
 
     answer: Answer
-    user: User | None = None  # with the rights of now
+    user: User | None = None  # read again, with the present rights
     may_observe: bool = False
     operator: Operator | None = None
     private: PrivateDrive | None = None
@@ -69,10 +68,8 @@ class Welcome:
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """Where a session really stands: `lease` is set while it holds the robot through this very page
-    and epoch.
-
-    `seconds` is what is left of an offered turn.
+    """The status of a session in the database. `lease` is set while it holds the robot by this
+    page's peer and epoch; `moved` when it does by another; `seconds` is the rest of an offer.
     """
 
     state: str
@@ -84,23 +81,23 @@ class SessionStatus:
 
 
 def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | None:
-    """Return what a robot's door says to a user, or None when there is no such robot."""
+    """Return the context of a user's page at a robot, or None when there is no such robot."""
     robot = Robot.objects.filter(name=name).first()
     if robot is None:
         return None
-    live = turns.living_session_of(robot, user)
+    live = store.living_session_of(robot, user)
     is_live = live is not None and live.state != Session.State.WAITING
-    is_left = live is not None and turns.session_of(live).is_left(now.timestamp())
+    is_left = live is not None and store.session_of(live).is_left(now.timestamp())
     return ConnectionContext(
         robot=robot,
         may_drive=may_drive(user, robot),
         may_observe=may_observe(user, robot),
         operator=_operator(user, robot),
         live_elsewhere=is_live and not is_left,
-        live_since=turns.began(live) if is_live else None,
+        live_since=store.began(live) if is_live else None,
         online=robot.is_online(now),
         waiting=waiting_at(robot, now),
-        pause=turns.pause_of(robot),
+        pause=store.pause_of(robot),
         private=private_drive(user, robot),
     )
 
@@ -115,7 +112,7 @@ def private_drive(user: User, robot: Robot) -> PrivateDrive | None:
 
 
 def may_watch_private(user: User, session: str) -> bool:
-    """Tell whether a user may watch a private session: their own, or as its terms have it."""
+    """Tell whether a user may watch a private session: their own, or one that its terms allow."""
     own = Session.objects.filter(pk=session, visitor=user).exists()
     return own or terms.may_watch(user, session)
 
@@ -127,9 +124,7 @@ def _operator(user: User, robot: Robot) -> Operator | None:
 
 
 def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
-    """Tell whether a page that is already inside may stay, still signed in and still allowed, and
-    what it may do.
-    """
+    """Check again whether a connected page's user is signed in and allowed, and the permissions."""
     current = signed_in(session_key, user)
     if current is None:
         return Welcome("signed_out")
@@ -142,17 +137,16 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
 
 
 def signed_in(session_key: str | None, user: User) -> User | None:
-    """Return the user as stored now; None when logging out, a new password, expiry or staff have
-    ended the browser's session. It is another object, because one keeps the rights that it was once
-    asked for.
+    """Return the user as stored now; None when the browser's session has ended by logout, a new
+    password, expiry or staff. The object is new, because Django caches a user's permissions.
     """
     if session_key is None:
         return None
-    store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
+    browser = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
     current = User.objects.filter(pk=user.pk, is_active=True).first()
-    if current is None or store.get(SESSION_KEY) != str(user.pk):
+    if current is None or browser.get(SESSION_KEY) != str(user.pk):
         return None
-    known = store.get(HASH_SESSION_KEY, "")
+    known = browser.get(HASH_SESSION_KEY, "")
     return current if constant_time_compare(known, current.get_session_auth_hash()) else None
 
 
@@ -166,22 +160,22 @@ def take(
     takeover: bool,
     device: dict[str, Any],
     now: datetime.datetime,
-) -> turns.Taken:
-    """Ask for the robot, if the user may drive it now; see sessions/leases/store.py."""
+) -> store.Taken:
+    """Take the robot if the user may drive it now; see sessions/leases/store.py."""
     robot.refresh_from_db()
     verdict = may_drive(user, robot)
     if not verdict:
         return Refused(reason=verdict.reason)  # type: ignore[arg-type]
-    held = turns.holder_of(robot, user)
-    if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
-        # What was driven for oneself is no part of what begins now, and the robot goes home in
-        # between.
-        turns.end(str(held.session_id), Session.Outcome.COMPLETED, turns.BEGINS_ANEW, now)
+    held = store.holder_of(robot, user)
+    if held is not None and store.is_free_drive(held) and terms.claims(user, robot):
+        # The free drive is no part of the study's session, and the robot returns to its dock before
+        # that begins.
+        store.end(str(held.session_id), Session.Outcome.COMPLETED, store.BEGINS_ANEW, now)
         held = session = None
     reason = terms.why_not(user, robot, now)
-    if reason and held is None:  # whoever drives already may finish
+    if reason and held is None:  # a visitor who already drives may finish
         return Refused(reason=reason)  # type: ignore[arg-type]
-    return turns.take(
+    return store.take(
         robot,
         user,
         peer,
@@ -196,8 +190,8 @@ def take(
 def session_status_of(
     robot: Robot, session: str, *, epoch: int, peer: str, now: datetime.datetime
 ) -> SessionStatus:
-    """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or
-    waits (epoch 0).
+    """Return the status of a session for a page that drives, as far as it knows (with `epoch` and
+    `peer`), or waits (epoch 0).
     """
     row = Session.objects.filter(pk=session).first()
     if row is None or row.state == Session.State.ENDED:
@@ -213,21 +207,21 @@ def session_status_of(
         return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
-    return SessionStatus(row.state, lease=turns.message_of(lease, now))
+    return SessionStatus(row.state, lease=store.message_of(lease, now))
 
 
 def choose_assist(
     session: str, level: str, *, peer: str, now: datetime.datetime
 ) -> m.Lease | Literal["not_driver", "fixed"]:
-    """Note how much help a driver wants, and return the lease that says so; or why not: this page
-    does not drive, or has no choice.
+    """Store the driver's level of assistance, and return the lease with it; or why it is refused:
+    this page does not drive, or the level is fixed.
     """
     row = Session.objects.filter(pk=session).first()
     fixed = terms.FREE if row is None else terms.of(row)
     if fixed.assist is not None:
         return "fixed"
-    lease = turns.set_assist(session, level, peer=peer)
-    return "not_driver" if lease is None else turns.message_of(lease, now)
+    lease = store.set_assist(session, level, peer=peer)
+    return "not_driver" if lease is None else store.message_of(lease, now)
 
 
 def outcome_of(session: str) -> tuple[str, str]:
@@ -237,7 +231,7 @@ def outcome_of(session: str) -> tuple[str, str]:
 
 
 def is_of(session: str, visitor: User) -> bool:
-    """Return whether a session is this visitor's; false for what is no session at all."""
+    """Tell whether a session is this visitor's; False for an id that is not a session's."""
     try:
         return Session.objects.filter(pk=uuid.UUID(session), visitor=visitor).exists()
     except ValueError:
@@ -246,9 +240,9 @@ def is_of(session: str, visitor: User) -> bool:
 
 def waiting_at(robot: Robot, now: datetime.datetime) -> int:
     """Return how many visitors wait for a robot with an open page."""
-    return Session.objects.filter(turns.waits_here(now), robot=robot).count()
+    return Session.objects.filter(store.waits_here(now), robot=robot).count()
 
 
-def between_visits_at(robot: Robot, now: datetime.datetime) -> tuple[int, str]:
+def queue_at(robot: Robot, now: datetime.datetime) -> tuple[int, str]:
     """Return how many visitors wait for a robot, and why it is not ready, empty when it is."""
-    return waiting_at(robot, now), turns.pause_of(robot)
+    return waiting_at(robot, now), store.pause_of(robot)

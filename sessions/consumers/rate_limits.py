@@ -1,4 +1,4 @@
-"""How much a page may say: token buckets, pure, `now` in monotonic seconds."""
+"""The rate limits of a page: token buckets; pure, `now` in monotonic seconds."""
 
 from typing import Any, Literal
 
@@ -14,14 +14,13 @@ class Allowance:
 
     Driving sends 20 commands a second and a heartbeat five times, a stop is repeated 20 times a
     second, and a WebRTC offer is followed by a burst of candidates: the limits leave room for each.
-    Dots on a shared picture are worth little and cost a way through the broker each, so they have
-    the tightest, and as many as the robot takes. Stops have a bucket of their own, so that nothing
-    else a page says can use it up. Photos are kept for good, half a megabyte each, so they have one
-    too, and so has what the page says for the record: its network once a second, signs of the
-    visitor as often while the server asks for one, and what changes, much of it at once when a
-    drive begins. An offer makes the robot or the SFU open sockets and gather candidates; a page
-    that looks for its robot pauses 0.5 s after the first one, and longer after each that follows.
-    Every refused frame counts towards the limit of a flood.
+    `point` messages each pass through the broker and are worth little: their limit is the robot's
+    own. Stops have a separate bucket, so that no other frames can exhaust it. Photos have one
+    because each is stored, half a megabyte. So have reports for the record: the network once a
+    second, signs of the visitor as often while the server requests one, and changes, many of them
+    at the start of a drive. An offer makes the robot or the SFU open sockets and gather candidates;
+    a page that reconnects pauses 0.5 s after the first one, and longer after each later one. Every
+    refused frame counts towards the limit of a flood.
     """
 
     def __init__(self) -> None:
@@ -37,13 +36,11 @@ class Allowance:
         self._refusals = Bucket(rate=50.0, burst=500.0)
 
     def passes(self, message: Any, now: float) -> bool:
-        """Count a message, and tell whether it may pass."""
+        """Count a message, and tell whether it is within the limits."""
         return all(self._buckets[kind].spend(now) for kind in _kinds(message))
 
     def floods(self, now: float) -> bool:
-        """Count one refused frame, and tell whether there are so many that the
-        connection must end.
-        """
+        """Count a refused frame, and tell whether the connection must end, after too many."""
         return not self._refusals.spend(now)
 
 

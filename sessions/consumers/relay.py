@@ -1,4 +1,4 @@
-"""What a page hears of its robot: messages of the bridge turned into frames, pure."""
+"""Turns messages of the robot into frames for pages: pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,31 +14,31 @@ from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ROBOT
 from sessions import protocol
 
-# Newest wins: an older one may be dropped on the way to a slow page.
+# Messages that a newer one replaces: they may be dropped for a slow page.
 TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
 KEPT = frozenset({"event", "action"})
-# What a page that hears its robot directly is spared; of states it gets one now and then, in case
-# the direct way falls silent.
-SPARED = frozenset({"pose", "scan", "pointer"})
-# What pages that watch through the SFU are spared besides: there may be a thousand of them.
-SPARED_BY_SFU = SPARED | {"heartbeat"}
+# Not sent to a page that receives the robot's messages directly. It still gets every eighth state,
+# in case the direct connection fails.
+SKIPPED_IF_DIRECT = frozenset({"pose", "scan", "pointer"})
+# Not sent to pages that watch through the SFU: there may be a thousand of them.
+SKIPPED_WITH_SFU = SKIPPED_IF_DIRECT | {"heartbeat"}
 STATE_SECONDS = 1.9  # states come four times a second: every eighth
-# Why a robot is not there, in `robot`.
+# The reason in `robot` for a robot that is offline to this process.
 BROKER_AWAY = "server"
 HARMLESS = frozenset({"disk_low", "disk_full"})  # leases are renewed and the record waits in memory
 
 
 @dataclass(frozen=True)
 class Outgoing:
-    """A frame for the page, and whether a newer one makes it worthless."""
+    """A frame for the page; a `droppable` one is worthless once there is a newer one."""
 
     frame: str
     droppable: bool = False
 
 
-class Sparing:
-    """What of a robot's telemetry goes to one page: all of it, or little while the page says that
-    it hears the robot directly.
+class TelemetryFilter:
+    """Decides which telemetry one page receives: all, or little while `direct`, which is when the
+    page receives the robot's messages over the data channel.
     """
 
     def __init__(self) -> None:
@@ -46,14 +46,14 @@ class Sparing:
         self._state_at = float("-inf")
 
     def passes(self, suffix: str, now: float, *, by_sfu: bool = False) -> bool:
-        """Tell whether a message goes to the page; `now` is monotonic."""
+        """Tell whether to send a message to the page; `now` is monotonic seconds."""
         if suffix == "state":
             if (self.direct or by_sfu) and now - self._state_at < STATE_SECONDS:
                 return False
             self._state_at = now
         if by_sfu:
-            return suffix not in SPARED_BY_SFU
-        return not (self.direct and suffix in SPARED)
+            return suffix not in SKIPPED_WITH_SFU
+        return not (self.direct and suffix in SKIPPED_IF_DIRECT)
 
 
 def outgoing(suffix: str, message: Message) -> Outgoing:
@@ -83,9 +83,9 @@ def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
 
 
 def for_driver(inbound: ReceivedMessage, lease: Lease | None) -> Outgoing | None:
-    """Return what a robot says to whoever has it alone: words and what became of them, and where
-    somebody at its display points; None for all the rest, and for what the robot says in the voice
-    of its own, which a hidden operator gives it.
+    """Return the frame of a message for the driver alone: chat, its receipts, and where a person at
+    the robot's display points. None for all other messages, and in a hidden operator's session for
+    the operator's lines, which the robot speaks as its own.
     """
     match inbound:
         case ReceivedMessage(message=Words(by="driver", who="")) if (
@@ -100,8 +100,8 @@ def for_driver(inbound: ReceivedMessage, lease: Lease | None) -> Outgoing | None
 
 
 def for_screen(inbound: ReceivedMessage) -> Outgoing | None:
-    """Return what a robot says to its own display, where the driver points among it; None for what
-    is none of its business.
+    """Return the frame of a message for the robot's own display, including where the driver points;
+    None for other messages.
     """
     match inbound:
         case ReceivedMessage(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
@@ -112,8 +112,8 @@ def for_screen(inbound: ReceivedMessage) -> Outgoing | None:
 
 
 def presence(known: KnownRobot, *, link: bool) -> protocol.RobotPresence | None:
-    """Return whether the robot is there, as far as this process can tell; None before the robot has
-    said anything.
+    """Return whether the robot is online as far as this process knows; None before its first
+    message.
     """
     if not link:
         return protocol.RobotPresence(online=False, reason=BROKER_AWAY)
@@ -125,9 +125,7 @@ def presence(known: KnownRobot, *, link: bool) -> protocol.RobotPresence | None:
 
 
 def status(faults: Iterable[str], known: KnownRobot, now: float) -> Outgoing:
-    """Return what the pages of a robot are told of parts that fail; `now` is monotonic. Worthless
-    once the next one is there.
-    """
+    """Return the frame of the present faults, for pages of a robot; `now` is monotonic seconds."""
     return Outgoing(
         encode_frame(
             "server/status",
@@ -138,8 +136,8 @@ def status(faults: Iterable[str], known: KnownRobot, now: float) -> Outgoing:
 
 
 def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
-    """Say what follows: without these parts nobody renews a lease, and a robot whose lease has run
-    out stands.
+    """Return a fault with its effect: most faults keep the lease from being renewed, and a robot
+    stops when its lease expires.
     """
     if part in HARMLESS:
         return protocol.Fault(part=part, then="goes_on")

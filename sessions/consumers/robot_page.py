@@ -1,6 +1,6 @@
-"""The WebSocket of any page at one robot: what the drive page, a hidden operator's page and the
-robot's own display have in common. Each has an authorization of its own, which decides about every
-frame; here is done what it decided.
+"""The WebSocket of a page at one robot: the common part of the drive page, a hidden operator's page
+and the robot's own display. Each has its own authorization, which decides about every frame; the
+consumer carries out the decision.
 """
 
 import asyncio
@@ -25,31 +25,30 @@ from sessions.consumers.sender import Sender
 
 log = structlog.stdlib.get_logger(__name__)
 
-POLL_INTERVAL_S = 2.0  # s between two looks at what is at the robot
-WELCOME_EVERY = 60.0  # s between two looks at whether a page may stay
+POLL_INTERVAL_S = 2.0  # of the session at the robot
+WELCOME_EVERY = 60.0  # s between two checks whether a page may stay
 
 
 class RobotPageConsumer(DirectConsumer):
-    """One page at one robot. Until the page is let in it has no authorization, and whatever it says
-    is ignored.
+    """One page at one robot. Until it is admitted it has no authorization, and its frames are
+    ignored.
     """
 
     authorization: Any = None  # with the methods `receive` and `deny` of Authorization
     name: str
 
-    # --- coming and going -------------------------------------------------------------------------
+    # --- from connecting to closing ---------------------------------------------------------------
 
     async def connect(self) -> None:
-        """Let the page in, or close with the reason, which only an accepted socket can carry.
+        """Admit the page, or close with a code, which only an accepted socket can carry.
 
-        The socket is accepted when the database has answered: until then daphne reads nothing that
-        the page sends.
+        The socket is accepted after the database has answered: until then daphne reads no frames.
         """
         try:
             refusal = await self._enter()
         except (DatabaseError, InterfaceError) as error:
             log.warning("page_not_let_in", reason=str(error))
-            await self.close()  # as an HTTP response: the page tries again
+            await self.close()  # as an HTTP response, after which the page retries
             return
         await self.accept()
         if refusal is None:
@@ -58,19 +57,17 @@ class RobotPageConsumer(DirectConsumer):
             await self.close(refusal)
 
     async def _enter(self) -> int | None:
-        """Ask the database for what `_register` needs; return the close code of a page that may not
-        come in.
+        """Read what `_register` needs from the database; return the close code of a page that is
+        not admitted.
         """
         raise NotImplementedError
 
     def _register(self) -> None:
-        """Begin to serve the page."""
+        """Start to serve an admitted page."""
         raise NotImplementedError
 
     def _join(self, *, needs: bool = True) -> None:
-        """Hear the robot from now on; `needs` is whether it is to speak more while the page is
-        there.
-        """
+        """Subscribe to the robot; with `needs` it sends at its full rate while the page is open."""
         self.tasks: set[asyncio.Task[Any]] = set()
         self.presence: protocol.RobotPresence | None = None
         self.bridge = bridge.current()
@@ -78,17 +75,17 @@ class RobotPageConsumer(DirectConsumer):
         self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Live from the first to the last frame, and leave nothing behind however it ends:
-        `disconnect` is not called after a failure.
+        """Serve the connection, and clean up however it ends: Channels does not call `disconnect`
+        after an exception.
         """
         try:
             await super().__call__(scope, receive, send)
         finally:
             if self.authorization is not None:
-                await self._gone()
+                await self._clean_up()
 
-    async def _gone(self) -> None:
-        """Leave nothing behind."""
+    async def _clean_up(self) -> None:
+        """Cancel the page's tasks and subscriptions."""
         for task in self.tasks:
             task.cancel()
         self._stop_listening()
@@ -97,10 +94,10 @@ class RobotPageConsumer(DirectConsumer):
         self.sender.abandon()
         self.bridge.ignore(self.name, self)
 
-    # --- what the page says -----------------------------------------------------------------------
+    # --- frames of the page -----------------------------------------------------------------------
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
-        """Decide about a frame and do what was decided."""
+        """Authorize a frame, and carry out the decision."""
         if self.authorization is None or self.sender.closed:
             return
         frame = text_data if text_data is not None else bytes_data or b""
@@ -109,11 +106,11 @@ class RobotPageConsumer(DirectConsumer):
             effects = self.authorization.receive(frame, self._lease(), time.monotonic())
             self._perform(effects)
             if any(isinstance(effect, Verb) for effect in effects):
-                # what is asked for begins before the next frame, which may be the last
+                # starts the verb before the next frame, which may be the last
                 await asyncio.sleep(0)
 
     def _lease(self) -> Lease | None:
-        """Return the lease by which frames are decided about."""
+        """Return the lease by which frames are authorized."""
         return self.known.lease
 
     def _perform(self, effects: tuple[Effect, ...]) -> None:
@@ -133,16 +130,15 @@ class RobotPageConsumer(DirectConsumer):
                     self._do(effect)
 
     def _ask(self, suffix: str, verb: Message) -> None:
-        """Do what the page asks of the server."""
+        """Carry out a verb."""
 
     def _do(self, effect: Effect) -> None:
-        """Do what is decided for this kind of page alone."""
+        """Carry out an effect of this kind of page alone."""
 
     def _publish(self, publish: Publish) -> None:
         message = publish.message
         if isinstance(message, Action) and message.role != "driver":
-            # The robot knows the driver's clock from heartbeats, and of everybody else only the
-            # server's.
+            # The robot knows the clocks of the driver, by heartbeats, and of the server.
             message = msgspec.structs.replace(message, stamp=time.time())
         if not self._send_to_robot(publish.suffix, message) and publish.wanted:
             is_signal = publish.suffix.startswith(protocol.SIGNAL)
@@ -155,11 +151,11 @@ class RobotPageConsumer(DirectConsumer):
     def _signal(self, signal: Bye | Stay) -> None:
         self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)
 
-    # --- what the page is told --------------------------------------------------------------------
+    # --- messages to the page ---------------------------------------------------------------------
 
-    def _tells_connection(self, inbound: ReceivedMessage) -> bool:
-        """Tell the page what fails, and whether the robot is there whenever that changes; return
-        whether the message was about either.
+    def _handle_connection(self, inbound: ReceivedMessage) -> bool:
+        """Report faults, and changes of the robot's presence, to the page; return whether the
+        message was about either.
         """
         if inbound.suffix == FAULTS:
             self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
@@ -178,7 +174,7 @@ class RobotPageConsumer(DirectConsumer):
         else:
             await self.send(text_data=frame)
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     async def _keep_looking(
         self,
@@ -186,8 +182,8 @@ class RobotPageConsumer(DirectConsumer):
         look: Callable[[], Awaitable[None]],
         welcome: Callable[[], Awaitable[bool]],
     ) -> None:
-        """Look at once when something changed and now and then; ask every minute whether the page
-        may stay, and tell the robot so.
+        """Call `look` whenever `changed` is set and every POLL_INTERVAL_S. Every minute check
+        whether the page may stay, and confirm it to the robot.
         """
         asked = time.monotonic()
         while True:
@@ -207,8 +203,8 @@ class RobotPageConsumer(DirectConsumer):
                         self.sender.end(protocol.NOT_ALLOWED)
 
     def _launch(self, work: Coroutine[Any, Any, None], suffix: str = "") -> None:
-        """Run `work` beside the frames that follow. If it fails, what the page asked for with
-        `suffix` is answered with `denied`.
+        """Run `work` concurrently with further frames. If it fails, the page receives `denied` for
+        `suffix`.
         """
         task = asyncio.get_running_loop().create_task(self._finish(work, suffix))
         self.tasks.add(task)
@@ -220,7 +216,7 @@ class RobotPageConsumer(DirectConsumer):
 
     @contextmanager
     def _guarded(self, suffix: str = "") -> Iterator[None]:
-        """Log an exception, and answer with `denied` what the page asked for with `suffix`."""
+        """Log an exception, and send `denied` for the page's `suffix`."""
         try:
             yield
         except (DatabaseError, InterfaceError) as error:

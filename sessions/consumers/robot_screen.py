@@ -1,6 +1,4 @@
-"""The WebSocket of a robot's own display: decode, ask, perform. Its rules are in
-sessions/consumers/screen_authorization.py.
-"""
+"""The WebSocket of a robot's own display; its permissions are in screen_authorization.py."""
 
 import asyncio
 import secrets
@@ -27,11 +25,9 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class ScreenConsumer(RobotPageConsumer):
-    """One display of one robot. Until its key was found right there is no room, and whatever it
-    says is ignored.
-    """
+    """One display of one robot, admitted by its key."""
 
-    authorization: ScreenAuthorization | None = None
+    authorization: ScreenAuthorization
 
     async def _enter(self) -> int | None:
         self.name = self.scope["url_route"]["kwargs"]["robot"]
@@ -44,7 +40,7 @@ class ScreenConsumer(RobotPageConsumer):
         robot = self.robot
         assert robot is not None
         self.title, self.titles = robot.title or robot.name, robot.titles
-        self._join(needs=False)  # a display is always there: it asks no idle robot to speak more
+        self._join(needs=False)  # a display is always open, also at an idle robot
         self.authorization = ScreenAuthorization(
             secrets.token_urlsafe(12), self.title, ice_servers=IceCredentials(self.name)
         )
@@ -52,7 +48,7 @@ class ScreenConsumer(RobotPageConsumer):
         self.asked = protocol.AudienceState()
         self.audience = audience_of(self.name, self.bridge)
         self.study = ("", False)
-        # session and name of who waits for a robot that was stopped
+        # session and name of the first visitor who waits for a stopped robot
         self.waiting: tuple[str, str] | None = None
         self.visitor_changed = asyncio.Event()
         hello = protocol.Hello(
@@ -71,16 +67,15 @@ class ScreenConsumer(RobotPageConsumer):
         self._launch(page_channel.listen((page_channel.screen_group(self.name),), self._take_words))
         log.info("screen_joined", robot=self.name)
 
-    async def _gone(self) -> None:
-        # a connection to the robot lives without this socket
+    async def _clean_up(self) -> None:
+        # the connection to the robot would outlive this socket
         self._signal(Bye(reason="left"))
-        await super()._gone()
+        await super()._clean_up()
         self.audience.part(self)
-        assert self.authorization is not None
         log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
 
     def _lease(self) -> Lease | None:
-        """Return none: a display says the same whoever drives."""
+        """Return None: the permissions of a display do not depend on the driver."""
         return None
 
     def _publish(self, publish: Publish) -> None:
@@ -92,12 +87,11 @@ class ScreenConsumer(RobotPageConsumer):
         else:
             super()._publish(publish)
 
-    # --- what the display is told -----------------------------------------------------------------
+    # --- messages to the display ------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a message of the bridge."""
-        assert self.authorization is not None
-        if self._tells_connection(inbound):
+        """Handle a message of the bridge."""
+        if self._handle_connection(inbound):
             return
         if (shown := relay.for_screen(inbound)) is not None:
             self.sender.put(shown)
@@ -113,27 +107,24 @@ class ScreenConsumer(RobotPageConsumer):
             self.sender.put(relay.Outgoing(event["frame"]))
 
     def audience_changed(self) -> None:
-        """Tell the display which question of the audience is being answered, if that is news."""
+        """Send the display the question that is being answered, if it has changed."""
         asked = self.audience.board.view("")
         if asked != self.asked:
             self.asked = asked
             self.sender.post("audience", asked)
 
     async def _is_welcome(self) -> bool:
-        """Tell whether the key is still right."""
+        """Tell whether the key is still valid."""
         return await query(screen_of, self.name, self.key) is not None
 
     async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
-            self.study = (
-                lease.session,
-                await query(store.is_study, lease.session),
-            )
+            self.study = (lease.session, await query(store.is_study, lease.session))
         waiting = None
         if waiting_chat.is_open(self.known, time.monotonic()):
             waiting = await query(waiting_chat.first_waiting, self.name, timezone.now())
-        self.waiting = waiting
+        self.waiting = waiting  # set at once: chat is handled during the query
         shown = protocol.Screen(
             title=self.title,
             titles=self.titles,
@@ -141,7 +132,7 @@ class ScreenConsumer(RobotPageConsumer):
             visitor=lease.who if lease else None,
             waiting=self.waiting[1] if self.waiting is not None else None,
             study=lease is not None and self.study[1],
-            ice_servers=self.authorization.ice_servers() if self.authorization else (),
+            ice_servers=self.authorization.ice_servers(),
         )
         if shown != self.shown:
             self.shown = shown

@@ -1,9 +1,8 @@
-"""Who may say what from a robot's own display: the rules of that page's connection, without a
-socket, a broker or a database.
+"""What a robot's own display may send to the robot: pure.
 
-A screen shows the visitor, answers a call, writes to the visitor and says that it has shown what
-the visitor writes, points at what the visitor shares, and stops the robot. It never drives, and
-says all of it as the screen.
+A screen shows the visitor's video, answers calls, writes messages, confirms the visitor's, points
+at the shared picture, and stops the robot. It never drives. All of its messages have the role
+`screen`.
 """
 
 from typing import Any
@@ -27,9 +26,7 @@ from sessions.consumers.authorization import Authorization, Effect, FrameRefused
 
 
 class ScreenAuthorization(Authorization):
-    """The place of a robot's screen in its room.
-    In its place `who` is what the robot is called, in whose name the screen speaks.
-    """
+    """The permissions of a robot's display; `who` is the robot's title."""
 
     def _effect(self, suffix: str, message: Any, _lease: Lease | None, _now: float) -> Effect:
         match message:
@@ -55,5 +52,5 @@ class ScreenAuthorization(Authorization):
         stamped = msgspec.structs.replace(
             action, session=None, epoch=0, role="screen", user=self.who
         )
-        # The number belongs to the driver's counter.
+        # `seq` belongs to the driver's counter.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped

@@ -1,9 +1,8 @@
-"""What waits to be sent to one page: bounded, so that a slow page costs itself and nobody else.
+"""The frames that wait to be sent to one page: bounded, so that a slow page affects no other.
 
-Telemetry is worth only as much as it is new: when too much waits, the oldest goes. Signals, events
-and news of the session are kept and stay in order; a page that lets hundreds of them pile up has
-stopped reading, and its connection is ended. Of pictures one waits at most: a newer one takes its
-place.
+When too much telemetry waits, the oldest is dropped. Signals, events and notices are kept in order;
+a page that has let hundreds of them pile up has stopped reading, and its connection is closed. At
+most one picture waits: a newer one replaces it.
 """
 
 import asyncio
@@ -16,7 +15,7 @@ DROPPABLE, KEPT = 64, 512
 
 
 class SendQueue:
-    """Frames for one page, oldest first. `dropped` counts telemetry that was too old to send."""
+    """Frames for one page, oldest first. `dropped` counts telemetry and pictures."""
 
     def __init__(self, droppable: int = DROPPABLE, kept: int = KEPT) -> None:
         self._limits = droppable, kept
@@ -24,7 +23,7 @@ class SendQueue:
         self._kept: collections.deque[tuple[int, float, str]] = collections.deque()
         self._picture: collections.deque[tuple[int, float, bytes]] = collections.deque(maxlen=1)
         self._number = 0
-        self.taken_from = 0.0  # when the frame that was taken last was put in (monotonic)
+        self.taken_from = 0.0  # when the last taken frame was added, monotonic seconds
         self._filled, self._emptied = asyncio.Event(), asyncio.Event()
         self.dropped = 0
 
@@ -32,9 +31,7 @@ class SendQueue:
         return len(self._telemetry) + len(self._kept) + len(self._picture)
 
     def put(self, frame: str, *, droppable: bool) -> bool:
-        """Add a frame; False when a kept one finds no room, which is the end of this page's
-        connection.
-        """
+        """Add a frame; False when there is no room for a kept one: the connection must end."""
         queue, limit = (
             (self._telemetry, self._limits[0]) if droppable else (self._kept, self._limits[1])
         )
@@ -47,7 +44,7 @@ class SendQueue:
         return True
 
     def put_picture(self, frame: bytes) -> None:
-        """Add a picture instead of the one that still waits."""
+        """Add a picture; it replaces one that still waits."""
         self.dropped += len(self._picture)
         self._picture.append((self._next(), time.monotonic(), frame))
 
@@ -70,7 +67,7 @@ class SendQueue:
         return frame
 
     async def wait_empty(self, seconds: float) -> None:
-        """Wait until somebody has taken everything and asks for more, at most `seconds`."""
+        """Wait at most `seconds` until all frames are sent and the next is awaited."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._emptied.wait()

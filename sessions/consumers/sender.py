@@ -1,6 +1,4 @@
-"""The way out to one page: a mailbox, the task that empties it as fast as the page's network takes
-it, and the last frame.
-"""
+"""Sends frames to one page, as fast as its network takes them."""
 
 import asyncio
 import time
@@ -15,7 +13,7 @@ from sessions.consumers.relay import Outgoing, outgoing
 from sessions.consumers.send_queue import SendQueue
 
 FULL_POLL_SECONDS = 0.02
-LAST_WORDS_SECONDS = 2.0
+DRAIN_SECONDS = 2.0  # longest wait for queued frames before the connection is closed
 SEND_SECONDS = Histogram(
     "telepresence_relay_to_page_seconds",
     "Time from a message for a page to its WebSocket.",
@@ -46,11 +44,11 @@ class Sender:
 
     @property
     def closed(self) -> bool:
-        """Tell whether the end has been decided."""
+        """Tell whether the connection is about to close."""
         return self._ending is not None
 
     def post(self, suffix: str, message: Message) -> None:
-        """Send the page something of the server's own, which is never dropped."""
+        """Send the page a message of the server, which is never dropped."""
         self.put(outgoing(suffix, message))
 
     def notify(self, notice: protocol.Notice) -> None:
@@ -58,28 +56,26 @@ class Sender:
         self.put(Outgoing(protocol.notice_frame(notice)))
 
     def put(self, out: Outgoing) -> None:
-        """Send the page a frame; one that lets too much pile up is sent away."""
+        """Send the page a frame; close the connection of a page that is too slow."""
         if not self.queue.put(out.frame, droppable=out.droppable):
             self.end(protocol.TOO_SLOW)
 
     def put_picture(self, frame: bytes) -> None:
-        """Send the page a picture, or a newer one when its network does not take
-        this one in time.
-        """
+        """Send the page a picture, unless a newer one comes before its network takes this one."""
         self.queue.put_picture(frame)
 
     def end(self, code: int) -> None:
-        """Close the connection after what is already posted, once."""
+        """Close the connection after the frames that are already queued, once."""
         if self._ending is None:
-            self._ending = asyncio.get_running_loop().create_task(self._close_after_mail(code))
+            self._ending = asyncio.get_running_loop().create_task(self._close_when_sent(code))
 
     def abandon(self) -> None:
-        """The page is gone: send nothing more."""
+        """Send nothing more: the page has closed."""
         self._pumping.cancel()
 
-    async def _close_after_mail(self, code: int) -> None:
-        patience = 0.0 if code in {protocol.TOO_SLOW, protocol.FLOODED} else LAST_WORDS_SECONDS
-        await self.queue.wait_empty(patience)
+    async def _close_when_sent(self, code: int) -> None:
+        drain = code not in {protocol.TOO_SLOW, protocol.FLOODED}
+        await self.queue.wait_empty(DRAIN_SECONDS if drain else 0.0)
         await self._close(code)
 
     async def _pump(self) -> None:

@@ -1,9 +1,9 @@
-"""What whoever waits at a stopped robot and the people beside it write to each other.
+"""The chat between a visitor who waits for a stopped robot and the people beside it.
 
-A robot carries the words of whoever has it, and one whose emergency stop is on is given to nobody.
-So the server's own processes carry these, through the channel layer; nothing of it is recorded.
-Only for the first in the queue, who could drive as soon as the stop is released, and not in a
-study, whose terms decide what a participant may do.
+Otherwise the robot carries the driver's chat, but a robot with an active emergency stop is given to
+no driver. The web processes carry this chat through the channel layer; it is not recorded. Only the
+first in the queue takes part, who can drive as soon as the stop is released, and no participant of
+a study, whose terms decide what a participant may do.
 """
 
 import datetime
@@ -19,14 +19,14 @@ from sessions.models import Session
 
 
 def is_open(known: KnownRobot, now: float) -> bool:
-    """Tell whether a robot is stopped and nobody has it; `now` is monotonic seconds."""
+    """Tell whether a robot is stopped and has no driver; `now` is monotonic seconds."""
     stopped = known.state is not None and known.state.safety.estop
     return stopped and known.lease_at(now) is None
 
 
 def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
-    """Return the session and the name of the first in a robot's queue whose page is there;
-    None when nobody waits, or a participant of a study.
+    """Return session and name of the first in a robot's queue whose page is open; None without one,
+    or for a participant of a study.
     """
     seen_since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
     row = (
@@ -44,7 +44,7 @@ def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
 
 
 async def write(robot: str, session: str, action: Say, *, by: str, who: str) -> None:
-    """Bring words to both sides: to the page of the session and to the robot's displays."""
+    """Send a message to the page of the session and to the robot's displays."""
     words = Words(
         stamp=time.time(),
         action_id=action.action_id,

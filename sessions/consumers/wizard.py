@@ -1,9 +1,8 @@
-"""The WebSocket of a hidden operator: decode, ask, perform. Its rules are in
-sessions/consumers/wizard_authorization.py, what it is told in wizard_relay.py.
+"""The WebSocket of a hidden operator; wizard_authorization.py has its permissions, wizard_relay.py
+the messages to it.
 
-A step is sent to the robot before anything is written about it, so that the record costs the robot
-no time. When the socket ends, however that is, the robot is stopped, and nobody drives until
-somebody operates again.
+A step is sent to the robot before it is recorded, so that the record does not delay the robot. When
+the socket closes for any reason, the robot is stopped until an operator takes over again.
 """
 
 import asyncio
@@ -37,17 +36,15 @@ from sessions.wizard.script import Press, ScriptProgress, action_of
 log = structlog.stdlib.get_logger(__name__)
 
 HAND_PAUSE = 2.0  # s without a velocity by hand after which the next is a new deviation
-TURN_SECONDS = 30.0  # for which a step that turns the robot may take
+TURN_SECONDS = 30.0  # longest duration of a step that turns the robot
 
 
 class WizardConsumer(RobotPageConsumer):
-    """One operator's page at one robot. Until the operator was found to be one there is no room,
-    and whatever the page says is ignored.
-    """
+    """One operator's page at one robot."""
 
-    authorization: WizardAuthorization | None = None
+    authorization: WizardAuthorization
 
-    # --- coming and going -------------------------------------------------------------------------
+    # --- from connecting to closing ---------------------------------------------------------------
 
     async def _enter(self) -> int | None:
         self.user, self.name = self.scope["user"], self.scope["url_route"]["kwargs"]["robot"]
@@ -78,21 +75,20 @@ class WizardConsumer(RobotPageConsumer):
         self.changed.set()
         self._launch(self._keep_looking(self.changed, self._look_in_turn, self._is_welcome))
         groups = (page_channel.visitor_group(self.user.pk),)
-        self._launch(page_channel.listen(groups, lambda _: self._launch(self._look_again())))
+        self._launch(page_channel.listen(groups, lambda _: self._launch(self._check_again())))
         log.info("wizard_joined", robot=self.name)
 
-    async def _gone(self) -> None:
-        """Stop the robot, however the page went."""
+    async def _clean_up(self) -> None:
+        """Stop the robot, however the connection ended."""
         authorization = self.authorization
-        assert authorization is not None
         stop = authorization.last_stop(uuid.uuid4().hex, time.time(), self.known.lease)
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
         self._signal(Bye(reason="left"))
-        await super()._gone()
+        await super()._clean_up()
         self._unfollow()
         session = authorization.session
-        authorization.let_go()
+        authorization.release()
         if session is not None:
             await asyncio.shield(self._release(session, authorization.peer, leases.LOST))
         log.info("wizard_left", robot=self.name, refused=dict(authorization.refused))
@@ -104,7 +100,7 @@ class WizardConsumer(RobotPageConsumer):
             self.bridge.publish_lease(self.name, lease)
             await self._note(session, kind)
 
-    # --- what the page says -----------------------------------------------------------------------
+    # --- frames of the page -----------------------------------------------------------------------
 
     def _publish(self, publish: Publish) -> None:
         self._notice_hand(publish.message)
@@ -117,29 +113,27 @@ class WizardConsumer(RobotPageConsumer):
             return
         now = time.monotonic()
         if now - self.hand_at > HAND_PAUSE:
-            self._launch(self._note(self._session(), leases.BY_HAND, method=method))
+            self._launch(self._note(self.authorization.session, leases.BY_HAND, method=method))
         self.hand_at = now
 
     def _ask(self, suffix: str, verb: Message) -> None:
-        authorization = self.authorization
-        assert authorization is not None
         match verb:
             case protocol.TakeOver():
-                self._launch(self._take(authorization, verb), suffix)
+                self._launch(self._take(verb), suffix)
             case protocol.StopOperating():
-                self._launch(self._let_go(authorization), suffix)
+                self._launch(self._stop_operating(), suffix)
             case protocol.BeginStep():
-                self._step(authorization, verb)
+                self._step(verb)
             case protocol.FreeLine():
-                self._line(authorization, verb)
+                self._line(verb)
             case protocol.Reached(action_id=key, latency=latency):
-                self._launch(
-                    self._note(self._session(), leases.REACHED, id=key, latency=round(latency, 4))
-                )
+                session, seconds = self.authorization.session, round(latency, 4)
+                self._launch(self._note(session, leases.REACHED, id=key, latency=seconds))
 
-    # --- the wheel --------------------------------------------------------------------------------
+    # --- control of the robot ---------------------------------------------------------------------
 
-    async def _take(self, authorization: WizardAuthorization, ask: protocol.TakeOver) -> None:
+    async def _take(self, ask: protocol.TakeOver) -> None:
+        authorization = self.authorization
         async with self.turn:
             operated = self.at[1] if self.at is not None and self.at[0] == ask.session else None
             if operated is None:
@@ -157,28 +151,29 @@ class WizardConsumer(RobotPageConsumer):
                 self.sender.post("wizard/lost", protocol.Lost(reason=taken))
                 return
             authorization.operate(ask.session, taken.wizard_epoch, by_hand=operated.script.by_hand)
-            # before the page hears of it, so that the robot knows the operator when commands come
+            # before `wizard/granted`, so that the robot has the lease when commands arrive
             self.bridge.publish_lease(self.name, taken)
             granted = protocol.Operating(session=ask.session, epoch=taken.wizard_epoch)
             self.sender.post("wizard/granted", granted)
             await self._note(ask.session, leases.TOOK, blind=operated.is_blind)
         self.changed.set()
 
-    async def _let_go(self, authorization: WizardAuthorization) -> None:
+    async def _stop_operating(self) -> None:
+        authorization = self.authorization
         async with self.turn:
             session = authorization.session
-            authorization.let_go()
+            authorization.release()
             if session is not None:
                 await self._release(session, authorization.peer, leases.LEFT)
         self.changed.set()
 
     # --- the script -------------------------------------------------------------------------------
 
-    def _step(self, authorization: WizardAuthorization, ask: protocol.BeginStep) -> None:
-        """Begin a step: what the robot does by itself is sent, what the page drives is let pass."""
+    def _step(self, ask: protocol.BeginStep) -> None:
+        """Begin a step: send the robot its action, or permit the velocities of the page."""
         progress = self.progress
         known = progress is not None and any(ask.step == one.key for one in progress.script.steps)
-        if progress is None or not known or not authorization.drives(self.known.lease):
+        if progress is None or not known or not self.authorization.drives(self.known.lease):
             refused = protocol.StepBegun(
                 step=ask.step, action_id=ask.action_id, reason="not_driver" if known else "unknown"
             )
@@ -187,8 +182,8 @@ class WizardConsumer(RobotPageConsumer):
         now = time.time()
         press = progress.judge(ask.step, now)
         assert press is not None
-        reason = self._begin(authorization, press, ask)
-        if not reason:  # what the robot does not do is not done, and may be pressed again
+        reason = self._begin(press, ask)
+        if not reason:  # a step that was not sent may be pressed again
             progress.press(ask.step, now)
         begun = protocol.StepBegun(
             step=ask.step,
@@ -198,35 +193,32 @@ class WizardConsumer(RobotPageConsumer):
             reason=reason,
         )
         self.sender.post("wizard/begun", begun)
-        told = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
-        self._launch(
-            self._note(self._session(), leases.STEP, **told, skipped=press.skipped, reason=reason)
-        )
+        data = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
+        data |= {"skipped": press.skipped, "reason": reason}
+        self._launch(self._note(self.authorization.session, leases.STEP, **data))
 
-    def _begin(
-        self, authorization: WizardAuthorization, press: Press, ask: protocol.BeginStep
-    ) -> str:
-        """Send what a step asks of the robot; return why that could not be, or nothing."""
+    def _begin(self, press: Press, ask: protocol.BeginStep) -> str:
+        """Send the action of a step; return why it could not be sent, or nothing."""
         step = press.step
         if step.is_driven_by_page:
             seconds = step.drive.seconds + 1.0 if step.drive is not None else TURN_SECONDS
-            authorization.script_until = time.monotonic() + seconds
+            self.authorization.script_until = time.monotonic() + seconds
             return ""
         assert self.progress is not None
         language = self.progress.script.language
         action = action_of(step, language, action_id=ask.action_id, stamp=ask.stamp)
-        assert action is not None  # as of every step that the page does not drive
-        return self._send_action(authorization, action)
+        assert action is not None  # only steps that the page drives have none
+        return self._send_action(action)
 
-    def _send_action(self, authorization: WizardAuthorization, action: Action) -> str:
+    def _send_action(self, action: Action) -> str:
         try:
-            stamped = authorization.stamp_action(action, self.known.lease)
+            stamped = self.authorization.stamp_action(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
         return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
 
-    def _line(self, authorization: WizardAuthorization, ask: protocol.FreeLine) -> None:
-        """Say what is not in the script, which is a deviation."""
+    def _line(self, ask: protocol.FreeLine) -> None:
+        """Have the robot speak a text that is not in the script, which is a deviation."""
         language = self.progress.script.language if self.progress is not None else ""
         action = Say(
             action_id=ask.action_id,
@@ -235,19 +227,12 @@ class WizardConsumer(RobotPageConsumer):
             language=language,
             aloud=ask.aloud,
         )
-        reason = self._send_action(authorization, action)
-        self.sender.post(
-            "wizard/begun", protocol.StepBegun(step="free", action_id=ask.action_id, reason=reason)
-        )
+        reason = self._send_action(action)
+        begun = protocol.StepBegun(step="free", action_id=ask.action_id, reason=reason)
+        self.sender.post("wizard/begun", begun)
         if not reason:
-            self._launch(
-                self._note(
-                    self._session(), leases.LINE, id=ask.action_id, text=ask.text, aloud=ask.aloud
-                )
-            )
-
-    def _session(self) -> str | None:
-        return self.authorization.session if self.authorization is not None else None
+            data = {"id": ask.action_id, "text": ask.text, "aloud": ask.aloud}
+            self._launch(self._note(self.authorization.session, leases.LINE, **data))
 
     async def _note(self, session: str | None, kind: str, **data: Any) -> None:
         if session is None:
@@ -257,19 +242,17 @@ class WizardConsumer(RobotPageConsumer):
         except (DatabaseError, InterfaceError) as error:
             log.error("wizard_not_recorded", session=session, event_type=kind, reason=str(error))
 
-    # --- what the page is told --------------------------------------------------------------------
+    # --- messages to the page ---------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a message of the robot, or a notice of the participant's session."""
-        authorization = self.authorization
-        assert authorization is not None
+        """Handle a message of the robot, or a notice of the participant's session."""
         if inbound.suffix == NOTICE:
             self._handle_notice(str(inbound.frame))
         elif inbound.suffix == "lease":
-            self._lease_changed(authorization, inbound.message)
+            self._lease_changed(inbound.message)
         elif (
-            not self._tells_connection(inbound)
-            and (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None
+            not self._handle_connection(inbound)
+            and (out := wizard_relay.for_wizard(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)
 
@@ -284,18 +267,18 @@ class WizardConsumer(RobotPageConsumer):
         if view is not None:
             self.sender.post("wizard/participant", view)
 
-    def _lease_changed(self, authorization: WizardAuthorization, lease: Lease | None) -> None:
+    def _lease_changed(self, lease: Lease | None) -> None:
         self.changed.set()
-        session = authorization.session
+        authorization, session = self.authorization, self.authorization.session
         if session is None or authorization.drives(lease):
             return
         is_same = lease is not None and lease.session == session
         if is_same and lease is not None and lease.wizard_epoch < authorization.epoch:
             return  # an older copy
-        authorization.let_go()
+        authorization.release()
         self.sender.post("wizard/lost", protocol.Lost(reason="taken" if is_same else "ended"))
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     async def _look_in_turn(self) -> None:
         async with self.turn:
@@ -305,15 +288,13 @@ class WizardConsumer(RobotPageConsumer):
         key = self.scope["session"].session_key
         return await query(_is_welcome, key, self.user, self.name)
 
-    async def _look_again(self) -> None:
-        """End the page if the rights of its user have changed and it may not stay."""
+    async def _check_again(self) -> None:
+        """End the page if its user may no longer operate the robot."""
         if not await self._is_welcome():
             self.sender.end(pages.NOT_ALLOWED)
 
     async def _look(self) -> None:
-        authorization = self.authorization
-        assert authorization is not None
-        scene = await query(_scene, self.user, self.robot, authorization.peer)
+        scene = await query(_scene, self.user, self.robot, self.authorization.peer)
         if scene is None:
             self._unfollow()
             self.at = self.progress = None
@@ -333,7 +314,7 @@ class WizardConsumer(RobotPageConsumer):
             self.sender.post("wizard/session", shown)
 
     async def _resume(self, session: str, operated: OperatedSession) -> None:
-        """Know how far the script is, also after the page was loaded anew."""
+        """Restore the progress of the script from the record, as after a reload of the page."""
         done = await query(leases.steps_done, session)
         self.progress = ScriptProgress(operated.script, time.time())
         for at, key in done:
@@ -357,8 +338,8 @@ def _is_welcome(session_key: str | None, user: Any, name: str) -> bool:
 def _scene(
     user: Any, robot: Robot, peer: str
 ) -> tuple[str, OperatedSession, protocol.SessionToOperate] | None:
-    """Return the session at a robot, for an operator's page with this peer id; None without one
-    that is this operator's.
+    """Return the session at a robot that this user operates, for a page with this peer id; None
+    without one.
     """
     session = leases.session_at(robot)
     operated = operators.operated(user, session) if session is not None else None

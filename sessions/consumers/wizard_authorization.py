@@ -1,9 +1,8 @@
-"""What the page of a hidden operator may say: the rules of that page's connection, without a
-socket, a broker or a database.
+"""What the page of a hidden operator may send to the robot: pure.
 
-The page drives only while the lease names it as the wizard of its session, and only in the way of
-the script: by hand where the study allows it, else with the velocities of a step that was begun. It
-stops the robot at any time, like everybody.
+The page drives only while the lease names it as the wizard of its session, and only as the script
+has it: by hand where the study allows that, otherwise with the velocities of a step that has begun.
+It may stop the robot at any time, as any page may.
 """
 
 from collections.abc import Callable
@@ -37,7 +36,7 @@ SCRIPT = "script"  # the input method of a step
 
 
 class WizardAuthorization(Authorization):
-    """The place of an operator's page in a robot's room.
+    """The permissions of an operator's page.
 
     Args:
         peer: the id that the server made for this connection.
@@ -53,12 +52,12 @@ class WizardAuthorization(Authorization):
         self.script_until = float("-inf")
 
     def operate(self, session: str, epoch: int, *, by_hand: bool) -> None:
-        """The page was given the wheel of a session."""
+        """The page now drives in a session."""
         self.session, self.epoch, self.by_hand = session, epoch, by_hand
         self.velocity_seq, self.script_until = 0, float("-inf")
 
-    def let_go(self) -> None:
-        """The page operates nothing any more."""
+    def release(self) -> None:
+        """The page no longer operates a session."""
         self.session, self.epoch, self.by_hand = None, 0, False
 
     def holds(self, _lease: Lease | None) -> bool:
@@ -66,7 +65,7 @@ class WizardAuthorization(Authorization):
         return False
 
     def drives(self, lease: Lease | None) -> bool:
-        """Tell whether the lease names this page as the one that drives."""
+        """Tell whether the lease names this page as its wizard."""
         return (
             lease is not None
             and lease.kind == "wizard"
@@ -97,7 +96,7 @@ class WizardAuthorization(Authorization):
         raise FrameRefused("not_allowed")
 
     def _check_method(self, command: VelocityCommand, now: float) -> None:
-        """A velocity that moves the robot is of a step that was begun, or of a hand."""
+        """Refuse a velocity that is neither of a step that has begun nor allowed by hand."""
         moves = command.linear != 0.0 or command.angular != 0.0
         is_script = command.method == SCRIPT
         if moves and not (now < self.script_until if is_script else self.by_hand):

@@ -1,8 +1,8 @@
-"""What the page of a hidden operator is told of its robot and session: pure.
+"""The messages of robot and session for the page of a hidden operator: pure.
 
-It is a list of what may pass, because an operator may be blind to the condition, which a state
-tells by its assistance and its network: of a state and a pose only what `RobotView` and the pose
-itself have.
+An allow-list, because the operator may be blind to the condition, which a state's assistance and
+network would reveal: of a state only the fields of `RobotView`, of a pose update only the pose and
+the velocity.
 """
 
 from robots.api.codec import encode_frame
@@ -14,8 +14,8 @@ from sessions.wizard import protocol
 
 
 def for_wizard(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
-    """Return what an operator's page with this peer id is told of a robot's message; None when it
-    is none of its business.
+    """Return the frame of a robot's message for an operator's page with this peer id; None for
+    messages that are not on the list.
     """
     match inbound:
         case ReceivedMessage(suffix="state", message=State() as state):
@@ -31,7 +31,7 @@ def for_wizard(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
 
 
 def view_of(state: State) -> protocol.RobotView:
-    """Return what an operator is told of a state."""
+    """Return the part of a state that an operator may see."""
     return protocol.RobotView(
         stamp=state.stamp,
         pose=state.pose,
@@ -47,7 +47,7 @@ def view_of(state: State) -> protocol.RobotView:
 
 
 def participant_view(frame: str) -> protocol.ParticipantView | None:
-    """Return what an operator is shown of a notice to the participant's page; None of one that is
+    """Return the operator's view of a notice to the participant's page; None for a notice that is
     not about the task.
     """
     notice = pages.decode_notice(frame)

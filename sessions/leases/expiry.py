@@ -14,60 +14,62 @@ from sessions.leases.store import change_lease, end, fix_terms, load_scene, rule
 from sessions.leases.terms import NotGranted
 from sessions.leases.transitions import (
     IDLE,
-    Act,
     FirstMotion,
-    Free,
-    Lose,
-    Move,
+    MarkLost,
+    ReleaseLease,
     RobotLink,
+    SetState,
+    Transition,
     TurnLimited,
     TurnUnlimited,
-    Withdraw,
+    WithdrawOffer,
     decide_tick,
 )
 from sessions.models import Session
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 
 WAITING = Session.State.WAITING
 
 
 def tick(
     robot: Robot, link: RobotLink, now: datetime.datetime, scene: Scene | None = None
-) -> tuple[Act, ...]:
+) -> tuple[Transition, ...]:
     """Carry out the transitions that are due at one robot, and return those that happened. A caller
     that has read the scenes of many robots together passes `scene`.
     """
     scene = load_scene(robot, now) if scene is None else scene
     return tuple(
-        act
-        for act in decide_tick(scene, link, rules_of(robot), now.timestamp())
-        if _perform(act, scene, link, robot, now)
+        transition
+        for transition in decide_tick(scene, link, rules_of(robot), now.timestamp())
+        if _perform(transition, scene, link, robot, now)
     )
 
 
-def _perform(act: Act, scene: Scene, link: RobotLink, robot: Robot, now: datetime.datetime) -> bool:
-    match act:
-        case Free(epoch):
+def _perform(
+    transition: Transition, scene: Scene, link: RobotLink, robot: Robot, now: datetime.datetime
+) -> bool:
+    match transition:
+        case ReleaseLease(epoch):
             return change_lease(robot, epoch, now=now)
-        case Move():
-            return _move(act, _session(scene, act.session), now)
+        case SetState():
+            return _set_state(transition, _session(scene, transition.session), now)
         case Ended(session=session, outcome=outcome, reason=reason):
             # The page may have sent a sign of its visitor since the decision.
             sign_came = reason == IDLE and link.signs.get(session, 0.0) >= now.timestamp()
             return not sign_came and end(
                 session, outcome, reason, now, **_as_decided(_session(scene, session))
             )
-        case TurnWarning() | AskedThere() | FoundThere():
+        case TurnWarning() | PresenceAsked() | PresenceConfirmed():
             return True
         case _:
-            return _change_row(act, now)
+            return _change_row(transition, now)
 
 
 def _change_row(
-    act: FirstMotion | TurnLimited | TurnUnlimited | Offered | Withdraw | Lose,
+    transition: FirstMotion | TurnLimited | TurnUnlimited | Offered | WithdrawOffer | MarkLost,
     now: datetime.datetime,
 ) -> bool:
-    match act:
+    match transition:
         case FirstMotion(session):
             return update_living(session, {"first_motion_at": now}, first_motion_at=None)
         case TurnLimited(session, ends_at):
@@ -76,21 +78,21 @@ def _change_row(
             return update_living(session, {"turn_ends_at": None})
         case Offered(session=session):
             return update_living(session, {"offered_at": now}, state=WAITING, offered_at=None)
-        case Withdraw(session):
+        case WithdrawOffer(session):
             return update_living(session, {"offered_at": None}, state=WAITING)
-        case Lose(session, lost_at):
+        case MarkLost(session, lost_at):
             return update_living(session, {"lost_at": _at(lost_at)}, state=WAITING, lost_at=None)
 
 
-def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:
-    if session.state == "waiting" and not _terms_fixed(move.session, now):
+def _set_state(change: SetState, session: ActiveSession, now: datetime.datetime) -> bool:
+    if session.state == "waiting" and not _terms_fixed(change.session, now):
         return False
-    changes: dict[str, Any] = {"state": move.state, "lost_at": _at(move.lost_at)}
+    changes: dict[str, Any] = {"state": change.state, "lost_at": _at(change.lost_at)}
     if session.granted_at is None:  # the process that granted it died before it stored this
         changes["granted_at"] = now
-    moved = update_living(move.session, changes, **_as_decided(session))
-    if moved and move.state == "driving":
-        update_living(move.session, {"driving_at": now}, driving_at=None)
+    moved = update_living(change.session, changes, **_as_decided(session))
+    if moved and change.state == "driving":
+        update_living(change.session, {"driving_at": now}, driving_at=None)
     return moved
 
 

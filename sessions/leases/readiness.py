@@ -1,5 +1,5 @@
-"""What a robot does between two sessions: it returns to its dock, levels its head, and is ready
-when it is fit for the next session.
+"""Between two sessions, a robot returns to its dock, levels its head, and is ready when it is fit
+for the next session.
 
 Pure: `decide` takes the robot's condition and its last order, and returns its readiness and the
 next order.
@@ -7,7 +7,7 @@ next order.
 - A robot is ready when it is docked, localized, charged above its limit, looks straight ahead,
   takes a picture and answers in time.
 - A robot that is not docked is ordered to dock, three times with a pause between. Then the queue is
-  paused with the robot's reason, and the order is repeated every PAUSE seconds: a door that was
+  paused with the robot's reason, and the order is repeated every PAUSED_RETRY_S: a door that was
   closed may be open by then.
 - A docked robot that is not localized gets the pose of its dock; one whose head is tilted is
   ordered to level it; one with a low battery charges. An unknown charge does not delay a session:
@@ -33,12 +33,12 @@ Kind = Literal["dock", "level", "relocalize", "picture"]
 # Prefix of the ids of orders between sessions, which belong into no session's record.
 ORDERED = "home-"
 ATTEMPTS = 3
-AGAIN = 5.0
-PAUSE = 120.0
+RETRY_S = 5.0  # between two attempts
+PAUSED_RETRY_S = 120.0  # between two attempts while the queue is paused
 STOPPED = "stopped"  # the reason of a pause: the robot was stopped between two sessions
-LATE = 30.0  # seconds of a bad network after which the queue is paused
-LONGEST = {"dock": 300.0, "level": 15.0, "relocalize": 60.0, "picture": 15.0}
-LEVEL = 0.03  # rad
+NETWORK_PAUSE_S = 30.0  # of a bad network, after which the queue is paused
+TIMEOUTS_S = {"dock": 300.0, "level": 15.0, "relocalize": 60.0, "picture": 15.0}
+LEVEL_RAD = 0.03  # largest tilt of a head that counts as level
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Order:
 
     def is_over(self, now: float) -> bool:
         """Tell whether it has ended, or has taken longer than it ever should."""
-        return self.status in ENDED or now - self.at > LONGEST[self.kind]
+        return self.status in ENDED or now - self.at > TIMEOUTS_S[self.kind]
 
 
 @dataclass(frozen=True)
@@ -90,37 +90,35 @@ class Readiness:
 
 
 def decide(
-    turnaround: Readiness, condition: RobotCondition, now: float
+    readiness: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
     """Return the readiness now, and the next order, if any."""
     if not condition.is_current:
-        return replace(turnaround, reason="offline"), None
+        return replace(readiness, reason="offline"), None
     if condition.estop:
         return Readiness("paused", "estop"), None
     if condition.stopped:
         return Readiness("paused", STOPPED), None
-    turnaround = _note_picture(turnaround)
+    readiness = _note_picture(readiness)
     if (
-        turnaround.order is not None
-        and not turnaround.order.is_over(now)
-        and not _is_done(turnaround.order.kind, condition)
+        readiness.order is not None
+        and not readiness.order.is_over(now)
+        and not _is_done(readiness.order.kind, condition)
     ):
-        return turnaround, None
+        return readiness, None
     if condition.docked:
-        return _when_docked(turnaround, condition, now)
-    return _attempt(replace(turnaround, seen=False, late_since=None), "dock", now)
+        return _when_docked(readiness, condition, now)
+    return _attempt(replace(readiness, seen=False, late_since=None), "dock", now)
 
 
-def _note_picture(turnaround: Readiness) -> Readiness:
+def _note_picture(readiness: Readiness) -> Readiness:
     """Note that the robot took a picture, if only one that was too large to be sent."""
-    order = turnaround.order
-    if (
-        order is None
-        or order.kind != "picture"
-        or not (order.status == "FINISHED" or order.reason == "too_large")
-    ):
-        return turnaround
-    return replace(turnaround, order=None, attempts=0, tried_at=None, seen=True)
+    order = readiness.order
+    if order is None or order.kind != "picture":
+        return readiness
+    if order.status != "FINISHED" and order.reason != "too_large":
+        return readiness
+    return replace(readiness, order=None, attempts=0, tried_at=None, seen=True)
 
 
 def _is_done(kind: Kind, condition: RobotCondition) -> bool:
@@ -133,38 +131,30 @@ def _is_done(kind: Kind, condition: RobotCondition) -> bool:
 
 
 def _when_docked(
-    turnaround: Readiness, condition: RobotCondition, now: float
+    readiness: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
-    missing: Kind | None = (
-        "relocalize"
-        if not condition.localized
-        else "level"
-        if not condition.head_is_level
-        else None
-    )
-    if missing is not None:
-        return _attempt(turnaround, missing, now)
+    if not condition.localized:
+        return _attempt(readiness, "relocalize", now)
+    if not condition.head_is_level:
+        return _attempt(readiness, "level", now)
     if condition.charge is not None and condition.charge < condition.charge_limit:
         return Readiness("charging", "charging"), None
     if not condition.is_responsive:
-        return _wait_for_network(turnaround, now), None
-    turnaround = replace(turnaround, late_since=None)
-    if condition.has_camera and not turnaround.seen:
-        # A robot that still holds its last driver's lease would take the picture for the record of
-        # that session.
-        return (
-            _attempt(turnaround, "picture", now)
-            if condition.driver_released
-            else (replace(turnaround, phase="returning", reason="picture"), None)
-        )
+        return _wait_for_network(readiness, now), None
+    readiness = replace(readiness, late_since=None)
+    if condition.has_camera and not readiness.seen:
+        if condition.driver_released:
+            return _attempt(readiness, "picture", now)
+        # With its last driver's lease, the robot would take the picture for that session's record.
+        return replace(readiness, phase="returning", reason="picture"), None
     return Readiness("ready"), None
 
 
-def _wait_for_network(turnaround: Readiness, now: float) -> Readiness:
-    since = now if turnaround.late_since is None else turnaround.late_since
-    phase: Phase = "paused" if now - since >= LATE else "returning"
+def _wait_for_network(readiness: Readiness, now: float) -> Readiness:
+    since = now if readiness.late_since is None else readiness.late_since
+    phase: Phase = "paused" if now - since >= NETWORK_PAUSE_S else "returning"
     return replace(
-        turnaround,
+        readiness,
         phase=phase,
         reason="network",
         order=None,
@@ -174,19 +164,19 @@ def _wait_for_network(turnaround: Readiness, now: float) -> Readiness:
     )
 
 
-def _attempt(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
+def _attempt(readiness: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
     """Note how the last attempt ended, and begin another when it is due."""
-    order = turnaround.order
+    order = readiness.order
     if order is not None and order.kind == kind:
         reason = order.reason or ("no_answer" if not order.status else "failed")
-        turnaround = replace(
-            turnaround, order=None, attempts=turnaround.attempts + 1, tried_at=now, reason=reason
+        readiness = replace(
+            readiness, order=None, attempts=readiness.attempts + 1, tried_at=now, reason=reason
         )
     elif order is not None:
-        turnaround = replace(turnaround, order=None, attempts=0, tried_at=None)
-    spent = turnaround.attempts >= ATTEMPTS
+        readiness = replace(readiness, order=None, attempts=0, tried_at=None)
+    spent = readiness.attempts >= ATTEMPTS
     phase: Phase = "paused" if spent else "returning"
-    wait = PAUSE if spent else AGAIN
-    if turnaround.tried_at is not None and now - turnaround.tried_at < wait:
-        return replace(turnaround, phase=phase), None
-    return replace(turnaround, phase=phase, reason=turnaround.reason if spent else kind), kind
+    wait = PAUSED_RETRY_S if spent else RETRY_S
+    if readiness.tried_at is not None and now - readiness.tried_at < wait:
+        return replace(readiness, phase=phase), None
+    return replace(readiness, phase=phase, reason=readiness.reason if spent else kind), kind

@@ -11,7 +11,7 @@ What a consumer calls, each through consumers/database.py:
   session manager renews it.
 - `seen`, through consumers/last_seen.py, every `policy.PAGE_SEEN_EVERY` seconds while the page's
   socket is open with a session; `take` calls it, too.
-- `page_gone` when the socket closes: the session continues for as long as its heartbeat or its
+- `page_closed` when the socket closes: the session continues for as long as its heartbeat or its
   grace period lasts.
 - `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and
   the notice `ended`.
@@ -358,7 +358,7 @@ def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
     return {str(key) for key, _, _ in found}
 
 
-def page_gone(session: str, peer: str, now: datetime.datetime, code: int = CLOSED) -> None:
+def page_closed(session: str, peer: str, now: datetime.datetime, code: int = CLOSED) -> None:
     """Store that a page closed its socket, unless another page has taken over."""
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return
@@ -565,10 +565,7 @@ def _with_needs(
     if scene.holder is not None or not scene.ready:
         return scene
     open_now = [each for each in scene.queue if each.page_open(now.timestamp())]
-    next_ones = {
-        each.id
-        for each in (*open_now[:1], *(each for each in open_now if each.offered_at is not None))
-    }
+    next_ones = {each.id for each in open_now if each is open_now[0] or each.offered_at is not None}
     why = {
         str(key): terms.not_ready(session.visitor, robot, now)
         for key, session in sessions.items()

@@ -43,7 +43,7 @@ from sessions.leases.policy import (
     ready,
     turn_end,
 )
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 
 HEARTBEAT_SILENCE = 2.0
 STATE_SILENCE = 3.0
@@ -77,14 +77,14 @@ class RobotLink:
 
 
 @dataclass(frozen=True)
-class Free:
+class ReleaseLease:
     """The lease names a session that is over: release it."""
 
     epoch: int
 
 
 @dataclass(frozen=True)
-class Move:
+class SetState:
     """The session changes to `state`; `lost_at` is None when it is connected."""
 
     session: str
@@ -115,14 +115,14 @@ class TurnUnlimited:
 
 
 @dataclass(frozen=True)
-class Withdraw:
+class WithdrawOffer:
     """The offer is withdrawn, and made again later."""
 
     session: str
 
 
 @dataclass(frozen=True)
-class Lose:
+class MarkLost:
     """A waiting session's page has been gone, unnoticed by its web process, since `lost_at`."""
 
     session: str
@@ -131,23 +131,23 @@ class Lose:
 
 # Some are the notice that the session's page receives. TurnWarning comes at every tick of the last
 # minutes; the scheduler sends it once.
-Act = (
-    Free
-    | Move
+Transition = (
+    ReleaseLease
+    | SetState
     | FirstMotion
     | TurnLimited
     | TurnUnlimited
-    | Withdraw
-    | Lose
+    | WithdrawOffer
+    | MarkLost
     | TurnWarning
-    | AskedThere
-    | FoundThere
+    | PresenceAsked
+    | PresenceConfirmed
     | Offered
     | Ended
 )
 
 
-def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tuple[Act, ...]:
+def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tuple[Transition, ...]:
     """Return the transitions that are due, in order."""
     unreadable = [session for session in scene.sessions if not session.is_readable]
     if unreadable:  # the others of this robot come at the next tick
@@ -155,25 +155,25 @@ def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tupl
             Ended(session=session.id, outcome="stopped_by_operator", reason=TERMS_UNREADABLE)
             for session in unreadable
         )
-    acts = [*_orphans(scene), *_waiting(scene, link, rules, now)]
+    due = [*_orphans(scene), *_waiting(scene, link, rules, now)]
     holder = scene.holder
     if holder is not None:
-        acts += _driver(scene, holder, link, rules, now)
+        due += _driver(scene, holder, link, rules, now)
     elif scene.hold.session is not None:
-        acts.append(Free(scene.hold.epoch))
+        due.append(ReleaseLease(scene.hold.epoch))
     else:
-        acts += _offers(scene, rules, now)
-    return tuple(acts)
+        due += _offers(scene, rules, now)
+    return tuple(due)
 
 
-def _orphans(scene: Scene) -> Iterator[Act]:
+def _orphans(scene: Scene) -> Iterator[Transition]:
     """End sessions that drive without the lease, after a process was killed half-way."""
     for session in scene.sessions:
         if session.state != "waiting" and session.id != scene.hold.session:
             yield Ended(session=session.id, outcome="connection_lost", reason="lease_gone")
 
 
-def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterator[Act]:
+def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterator[Transition]:
     for session in scene.queue:
         # An offer that could not be taken does not lapse: it is withdrawn.
         if (
@@ -190,31 +190,31 @@ def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterato
             yield Ended(session=session.id, outcome="cancelled", reason="page_gone")
         else:
             if session.lost_at is None:
-                yield Lose(session.id, now)
+                yield MarkLost(session.id, now)
             if session.offered_at is not None:
-                yield Withdraw(session.id)  # no page can take the turn; the place is kept
+                yield WithdrawOffer(session.id)  # no page can take the turn; the place is kept
 
 
 def _driver(
     scene: Scene, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
-) -> Iterator[Act]:
+) -> Iterator[Transition]:
     fault = _fault(scene, holder, link, now)
     if fault is not None:
         yield fault
         return
     if link.moved and not holder.drove and _speaks_of(link, holder, scene.hold):
         yield FirstMotion(holder.id)
-    moved_on = _connection(scene.hold, holder, link, rules.of(holder), now)
-    if moved_on is not None:
-        yield moved_on
+    changed = _connection(scene.hold, holder, link, rules.of(holder), now)
+    if changed is not None:
+        yield changed
     idle = (
         _idle(holder, link, rules.of(holder), now)
-        if holder.state == "driving" and moved_on is None
+        if holder.state == "driving" and changed is None
         else None
     )
     if idle is not None:
         yield idle
-    if not isinstance(moved_on, Ended) and not isinstance(idle, Ended):
+    if not isinstance(changed, Ended) and not isinstance(idle, Ended):
         yield from _turn(scene, holder, link, rules, now)
 
 
@@ -246,14 +246,14 @@ def _speaks_of(link: RobotLink, holder: ActiveSession, hold: Hold) -> bool:
 
 def _connection(
     hold: Hold, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
-) -> Move | Ended | None:
+) -> SetState | Ended | None:
     if holder.state == "waiting":  # the granting process died before it stored this
-        return Move(holder.id, "connecting")
+        return SetState(holder.id, "connecting")
     here = visitor_here(hold, holder, link, now)
     if holder.state == "driving":
-        return Move(holder.id, "reconnecting", now) if here is False else None
+        return SetState(holder.id, "reconnecting", now) if here is False else None
     if here:
-        return Move(holder.id, "driving")
+        return SetState(holder.id, "driving")
     if here is None:
         return None  # the robot is silent; _fault ends the session if it stays so
     if holder.state == "connecting":
@@ -280,15 +280,15 @@ def _broken_off(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) 
 
 def _idle(
     holder: ActiveSession, link: RobotLink, rules: Rules, now: float
-) -> AskedThere | FoundThere | Ended | None:
+) -> PresenceAsked | PresenceConfirmed | Ended | None:
     still_since = max(
         link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
     )
     asked_at = link.asked[1] if link.asked is not None and link.asked[0] == holder.id else None
     if rules.idle <= 0.0 or now - still_since < rules.idle:
-        return FoundThere(session=holder.id) if asked_at is not None else None
+        return PresenceConfirmed(session=holder.id) if asked_at is not None else None
     if asked_at is None or asked_at < still_since:
-        return AskedThere(session=holder.id, seconds=ANSWER_SECONDS)
+        return PresenceAsked(session=holder.id, seconds=ANSWER_SECONDS)
     return (
         Ended(session=holder.id, outcome="timed_out", reason=IDLE)
         if now - asked_at >= ANSWER_SECONDS + ROUND_TRIP_MARGIN_S
@@ -298,7 +298,7 @@ def _idle(
 
 def _turn(
     scene: Scene, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
-) -> Iterator[Act]:
+) -> Iterator[Transition]:
     if not holder.turn_always and not any(ready(session, now) for session in scene.queue):
         if holder.turn_ends_at is not None:
             yield TurnUnlimited(holder.id)
@@ -314,11 +314,11 @@ def _turn(
         yield TurnWarning(session=holder.id, remaining=ends_at - now)
 
 
-def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
+def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Transition]:
     offered = [session for session in scene.queue if session.offered_at is not None]
     unready = [session for session in offered if session.not_ready or not scene.ready]
     if unready or not scene.ready:
-        yield from (Withdraw(session.id) for session in unready)
+        yield from (WithdrawOffer(session.id) for session in unready)
     elif not any(offer_alive(session, rules, now) for session in offered):
         first = next((session for session in scene.queue if ready(session, now)), None)
         if first is not None and not first.not_ready:

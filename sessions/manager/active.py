@@ -30,11 +30,13 @@ from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.disk_watch import DiskWatch
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
+from sessions.manager.intake_gate import IntakeGate
 from sessions.manager.membership import Membership
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
 from sessions.recording.items import ReleaseItem
 from sessions.recording.recorder import Recorder
+from sessions.shards.hashing import shard_of
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -80,16 +82,12 @@ class ActiveManager:
         self._loop = loop = asyncio.get_running_loop()
         self.recorder = Recorder(self._request_states, ownership=ownership)
         due, received = asyncio.Event(), asyncio.Event()
+        intake = Intake(self.recorder, time.time, wake_signals=received.set, wake_scheduler=due.set)
         self._work = Work(
             recorder=self.recorder,
             ownership=ownership,
-            ingest=Intake(
-                self.recorder,
-                time.time,
-                wake_signals=received.set,
-                wake_scheduler=due.set,
-                ownership=ownership,
-            ),
+            ingest=intake,
+            gate=IntakeGate(intake, ownership, time.time),
             scheduler=Scheduler(ownership),
             return_to_dock=ReturnToDock(ownership),
             presence=PresenceWriter(ownership),
@@ -135,7 +133,7 @@ class ActiveManager:
         await self._work.thread.run(tuple)  # a running tick ends first
         written = asyncio.Event()
         done = functools.partial(self._loop.call_soon_threadsafe, written.set)
-        self.recorder.put(ReleaseItem(shards, done))
+        self.recorder.put(ReleaseItem(lambda robot: shard_of(robot) in shards, done))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(RELEASE_SECONDS):
                 await written.wait()
@@ -195,7 +193,7 @@ class ActiveManager:
         async with self._failover.client(
             self._credentials,
             server_client_id("session-manager", self._slot),
-            self._work.ingest.receive,
+            self._work.gate.receive,
             clean_session=False,
         ) as client:
             read_quickly(client)

@@ -38,6 +38,7 @@ from sessions.manager.disk_watch import DiskWatch
 from sessions.manager.dispatch import send_all
 from sessions.manager.health import Fault, ManagerHealth
 from sessions.manager.ingest import Intake, PresenceNews, filters
+from sessions.manager.intake_gate import IntakeGate
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import (
@@ -81,6 +82,7 @@ class Work:
     ownership: Ownership
     recorder: Recorder
     ingest: Intake
+    gate: IntakeGate
     scheduler: Scheduler
     return_to_dock: ReturnToDock
     presence: PresenceWriter
@@ -164,7 +166,7 @@ class BrokerConnection:
     async def _tick_for_ever(self) -> None:
         while True:
             self._work.due.clear()
-            self._work.ingest.follow_ownership()
+            self._work.gate.follow()
             await self._subscribe()
             for item in await self._work.thread.attempt(self._tick) or ():
                 self._work.recorder.put(item)

@@ -24,7 +24,7 @@ from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
 from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
-from sessions.shards.ownership import EVERYTHING, Ownership
+from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
 # Between two readings of all robots: ten thousand of them take a tenth of a second to read, and a
 # hundred plans half of that.
@@ -47,9 +47,8 @@ class DesiredState:
     """Remembers the last messages to each robot."""
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
-        self._ownership = ownership
+        self._ownership, self._shard_changes = ownership, ShardChanges(ownership)
         self._published: dict[str, _Published] = {}
-        self._version = ownership.version
         # what tells one state of a plan from another, and the plan, by its key
         self._plans: dict[Any, tuple[str, dict[str, Any]]] = {}
         self._read_at = -math.inf
@@ -61,9 +60,9 @@ class DesiredState:
         """Yield the messages that have changed since the last tick; at the first one, all. Each
         counts as published even if a database error ends the tick.
         """
-        if self._version != self._ownership.version:
-            self._version, self._had_session = self._ownership.version, None
-            self._read_at = -math.inf
+        if self._shard_changes:
+            self._shard_changes.take()
+            self._had_session, self._read_at = None, -math.inf
         held = {
             lease.robot_id: lease.session
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")

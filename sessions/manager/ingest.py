@@ -1,11 +1,6 @@
 """Sorts what arrives at the session manager: to the recorder, into memory, and into the queues of
 presence and signals.
 
-While several session managers share the robots, each receives everything of its own robots, and the
-rare messages of all: events, actions, photos and page reports. Those of other robots are kept for
-some seconds. If another process dies and this one gets its robots, the rare messages that it had
-not written are here, and its states are requested again by their numbers.
-
 Runs in the loop's thread and never waits. Malformed messages are counted, logged and dropped.
 """
 
@@ -24,16 +19,13 @@ from robots.api.errors import Rejection
 from sessions import protocol
 from sessions.leases.readiness import ORDERED
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.recording.builder import EARLY_SECONDS, MAX_EARLY
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
-from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
 RARE = ("event", "action", "photo/+")
 FREQUENT = ("connection", "factsheet", "state", "heartbeat")
-EARLY_BYTES = 32 * 1024 * 1024  # of messages of robots that are not ours
 MAX_UNSENT = 10_000
 MAX_SIGNS = 10_000
 # Answers to actions that are repeated many times a second, or sent by the session manager itself,
@@ -70,17 +62,6 @@ def _of_robots(
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _Early:
-    """An encoded message of a robot that is not ours."""
-
-    robot: str
-    suffix: str
-    payload: bytes
-    received_at: float
-    retained: bool
-
-
 @dataclass(frozen=True)
 class PresenceNews:
     """A message about a robot's presence."""
@@ -107,7 +88,6 @@ class Intake:
         monotonic: seconds.
         wake_signals: called when `fresh` has new items.
         wake_scheduler: called when a web process has ended a session.
-        ownership: whose messages are ours.
     """
 
     def __init__(
@@ -117,7 +97,6 @@ class Intake:
         *,
         wake_signals: Callable[[], None],
         wake_scheduler: Callable[[], None],
-        ownership: Ownership = EVERYTHING,
         monotonic: Callable[[], float] = time.monotonic,
     ) -> None:
         self._recorder = recorder
@@ -125,10 +104,6 @@ class Intake:
         self._monotonic = monotonic
         self._wake_signals = wake_signals
         self._wake_scheduler = wake_scheduler
-        self._ownership = ownership
-        self._version = ownership.version
-        self._early: deque[_Early] = deque()
-        self._early_bytes = 0
         # the newest of each kind of each robot
         self._presence: dict[tuple[str, str], PresenceNews] = {}
         self._stated: set[str] = set()  # robots with a state that presence_news has not returned
@@ -137,11 +112,12 @@ class Intake:
         self.signs: dict[str, float] = {}  # session: last sign of its page (transitions.py)
         self.counts: Counter[str] = Counter()
 
-    def receive(self, message: aiomqtt.Message) -> None:
-        """Take a message of the broker."""
+    def receive(self, message: aiomqtt.Message, received_at: float | None = None) -> None:
+        """Take a message of the broker, received at `received_at` (Unix seconds) or just now."""
         topic, payload = str(message.topic), bytes(message.payload or b"")
+        now = self._clock() if received_at is None else received_at
         try:
-            self._on_message(topic, payload, retained=message.retain)
+            self._on_message(topic, payload, now, retained=message.retain)
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
             if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:
@@ -152,8 +128,7 @@ class Intake:
                     count=self.counts[rejection.reason],
                 )
 
-    def _on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        now = self._clock()
+    def _on_message(self, topic: str, payload: bytes, now: float, *, retained: bool) -> None:
         if topic.startswith(_REPORTS):
             report = _decoded(protocol.PageReport, payload, topic)
             self._put(PageItem(report, now))
@@ -166,42 +141,7 @@ class Intake:
             parsed = topics.parse(topic)
             if parsed is None:
                 raise Rejection("unknown_topic", topic[:80])
-            if self._ownership.owns(parsed[0]):
-                self._on_robot_message(*parsed, payload, now, retained=retained)
-            else:
-                self._keep(_Early(*parsed, payload, now, retained))
-
-    def _keep(self, message: _Early) -> None:
-        self._early.append(message)
-        self._early_bytes += len(message.payload)
-        oldest = message.received_at - EARLY_SECONDS
-        while self._early[0].received_at < oldest or (
-            len(self._early) > MAX_EARLY or self._early_bytes > EARLY_BYTES
-        ):
-            self._early_bytes -= len(self._early.popleft().payload)
-
-    def follow_ownership(self) -> None:
-        """Forget robots that were ours, and take kept messages of those that have become ours."""
-        if self._version == self._ownership.version:
-            return
-        self._version = self._ownership.version
-        for robot in [one for one in self.liveness if not self._ownership.owns(one)]:
-            del self.liveness[robot]
-        oldest = self._clock() - EARLY_SECONDS
-        for early in [self._early.popleft() for _ in range(len(self._early))]:
-            if not self._ownership.owns(early.robot):
-                self._early.append(early)
-            elif early.received_at >= oldest:
-                self._take_early(early)
-        self._early_bytes = sum(len(early.payload) for early in self._early)
-
-    def _take_early(self, early: _Early) -> None:
-        try:
-            self._on_robot_message(
-                early.robot, early.suffix, early.payload, early.received_at, retained=early.retained
-            )
-        except Rejection as rejection:
-            self.counts[rejection.reason] += 1
+            self._on_robot_message(*parsed, payload, now, retained=retained)
 
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool

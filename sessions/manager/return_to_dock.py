@@ -17,7 +17,15 @@ import structlog
 from robots.api import codec, messages, topics
 from robots.models import Robot, RobotPresence
 from sessions import signals, system_log
-from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
+from sessions.leases.readiness import (
+    LEVEL_RAD,
+    ORDERED,
+    Kind,
+    Order,
+    Readiness,
+    RobotCondition,
+    decide,
+)
 from sessions.leases.store import LIVE
 from sessions.leases.transitions import STATE_SILENCE
 from sessions.manager.robot_liveness import RobotLiveness
@@ -154,7 +162,9 @@ def _condition(
     ):
         return RobotCondition(is_current=False)
     level = (
-        known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
+        known.tilt_home is None
+        or state.tilt is None
+        or abs(state.tilt - known.tilt_home) <= LEVEL_RAD
     )
     return RobotCondition(
         driver_released=state.session is None,

@@ -38,18 +38,17 @@ from sessions.leases.store import (
 )
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
-    Act,
     FirstMotion,
-    Move,
     RobotLink,
+    SetState,
+    Transition,
     TurnLimited,
     TurnUnlimited,
 )
 from sessions.models import Lease, Session, SessionEvent
-from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
+from sessions.protocol import Ended, Notice, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 from sessions.recording.items import CloseItem
-from sessions.shards.hashing import shard_of
-from sessions.shards.ownership import EVERYTHING, Ownership
+from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -86,9 +85,7 @@ class Scheduler:
     """
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
-        self._ownership = ownership
-        self._version = ownership.version
-        self._shards = frozenset(ownership.epochs)
+        self._ownership, self._changes = ownership, ShardChanges(ownership)
         self._gained: dict[str, float] = {}  # robot: when it became ours while we ran
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
@@ -120,24 +117,19 @@ class Scheduler:
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
         self._last_notice, self._warned = {}, {}
 
-    def _follow_ownership(self, now: datetime.datetime) -> None:
+    def _follow_changes(self, now: datetime.datetime) -> None:
         """Forget robots that have moved to another session manager. For newly acquired robots,
         publish everything again and wait for their first state.
         """
-        version, epochs = self._ownership.version, self._ownership.epochs
-        if self._version == version:
+        if not self._changes:
             return
-        names = list(
-            Robot.objects.values_list("name", flat=True)
-        )  # first, because the database may refuse it
-        gained = epochs.keys() - self._shards
-        self._version, self._shards = version, frozenset(epochs)
-        for name in names:
-            if shard_of(name) in gained:
-                self._gained[name] = now.timestamp()
-                self._leases[name] = NEVER
-            elif shard_of(name) not in epochs:
-                self._forget(name)
+        names = list(Robot.objects.values_list("name", flat=True))  # may be refused: before `take`
+        gained, lost = self._changes.take(names)
+        for name in gained:
+            self._gained[name] = now.timestamp()
+            self._leases[name] = NEVER
+        for name in lost:
+            self._forget(name)
 
     def _forget(self, name: str) -> None:
         for known in (self._leases, self._counted, self._asked, self._gained):
@@ -155,7 +147,7 @@ class Scheduler:
             default: for a robot that has sent none.
             now: aware.
         """
-        self._follow_ownership(now)
+        self._follow_changes(now)
         queues = set(
             Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True)
         )
@@ -171,8 +163,8 @@ class Scheduler:
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
                 if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
                     self._web_absences.tick(scenes[robot.pk].holder, now)
-                for act in expiry.tick(robot, link, now, scenes[robot.pk]):
-                    self._publish(act, robot, now)
+                for transition in expiry.tick(robot, link, now, scenes[robot.pk]):
+                    self._publish(transition, robot, now)
                 if robot.pk in queues:
                     self._publish_places(robot, now)
         return self._finish(now)
@@ -188,14 +180,14 @@ class Scheduler:
 
     # --- notices ----------------------------------------------------------------------------------
 
-    def _publish(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
-        match act:
-            case Move():
-                self._publish_moved(act, robot, now)
-            case Offered() | AskedThere() | FoundThere():
-                self._publish_recorded(act, robot, now)
+    def _publish(self, transition: Transition, robot: Robot, now: datetime.datetime) -> None:
+        match transition:
+            case SetState():
+                self._publish_state(transition, robot, now)
+            case Offered() | PresenceAsked() | PresenceConfirmed():
+                self._publish_recorded(transition, robot, now)
             case TurnWarning():
-                self._warn(act, now)
+                self._warn(transition, now)
             case FirstMotion(session):
                 self._note(session, "first_motion", now)
             case TurnLimited(session):
@@ -208,30 +200,33 @@ class Scheduler:
                     "session_broken_off",
                     "warning",
                     robot=robot,
-                    session=act.session,
+                    session=transition.session,
                     at=now,
-                    outcome=act.outcome,
-                    reason=act.reason,
+                    outcome=transition.outcome,
+                    reason=transition.reason,
                 )
 
-    def _publish_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
-        self._note(move.session, move.state, now)
-        if move.state == "driving" and move.session == self._asked.get(robot.name, ("",))[0]:
+    def _publish_state(self, change: SetState, robot: Robot, now: datetime.datetime) -> None:
+        self._note(change.session, change.state, now)
+        if change.state == "driving" and change.session == self._asked.get(robot.name, ("",))[0]:
             # The visitor was disconnected and could not answer.
-            asked = AskedThere(session=move.session, seconds=ANSWER_SECONDS)
+            asked = PresenceAsked(session=change.session, seconds=ANSWER_SECONDS)
             self._publish_recorded(asked, robot, now)
 
     def _publish_recorded(
-        self, notice: Offered | AskedThere | FoundThere, robot: Robot, now: datetime.datetime
+        self,
+        notice: Offered | PresenceAsked | PresenceConfirmed,
+        robot: Robot,
+        now: datetime.datetime,
     ) -> None:
         self._record(notice, now)
         self._send(notice)
         match notice:  # last, so that the next tick repeats what the database refused to record
             case Offered():
                 self._last_notice[notice.session] = "offered"
-            case AskedThere():
+            case PresenceAsked():
                 self._asked[robot.name] = notice.session, now.timestamp()
-            case FoundThere():
+            case PresenceConfirmed():
                 del self._asked[robot.name]
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
@@ -332,7 +327,7 @@ class Scheduler:
         receives the end first and the lease after it. Renewal is therefore separate from the tick,
         which takes longer, and the caller repeats it until there is nothing to publish.
         """
-        self._follow_ownership(now)
+        self._follow_changes(now)
         before = len(self.outbox)
         rows = Lease.objects.filter(session__state__in=LIVE).values_list(
             "robot__name", "robot_id", "epoch", "session__state"

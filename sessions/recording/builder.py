@@ -5,7 +5,7 @@ DatabaseError the same item can be taken again.
 """
 
 import datetime
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -33,9 +33,10 @@ from sessions.recording.photos import Photos, RecordedPhoto
 from sessions.recording.robot_runs import RobotRuns
 from sessions.recording.sequence_tracker import ASKING_SECONDS, Loss
 from sessions.recording.store import RecordStore, key_of, row_of
-from sessions.shards.hashing import shard_of
+from sessions.shards.foreign_messages import ForeignMessages
 
 logger = structlog.stdlib.get_logger(__name__)
+Source = SessionEvent.Source
 
 # Events of a robot that are logged even outside of sessions.
 LOGGED = {
@@ -48,10 +49,6 @@ LOGGED = {
 LOGGED_RATE = (0.1, 30.0)  # entries of one robot a second, and at once
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
-# How long messages about another session manager's robots are kept, in case they become ours, and
-# how many.
-EARLY_SECONDS = 5.0
-MAX_EARLY = 5000
 
 
 class RecordBuilder:
@@ -64,14 +61,12 @@ class RecordBuilder:
 
     def __init__(self, store: RecordStore, ask: Callable[[str, str, int, int], None]) -> None:
         self._store = store
-        self._ask = ask
         self._chunks = Chunks()
         self._photos = Photos()
-        self._runs = RobotRuns(store)
+        self._runs = RobotRuns(store, ask)
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
-        self._early: deque[PageItem] = deque(maxlen=MAX_EARLY)
-        self._version = store.ownership.version
+        self._foreign: ForeignMessages[PageItem] = ForeignMessages(store.ownership)
         self._released: list[ReleaseItem] = []
         self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
         self.rows: list[Model] = []
@@ -133,66 +128,27 @@ class RecordBuilder:
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
         if session is not None:
             self._runs.on_event(item.robot, event, session, now)
-            self._session_event(
-                session,
-                SessionEvent.Source.ROBOT,
-                event.type,
-                event.stamp,
-                now,
-                _without(event, "session", "type", "stamp"),
-                item.robot,
-                event.boot,
-                event.seq,
-            )
+            data = _without(event, "session", "type", "stamp")
+            row = _event_row(session, Source.ROBOT, event.type, event.stamp, now, data)
+            self._add_event(row, item.robot, event.boot, event.seq)
         if robot_key is not None:
-            self._log(
-                event.type,
-                LOGGED[event.type],
-                robot_key,
-                session,
-                now,
-                detail=event.detail,
-                boot=event.boot,
-            )
+            fields = {"detail": event.detail, "boot": event.boot}
+            self._log(event.type, LOGGED[event.type], robot_key, session, now, **fields)
         if event.type == "photo":
             self._photo(self._photos.event(item.robot, event, now), now)
 
     def _action(self, item: ActionItem) -> None:
-        session = self._own(item.robot, item.session, item.received_at)
+        status, now = item.status, item.received_at
+        session = self._own(item.robot, item.session, now)
         if session is not None:
-            data = _without(item.status, "stamp")
-            self._session_event(
-                session,
-                SessionEvent.Source.ROBOT,
-                "action",
-                item.status.stamp,
-                item.received_at,
-                data,
-                item.robot,
-            )
+            data = _without(status, "stamp")
+            row = _event_row(session, Source.ROBOT, "action", status.stamp, now, data)
+            self._add_event(row, item.robot)
 
-    def _session_event(
-        self,
-        session: str,
-        source: str,
-        kind: str,
-        stamp: float,
-        now: float,
-        data: dict[str, Any],
-        *identity: object,
-    ) -> None:
-        key = key_of(session, source, kind, stamp, data, *identity)
-        self.rows.append(
-            SessionEvent(
-                pk=key,
-                session_id=session,
-                source=source,
-                type=kind,
-                stamp=stamp,
-                received_at=now,
-                data=data,
-            )
-        )
+    def _add_event(self, row: SessionEvent, *identity: object) -> None:
+        """Add the row of an event; `identity` distinguishes events with the same content."""
+        row.pk = key_of(row.session_id, row.source, row.type, row.stamp, row.data, *identity)
+        self.rows.append(row)
 
     def _log(
         self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any
@@ -201,19 +157,9 @@ class RecordBuilder:
             self.counts["unlogged"] += 1
             return
         logger.info(event, robot=robot, session=session, **fields)
+        about = {"event": event, "robot_id": robot, "session_id": session, "fields": fields}
         at = datetime.datetime.fromtimestamp(now, datetime.UTC)
-        key = key_of(event, robot, session, fields, now)
-        self.rows.append(
-            SystemLog(
-                pk=key,
-                at=at,
-                level=level,
-                event=event,
-                robot_id=robot,
-                session_id=session,
-                fields=fields,
-            )
-        )
+        self.rows.append(SystemLog(pk=key_of(*about.values(), now), at=at, level=level, **about))
 
     def _photo(self, photo: RecordedPhoto | None, now: float) -> None:
         if photo is None:
@@ -223,26 +169,13 @@ class RecordBuilder:
         if session is None:
             return
         if not photo.intact:
-            self._log(
-                "photo_damaged",
-                "error",
-                self._store.robot_key(photo.robot),
-                session,
-                now,
-                action=event.action_id,
-            )
+            robot = self._store.robot_key(photo.robot)
+            self._log("photo_damaged", "error", robot, session, now, action=event.action_id)
             return
-        key = key_of(session, event.action_id, photo.sha256)
-        self.rows.append(
-            Snapshot(
-                pk=key,
-                session_id=session,
-                action_id=event.action_id or "",
-                stamp=event.stamp,
-                sha256=photo.sha256,
-                jpeg=photo.jpeg,
-            )
-        )
+        row = Snapshot(session_id=session, action_id=event.action_id or "", stamp=event.stamp)
+        row.pk = key_of(session, event.action_id, photo.sha256)
+        row.sha256, row.jpeg = photo.sha256, photo.jpeg
+        self.rows.append(row)
 
     def _page(self, item: PageItem) -> None:
         report, now = item.report, item.received_at
@@ -251,77 +184,51 @@ class RecordBuilder:
             self.counts["unknown_session"] += 1
             return
         if not self._store.ownership.records(robot):
-            self._early.append(item)
+            self._foreign.keep(robot, item, now)
             return
         try:
             message = protocol.decode(report.suffix, bytes(report.message).decode())
         except (Rejection, UnicodeDecodeError):
             self.counts["malformed_report"] += 1
             return
+        session, stamp = report.session, message.stamp
         if isinstance(message, protocol.PageEvent):
             data = without_nul(dict(message.data))
-            self._session_event(
-                report.session,
-                SessionEvent.Source.PAGE,
-                message.type[:40],
-                message.stamp,
-                now,
-                data,
-            )
+            self._add_event(_event_row(session, Source.PAGE, message.type[:40], stamp, now, data))
             return
         data = _without(message, "stamp")
-        key = key_of(report.session, message.stamp, data)
+        key = key_of(session, stamp, data)
         self.rows.append(
-            NetworkSample(
-                pk=key, session_id=report.session, stamp=message.stamp, received_at=now, data=data
-            )
+            NetworkSample(pk=key, session_id=session, stamp=stamp, received_at=now, data=data)
         )
 
     # --- regular work -----------------------------------------------------------------------------
 
     def settle(self, now: float) -> None:
         """Close due chunks, request states that are owed, and record those that are lost."""
-        self._follow_ownership(now)
+        for item in self._foreign.claim(now):
+            self._page(item)
         self._runs.audit(self._closing.values(), now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
         for session in self._closing:  # late states count in the next summary
             for chunk in self._chunks.close(session):
                 self._keep(chunk)
-        for due in self._runs.due(now):
-            for first, last in due.asks:
-                self.counts["asked"] += last - first + 1
-                self._ask(due.robot, due.boot, first, last)
-            for loss in due.losses:
-                self._record_loss(due.boot, loss, now)
-        for robot, action in self._photos.forgotten(now):
-            self._log(
-                "photo_incomplete",
-                "warning",
-                self._store.robot_key(robot),
-                None,
-                now,
-                action=action,
-            )
-
-    def _follow_ownership(self, now: float) -> None:
-        """Record recent page reports about robots that have become ours."""
-        while self._early and now - self._early[0].received_at > EARLY_SECONDS:
-            self._early.popleft()
-        if self._version != self._store.ownership.version:
-            self._version = self._store.ownership.version
-            for item in [self._early.popleft() for _ in range(len(self._early))]:
-                self._page(item)
+        for boot, loss in self._runs.settle(now):
+            self._record_loss(boot, loss, now)
+        for name, action in self._photos.forgotten(now):
+            robot = self._store.robot_key(name)
+            self._log("photo_incomplete", "warning", robot, None, now, action=action)
 
     def _release(self, item: ReleaseItem) -> None:
-        """Make rows of everything in memory about the robots of some shards, and forget it. Their
-        next owner continues the record; if this process gets them again, it reads it again.
+        """Make rows of all open chunks, and drop the memory of these robots. Their next
+        session manager continues the record; if this one gets them again, it reads it again.
         """
         for chunk in self._chunks.close():
             self._keep(chunk)
-        self._runs.forget(item.shards)
+        self._runs.forget(item.has)
         for one in list(self._closing.values()):
-            if shard_of(one.robot) in item.shards:
+            if item.has(one.robot):
                 self._forget(one.session)
         self._released.append(item)
 
@@ -336,9 +243,7 @@ class RecordBuilder:
         for session in sorted(loss.sessions):
             logger.warning("states_missing", session=session, boot=boot, count=loss.count)
             self._touched.add(session)
-            self._session_event(
-                session, SessionEvent.Source.SERVER, "states_missing", now, now, data
-            )
+            self._add_event(_event_row(session, Source.SERVER, "states_missing", now, now, data))
 
     def close_all(self) -> None:
         """Make rows of all open chunks, at the end of the process."""
@@ -368,6 +273,14 @@ class RecordBuilder:
     def _is_settled(self, item: CloseItem, now: float) -> bool:
         since = now - item.ended_at
         return since > GIVE_UP_SECONDS or (since > SETTLE_SECONDS and self._runs.is_over(item))
+
+
+def _event_row(
+    session: str, source: Source, kind: str, stamp: float, now: float, data: dict[str, Any]
+) -> SessionEvent:
+    return SessionEvent(
+        session_id=session, source=source, type=kind, stamp=stamp, received_at=now, data=data
+    )
 
 
 def _without(message: msgspec.Struct, *columns: str) -> dict[str, Any]:

@@ -72,9 +72,9 @@ class CloseItem:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseItem:
-    """Write and forget everything about these shards' robots, and call `done`."""
+    """Write and forget everything about the robots that `has` names, and call `done`."""
 
-    shards: frozenset[int]
+    has: Callable[[str], bool]
     done: Callable[[], object]
 
 

@@ -1,13 +1,12 @@
 """The runs of robots' agents, and which of their states were seen and are owed."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from robots.api.messages import Event, State
 from sessions.recording.items import CloseItem
-from sessions.recording.sequence_tracker import Loss, Range, SequenceTracker, StoredStates
+from sessions.recording.sequence_tracker import Loss, SequenceTracker, StoredStates
 from sessions.recording.store import RecordStore
-from sessions.shards.hashing import shard_of
 
 PRESENT_SECONDS = 5.0
 RUNS = 3  # of a robot that are kept
@@ -23,25 +22,17 @@ class _LastState:
     session_at: float = 0.0
 
 
-@dataclass(frozen=True)
-class Due:
-    """States of one run that are to be requested now, and those that are lost."""
-
-    robot: str
-    boot: str
-    asks: list[Range]
-    losses: list[Loss]
-
-
 class RobotRuns:
     """The runs of all robots. Belongs to the recorder's thread.
 
     Args:
-        store: has the states that earlier session managers stored.
+        store: has the states that earlier session managers stored; counts those `asked` for.
+        ask: called with (robot, boot, first, last) to request lost states.
     """
 
-    def __init__(self, store: RecordStore) -> None:
+    def __init__(self, store: RecordStore, ask: Callable[[str, str, int, int], None]) -> None:
         self._store = store
+        self._ask = ask
         self._trackers: dict[str, dict[str, SequenceTracker]] = {}
         self._restored: set[tuple[str, str]] = set()
         self._audited: set[str] = set()
@@ -101,15 +92,21 @@ class RobotRuns:
             self._restored.add((item.session, known.boot))
             self._audited.add(item.session)
 
-    def due(self, now: float) -> Iterator[Due]:
-        """Yield the requests and losses that are due now."""
+    def settle(self, now: float) -> Iterator[tuple[str, Loss]]:
+        """Request the lost states that are due, and yield those that are given up, with their
+        run.
+        """
         for robot, runs in self._trackers.items():
             for boot, tracker in runs.items():
                 # nearly none of thousands of robots owe states
                 if not tracker.gaps or (known := self._last.get(robot)) is None:
                     continue
                 present = now - known.at < PRESENT_SECONDS
-                yield Due(robot, boot, *tracker.due(now, present=present, alive=known.boot == boot))
+                asks, losses = tracker.due(now, present=present, alive=known.boot == boot)
+                for first, last in asks:
+                    self._store.counts["asked"] += last - first + 1
+                    self._ask(robot, boot, first, last)
+                yield from ((boot, loss) for loss in losses)
 
     def is_over(self, item: CloseItem) -> bool:
         """Tell whether the robot has left the session since its end, and owes no states of it."""
@@ -129,9 +126,9 @@ class RobotRuns:
         self._audited.discard(session)
         self._restored = {pair for pair in self._restored if pair[0] != session}
 
-    def forget(self, shards: frozenset[int]) -> None:
-        """Forget the robots of some shards; if they return, their record is read again."""
-        left = [robot for robot in self._last if shard_of(robot) in shards]
+    def forget(self, has: Callable[[str], bool]) -> None:
+        """Forget the robots that `has` names; if they return, their record is read again."""
+        left = list(filter(has, self._last))
         boots = {boot for robot in left for boot in self._trackers.pop(robot, {})}
         self._restored = {pair for pair in self._restored if pair[1] not in boots}
         for robot in left:

@@ -19,7 +19,7 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -197,3 +197,27 @@ class _Everything(Ownership):
 
 
 EVERYTHING: Ownership = _Everything()
+
+
+class ShardChanges:
+    """The changes of ownership that one part of the session manager has yet to act on; true while
+    there are any.
+    """
+
+    def __init__(self, ownership: Ownership) -> None:
+        self._ownership, self._epochs = ownership, ownership.epochs
+
+    def __bool__(self) -> bool:
+        return self._epochs is not self._ownership.epochs
+
+    def take(self, robots: Iterable[str] = ()) -> tuple[list[str], list[str]]:
+        """Return those of these robots that we have gained since the last call, and those that are
+        not ours.
+        """
+        before, self._epochs = self._epochs, self._ownership.epochs
+        shards = {robot: shard_of(robot) for robot in robots}
+        gained = self._epochs.keys() - before.keys()
+        return (
+            [robot for robot, shard in shards.items() if shard in gained],
+            [robot for robot, shard in shards.items() if shard not in self._epochs],
+        )

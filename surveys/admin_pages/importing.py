@@ -101,14 +101,12 @@ def choose(request: HttpRequest) -> HttpResponse:
 def save(request: HttpRequest) -> HttpResponse:
     form = SaveForm(request.POST)
     try:
-        document, report_document = signing.loads(
-            request.POST.get("parcel", ""), salt=SALT, max_age=PARCEL_SECONDS
-        )
+        parcel = request.POST.get("parcel", "")
+        document, found = signing.loads(parcel, salt=SALT, max_age=PARCEL_SECONDS)
     except signing.BadSignature:
         messages.error(request, _("The import has expired. Choose the file again."))
         return redirect("admin:surveys_questionnaire_import")
-    definition = from_stored(document)
-    report = msgspec.convert(report_document, ImportReport)
+    definition, report = from_stored(document), msgspec.convert(found, ImportReport)
     if not form.is_valid():
         return _page(request, _shown(form, definition, report))
     named = msgspec.structs.replace(definition, slug=form.cleaned_data["name"])
@@ -139,10 +137,6 @@ def _shown(form: SaveForm, definition: Definition, report: ImportReport) -> dict
 
 
 def _page(request: HttpRequest, context: dict[str, Any]) -> HttpResponse:
-    about = {
-        **admin.site.each_context(request),
-        "title": _("Import a questionnaire"),
-        "opts": Questionnaire._meta,
-        "limit": MAX_FILE // 1024**2,
-    }
+    about = {"title": _("Import a questionnaire"), "limit": MAX_FILE // 1024**2}
+    about = {**admin.site.each_context(request), **about, "opts": Questionnaire._meta}
     return render(request, "admin/surveys/questionnaire/import.html", {**about, **context})

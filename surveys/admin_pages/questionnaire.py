@@ -48,9 +48,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     row = get_object_or_404(Questionnaire, pk=pk)
     definition = row.as_definition()
     language = language_for(definition, request.GET.get("language", ""))
-    number, seed = (
-        _whole(request.GET.get(name, ""), default) for name, default in (("page", 1), ("seed", 0))
-    )
+    number, seed = _whole(request.GET.get("page", ""), 1), _whole(request.GET.get("seed", ""), 0)
     if not 1 <= number <= len(definition.pages):
         raise Http404
     reader = Reader(language, seed, timezone.now(), sees_all=True)
@@ -65,21 +63,19 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
         return render(request, "surveys/page.html", context)
 
 
-def _around(
-    row: Questionnaire, definition: Definition, number: int, language: str
-) -> dict[str, Any]:
+def _around(row: Questionnaire, definition: Definition, page: int, language: str) -> dict[str, Any]:
     address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
 
-    def link(label: str, page: int, other: str) -> dict[str, Any]:
-        url = f"{address}?{urlencode({'page': page, 'language': other})}"
-        return {"label": label, "url": url, "is_here": (page, other) == (number, language)}
+    def link(label: str, n: int, other: str) -> dict[str, Any]:
+        url = f"{address}?{urlencode({'page': n, 'language': other})}"
+        return {"label": label, "url": url, "is_here": (n, other) == (page, language)}
 
     pages = range(1, len(definition.pages) + 1)
     return {
         "name": str(row),
         "admin": reverse("admin:surveys_questionnaire_change", args=[row.pk]),
         "pages": [link(_("Page %(n)d") % {"n": n}, n, language) for n in pages],
-        "languages": [link(language_name(one), number, one) for one in definition.languages],
+        "languages": [link(language_name(one), page, one) for one in definition.languages],
     }
 
 
@@ -93,9 +89,8 @@ def _whole(text: str, default: int) -> int:
 def export(_request: HttpRequest, pk: UUID) -> HttpResponse:
     row = get_object_or_404(Questionnaire, pk=pk)
     headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
-    return HttpResponse(
-        to_json(row.as_definition()), content_type="application/json", headers=headers
-    )
+    document = to_json(row.as_definition())
+    return HttpResponse(document, content_type="application/json", headers=headers)
 
 
 @require_safe
@@ -112,9 +107,8 @@ def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
 @permission_required(ADD, raise_exception=True)
 def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
     copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
-    messages.success(
-        request, _("You can edit version %(n)d until somebody answers it.") % {"n": copy.version}
-    )
+    words = _("You can edit version %(n)d until somebody answers it.")
+    messages.success(request, words % {"n": copy.version})
     return redirect("admin:surveys_questionnaire_editor", copy.pk)
 
 

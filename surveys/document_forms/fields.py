@@ -30,6 +30,7 @@ LIMITS = {
 # Choices by field: values, values with labels, or groups of values with labels.
 Offered = Mapping[str, Sequence[str] | Mapping[str, Any]]
 NOTHING: Offered = MappingProxyType({})
+Labelled = list[tuple[str, Any]]  # values with labels, or groups with values and labels
 
 
 class GroupedText(str):
@@ -79,12 +80,9 @@ class ValueField(forms.Field):
         self.language_name = language_name(language) if language else ""
         self.is_detail = is_among(member.guide.details, member.called)
         widget.attrs |= {"lang": language} if language else {}
-        super().__init__(
-            required=False,
-            widget=widget,
-            label=member.guide.label(member.called),
-            help_text="" if language else member.guide.hint(member.called),
-        )
+        label = member.guide.label(member.called)
+        hint = "" if language else member.guide.hint(member.called)
+        super().__init__(required=False, widget=widget, label=label, help_text=hint)
 
     def prepare_value(self, value: Any) -> Any:
         return "" if value is None else value
@@ -106,10 +104,9 @@ class ValueField(forms.Field):
         return list(shown) if self.style == "choices" else [shown]
 
     def validate(self, value: Any) -> None:
-        is_default = value is msgspec.UNSET or (
-            not self.member.is_required and value == self.member.default
-        )
-        if self.is_off or self.language or is_default or value in self.allowed:
+        is_default = not self.member.is_required and value == self.member.default
+        is_free = self.is_off or self.language or value is msgspec.UNSET or is_default
+        if is_free or value in self.allowed:
             return
         if refusal := self.refusal(value):
             raise forms.ValidationError(refusal)
@@ -262,8 +259,7 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
             return PointsField(member, "points", _box(5))
         if not choices:
             return NamesField(member, "names", _line())
-        known = dict.fromkeys((*choices, *map(str, value or ())))
-        listed = _named(member, known, names)
+        listed = _named(member, dict.fromkeys((*choices, *map(str, value or ()))), names)
         return NamesField(member, "choices", forms.CheckboxSelectMultiple(choices=listed))
     if isinstance(shape, inspect.BoolType):
         return CheckField(member, "check", forms.CheckboxInput())
@@ -293,16 +289,14 @@ def _box(lines: int) -> forms.Textarea:
     return forms.Textarea({"rows": lines, "cols": None})
 
 
-def _in_groups(listed: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    groups: dict[str, list[tuple[str, Any]]] = {"": []}
+def _in_groups(listed: Labelled) -> Labelled:
+    groups: dict[str, Labelled] = {"": []}
     for value, words in listed:
         groups.setdefault(getattr(words, "group", ""), []).append((value, words))
     return [*groups.pop(""), *groups.items()]
 
 
-def _named(
-    member: AskedField, choices: Iterable[str], names: Mapping[str, str]
-) -> list[tuple[str, Any]]:
+def _named(member: AskedField, choices: Iterable[str], names: Mapping[str, str]) -> Labelled:
     word = language_name if member.key == "languages" else partial(member.guide.word, member.called)
     return [(choice, names.get(choice) or word(choice) or NONE) for choice in choices]
 

@@ -22,14 +22,8 @@ from django.utils.datastructures import MultiValueDict
 from django.utils.translation import gettext_lazy
 from msgspec import inspect
 
-from surveys.document_forms.fields import (
-    NOTHING,
-    Offered,
-    ValueField,
-    field_of,
-    text_field,
-    text_of,
-)
+from surveys.document_forms import fields
+from surveys.document_forms.fields import NOTHING, Offered, ValueField, field_of, text_of
 from surveys.document_forms.guide import FormGuide
 from surveys.document_forms.parts import AskedField, Document, is_numbered, members
 from surveys.documents import Text
@@ -167,7 +161,7 @@ class PartForm(FormLayout, forms.Form):
             return
         written = dict(value or {})
         for language in dict.fromkeys((*self._languages, *written)):
-            one = text_field(member, language)
+            one = fields.text_field(member, language)
             yield self.add(f"{name}.{language}", one, written.get(language, ""))
 
     def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
@@ -257,6 +251,10 @@ class SubmittedPart:
     errors: dict[str, str] = field(default_factory=dict)
     above: list[str] = field(default_factory=list)
     anchor: str = ""
+
+    @property
+    def is_refused(self) -> bool:
+        return bool(self.errors or self.above)
 
 
 def pressed(sent: Any, count: int = 3) -> list[str]:

@@ -11,7 +11,7 @@ import msgspec
 from msgspec import inspect
 
 from surveys.document_forms.guide import FormGuide
-from surveys.documents import Text
+from surveys.documents import Text, fields_of
 
 Document = dict[str, Any]
 
@@ -38,12 +38,11 @@ class AskedField:
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
 
-def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
-    found = [
-        _member(guide, one, cls)
-        for one in msgspec.structs.fields(cls)
-        if not guide.is_hidden(cls, one.name) and (not only or one.encode_name in only)
-    ]
+def members(
+    guide: FormGuide, cls: type[msgspec.Struct], only: Collection[str] = ()
+) -> list[AskedField]:
+    shown = (one for one in fields_of(cls) if not guide.is_hidden(cls, one.name))
+    found = [_member(guide, one, cls) for one in shown if not only or one.encode_name in only]
     return sorted(found, key=lambda one: one.key in guide.last)
 
 
@@ -54,10 +53,9 @@ def _member(guide: FormGuide, one: Any, cls: type[Any]) -> AskedField:
     has_none = isinstance(shape, inspect.UnionType) and len(inner) < len(shape.types)
     kinds = {str(kind.tag): kind.cls for kind in inner if isinstance(kind, inspect.StructType)}
     several = kinds if len(kinds) > 1 else {}
+    named = (guide, one.encode_name, one.type, inner[0])
     called = f"{cls.__name__}.{one.name}"
-    return AskedField(
-        guide, one.encode_name, one.type, inner[0], has_none, default, one.required, several, called
-    )
+    return AskedField(*named, has_none, default, one.required, several, called)
 
 
 def _inner(shape: inspect.Type) -> list[inspect.Type]:
@@ -117,12 +115,12 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
     return changed
 
 
-def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
-    fields = {one.encode_name: one for one in msgspec.structs.fields(cls)}
-    return {
-        key: _in_languages(fields[key], value, languages) if key in fields else value
-        for key, value in document.items()
-    }
+def in_languages(
+    cls: type[msgspec.Struct], document: Document, languages: Collection[str]
+) -> Document:
+    fields = {one.encode_name: one for one in fields_of(cls)}
+    known = {key: value for key, value in document.items() if key in fields}
+    return document | {k: _in_languages(fields[k], one, languages) for k, one in known.items()}
 
 
 def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:

@@ -2,7 +2,7 @@
 once.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from django.utils.translation import gettext as _
 
@@ -29,14 +29,12 @@ def by_place(
             languages.setdefault(name_of(one), []).append(language_name(one.language))
         else:
             languages[sentence(one)] = []
-    missing = _("%(text)s (%(languages)s) is missing.")
-    return {
-        place: [
-            missing % {"text": text, "languages": ", ".join(languages)} if languages else text
-            for text, languages in texts.items()
-        ]
-        for place, texts in places.items()
-    }
+    return {place: [_missing(*one) for one in texts.items()] for place, texts in places.items()}
+
+
+def _missing(text: str, languages: Sequence[str]) -> str:
+    words = {"text": text, "languages": ", ".join(languages)}
+    return _("%(text)s (%(languages)s) is missing.") % words if languages else text
 
 
 def text_name(

@@ -56,10 +56,9 @@ class EditorPlace:
         if self.section == "about":
             languages = part["languages"]
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
-            scales = {
-                name: [in_languages(ScalePoint, point, languages) for point in points]
-                for name, points in whole["scales"].items()
-            }
+            scales = dict(whole["scales"])
+            for name, points in scales.items():
+                scales[name] = [in_languages(ScalePoint, point, languages) for point in points]
             return in_languages(Definition, kept | part, languages) | {"scales": scales}
         if self.section == "scales":
             whole["scales"][self.key] = part["points"]
@@ -72,12 +71,8 @@ class EditorPlace:
         """Return the list of a page or question with its place in it; nothing for others."""
         pages = whole["pages"]
         lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
-        return [
-            (parts, n)
-            for parts in lists.get(self.section, ())
-            for n, part in enumerate(parts)
-            if part["key"] == self.key
-        ]
+        known = ((parts, n) for parts in lists.get(self.section, ()) for n in range(len(parts)))
+        return [(parts, n) for parts, n in known if parts[n]["key"] == self.key]
 
 
 def keys_of(part: Document) -> list[str]:
@@ -98,9 +93,7 @@ def numbered(stem: str, taken: Collection[str]) -> str:
 
 
 def complete(part: Document, former: Document, whole: Document) -> Document:
-    """Return the part of a form with unique keys where it has none; conditions and topics of the
-    questionnaire are changed to its new keys.
-    """
+    """Return a form's part with unique keys, to which conditions and topics then refer."""
     if "key" not in former:
         return part
     part["key"] = part.get("key") or former["key"]
@@ -148,13 +141,11 @@ def new_question(kind: str, scale: str, whole: Document) -> Document:
 
 def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> Document:
     """Return a new part for a list in a page, question or scale."""
-    types: dict[str, Any] = {
-        one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)
-    }
-    inner = types[name].item_type
+    types = {one.name: one.type for one in msgspec.structs.fields(cls)}
+    listed: Any = inspect.type_info(types[name])
     stem = f"{part['key']}_" if name == "rows" else f"{name.removesuffix('s')}_"
     made: Document = {}
-    for one in (one for one in msgspec.structs.fields(inner.cls) if one.required):
+    for one in (one for one in msgspec.structs.fields(listed.item_type.cls) if one.required):
         others, shape = [other.get(one.name) for other in part.get(name, [])], one.type
         if isinstance(inspect.type_info(shape), inspect.StrType):
             made[one.name] = numbered(stem, {*others, *keys_in(whole)})

@@ -64,12 +64,7 @@ HINTS = {
     "scale": _("You can add others on the page of the questionnaire."),
 }
 
-ITEMS = {
-    "options": _("Option"),
-    "rows": _("Statement"),
-    "points": _("Point"),
-    "topics": _("Topic"),
-}
+ITEMS = {"options": _("Option"), "rows": _("Statement"), "points": _("Point"), "topics": _("Topic")}
 
 CHOICES = {
     "order": {"fixed": _("as written"), "shuffled": _("random for each respondent")},
@@ -119,10 +114,7 @@ _DISAGREE, _AGREE = _("Disagree"), _("Agree")
 _ENDS = (_("Strongly disagree"), _("Strongly agree"))
 _NEITHER = _("Neither agree nor disagree")
 READY: Mapping[str, tuple[Any, Sequence[Any]]] = {
-    "agreement_5": (
-        _("Agreement, 5 points"),
-        (_ENDS[0], _DISAGREE, _NEITHER, _AGREE, _ENDS[1]),
-    ),
+    "agreement_5": (_("Agreement, 5 points"), (_ENDS[0], _DISAGREE, _NEITHER, _AGREE, _ENDS[1])),
     "agreement_7": (
         _("Agreement, 7 points"),
         (

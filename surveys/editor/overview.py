@@ -53,10 +53,8 @@ def listed(row: Questionnaire, whole: Document, found: Problems) -> dict[str, An
         more = {"n": n, "preview": preview_of(row, n), "questions": questions, "is_last": is_last}
         pages.append(line | more)
     in_words = partial(text_of, whole=whole)
-    scales = [
-        _line(row, EditorPlace("scales", name), scale_name(points, in_words), found)
-        for name, points in whole["scales"].items()
-    ]
+    names = {key: scale_name(points, in_words) for key, points in whole["scales"].items()}
+    scales = [_line(row, EditorPlace("scales", key), name, found) for key, name in names.items()]
     about = _line(row, EditorPlace("about"), "", found)
     return {"pages": pages, "scales": scales, "about": about}
 

@@ -44,6 +44,7 @@ from surveys.editor.draft import (
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
 from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
+from surveys.forms import LanguagesField
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -62,12 +63,7 @@ TITLES = {
 
 class WriteForm(forms.Form):
     title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
-    languages = forms.MultipleChoiceField(
-        label=gettext_lazy("Languages"),
-        choices=lambda: [(code, language_name(code)) for code, _label in settings.LANGUAGES],
-        initial=lambda: [(get_language() or "en").partition("-")[0]],
-        widget=forms.CheckboxSelectMultiple,
-    )
+    languages = LanguagesField(initial=lambda: [(get_language() or "en").partition("-")[0]])
     name = forms.RegexField(
         r"^[a-z][a-z0-9-]*$",
         label=gettext_lazy("Name"),
@@ -144,10 +140,10 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
     sent = _read(request, place, known, whole)
     if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
-    if not (sent.errors or sent.above):
+    if not sent.is_refused:
         refusal = keep(request, row, place.put(whole, sent.part))
         sent.above += [refusal] if refusal else []
-    if sent.errors or sent.above:
+    if sent.is_refused:
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
     user: Any = request.user
     what = f"Changed: {section} {key}"
@@ -248,28 +244,18 @@ def _show(
 ) -> HttpResponse:
     whole = whole_of(row)
     former = place.part(whole) or former or sent.part
-    form = EditorForm(
-        place.cls(former),
-        sent.part,
-        languages=whole["languages"],
-        offered=_offered(whole, place, sent.part),
-        only=place.only,
-        is_sent=bool(sent.errors),
-    )
+    given: Document = {"languages": whole["languages"], "only": place.only}
+    given |= {"offered": _offered(whole, place, sent.part), "is_sent": bool(sent.errors)}
+    form = EditorForm(place.cls(former), sent.part, **given)
     kind = former.get("kind", "")
     keys = [{page["key"], *(item["key"] for item in page["items"])} for page in whole["pages"]]
     page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
-    context = {
-        "title": kind_name(kind) if kind else TITLES[place.section],
-        "form": form,
-        "kind": kind,
-        "above": sent.above,
-        "has_errors": bool(sent.errors),
-        "problems": problem_texts(problems_of(row), whole).get(place, ()),
-        "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
-    }
-    status = 422 if sent.errors or sent.above else 200
-    return _page(request, "editor_part", context, row, status=status)
+    title = kind_name(kind) if kind else TITLES[place.section]
+    preview = preview_of(row, page) + (f"#q-{place.key}" if kind else "")
+    problems = problem_texts(problems_of(row), whole).get(place, ())
+    context = {"form": form, "kind": kind, "above": sent.above, "has_errors": bool(sent.errors)}
+    context |= {"title": title, "problems": problems, "preview": preview}
+    return _page(request, "editor_part", context, row, status=422 if sent.is_refused else 200)
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
@@ -279,17 +265,14 @@ def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
     before = {one.key: one for one in earlier(definition, place)}
     asked = before.get((part.get("show_if") or {}).get("item", ""))
     answers = asked.labelled_values if asked is not None else ()
+    scored = [one.key for one in definition.questions() if one.score_values]
     return {
         "languages": list(dict.fromkeys([*dict(settings.LANGUAGES), *whole["languages"]])),
         "scale": {**{name: str(words) for name, (words, _labels) in READY.items()}, **scales},
         "ItemCondition.item": {key: texts[key] for key in before},
-        "ItemCondition.one_of": {
-            str(value): text(dict(label)) or str(value) for value, label in answers
-        },
+        "ItemCondition.one_of": {str(n): text(dict(label)) or str(n) for n, label in answers},
         "outcome": list(CHOICES["outcome"]),
-        "QuestionTopic.items": {
-            one.key: texts[one.key] for one in definition.questions() if one.score_values
-        },
+        "QuestionTopic.items": {key: texts[key] for key in scored},
     }
 
 

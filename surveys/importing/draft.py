@@ -25,6 +25,7 @@ MAX_TITLE = 200
 Item = dict[str, Any]
 # A text of the file by language, as markup; languages without it are missing or empty.
 Raw = Mapping[str, str]
+Given = tuple[str, str]  # an answer in the file: the name of its question, and its code
 
 
 def language_of(code: str) -> str:
@@ -83,15 +84,12 @@ class Draft:
             note.changed(_("Left out of the text: %(tags)s."), tags=", ".join(lost))
         if not first:
             return {}
-        if lacking := [language for language, text in texts.items() if not text]:
-            note.changed(
-                _("A text is missing in %(languages)s; the text in another language is used."),
-                languages=", ".join(lacking),
-            )
-        if any(self._piped.search(text) for text in texts.values()):
-            note.changed(
-                _("The text inserts an earlier answer or value, which is not filled in here.")
-            )
+        if lacking := ", ".join(language for language, text in texts.items() if not text):
+            words = _("A text is missing in %(languages)s; the text in another language is used.")
+            note.changed(words, languages=lacking)
+        if any(map(self._piped.search, texts.values())):
+            words = _("The text inserts an earlier answer or value, which is not filled in here.")
+            note.changed(words)
         full = {language: text or first for language, text in texts.items()}
         return self.shortened(full, note, limit=limit)
 
@@ -105,11 +103,8 @@ class Draft:
 
     def joined(self, *texts: Text, by: str = " – ") -> Text:
         full = [text for text in texts if text]
-        return {
-            language: by.join(text[language] for text in full)
-            for language in self.languages
-            if full
-        }
+        languages = self.languages if full else ()
+        return {language: by.join(text[language] for text in full) for language in languages}
 
     def key(self, wanted: str, note: Note) -> str:
         """Return an unused key like the name in the file."""
@@ -123,9 +118,8 @@ class Draft:
             ending = f"_{number}"
             key = base[: MAX_KEY - len(ending)] + ending
         if number > 1:
-            note.changed(
-                _("It is renamed to “%(key)s”, because another question has its name."), key=key
-            )
+            words = _("It is renamed to “%(key)s”, because another question has its name.")
+            note.changed(words, key=key)
         self._keys.add(key)
         return key
 
@@ -138,23 +132,18 @@ class Draft:
         return name
 
     def page(
-        self,
-        title: Text | None = None,
-        intro: Text | None = None,
-        show_if: Item | None = None,
-        *,
-        is_shuffled: bool = False,
+        self, title: Text, intro: Text, show_if: Item | None = None, order: str = "fixed"
     ) -> None:
         """Begin a page. One without questions passes its introduction on."""
-        title = {language: text[:MAX_TITLE] for language, text in (title or {}).items()}
+        title = {language: text[:MAX_TITLE] for language, text in title.items()}
         if self._pages and not self._pages[-1]["items"]:
             before = self._pages.pop()
             title = title or before["title"]
-            intro = self.joined(before["intro"], intro or {}, by="\n\n")
+            intro = self.joined(before["intro"], intro, by="\n\n")
         else:
             self._introductions = []
-        page: Item = {"title": title, "intro": intro or {}, "show_if": show_if, "items": []}
-        self._pages.append(page | {"order": "shuffled" if is_shuffled else "fixed"})
+        page: Item = {"title": title, "intro": intro, "show_if": show_if, "order": order}
+        self._pages.append(page | {"items": []})
 
     def introduce(self, note: Note, text: Text) -> None:
         """Show a text as the introduction of the page; after questions, of a new page."""
@@ -163,7 +152,7 @@ class Draft:
         page = self._pages[-1]
         if page["items"]:
             note.changed(_("It becomes the introduction of a new page."))
-            self.page(show_if=page["show_if"], is_shuffled=page["order"] == "shuffled")
+            self.page({}, {}, page["show_if"], page["order"])
             page = self._pages[-1]
         page["intro"] = self.shortened(self.joined(page["intro"], text, by="\n\n"), note)
         self._introductions.append(note)
@@ -174,9 +163,8 @@ class Draft:
         """
         keys = [key for item in items for key in _keys_of(item)]
         if self._asked + len(keys) > MAX_QUESTIONS:
-            raise NotImportedError(
-                _("A questionnaire has at most %(n)d questions.") % {"n": MAX_QUESTIONS}
-            )
+            words = _("A questionnaire has at most %(n)d questions.")
+            raise NotImportedError(words % {"n": MAX_QUESTIONS})
         bare = [{name: value for name, value in one.items() if name != "show_if"} for one in items]
         try:
             self._checked("check", 1, [{"key": "page", "items": bare}], title=self.same("check"))
@@ -186,29 +174,23 @@ class Draft:
         self._pages[-1]["items"] += [{"show_if": show_if} | item for item in items]
         note.keys = keys
 
-    def remember(self, name: str, code: str, key: str, value: str | int) -> None:
-        """Map the answer `code` to the file's question `name` to a value of a question here."""
-        self._answers[name.lower(), code] = (key, value)
+    def remember(self, name: str, key: str, values: Mapping[str, str | int]) -> None:
+        """Map answers to the file's question `name`, by code, to `values` of a question here."""
+        self._answers |= {(name.lower(), code): (key, value) for code, value in values.items()}
 
-    def condition(
-        self, note: Note, alternatives: Iterable[tuple[str, str] | None], remark: str
-    ) -> Item | None:
+    def condition(self, note: Note, answers: Iterable[Given | None], remark: str) -> Item | None:
         """Return `show_if` for "one of these answers was given". Returns None and adds a remark for
         a None among them, and for answers to several questions, to one that is not asked before, or
         to one on the same shuffled page.
         """
-        found = [one and self._answers.get((one[0].lower(), one[1])) for one in alternatives]
+        found = [one and self._answers.get((one[0].lower(), one[1])) for one in answers]
         known = [one for one in found if one]
         key = known[0][0] if known else ""
         is_shuffled = bool(self._pages) and self._pages[-1]["order"] == "shuffled"
         pages = self._pages[:-1] if is_shuffled else self._pages
         earlier = {key for page in pages for item in page["items"] for key in _keys_of(item)}
-        if (
-            not known
-            or len(known) < len(found)
-            or {one[0] for one in known} - {key}
-            or key not in earlier
-        ):
+        is_one = len(known) == len(found) and {one[0] for one in known} == {key}
+        if not is_one or key not in earlier:
             note.changed(remark)
             return None
         return {"item": key, "is": list(dict.fromkeys(value for _key, value in known))}
@@ -227,25 +209,19 @@ class Draft:
 
     def finish(self) -> None:
         """Drop the last page when it has no question, and report its introduction."""
+        reason = _("No question follows it. Here, a text always introduces a question.")
         if self._pages and not self._pages[-1]["items"]:
             self._pages.pop()
             for note in self._introductions:
-                note.left_out(
-                    _("No question follows it. Here, a text always introduces a question.")
-                )
+                note.left_out(reason)
 
     def _checked(self, slug: str, version: int, pages: Sequence[Item], **more: Any) -> Definition:
         used = {item.get("scale") for page in pages for item in page["items"]}
-        document = {
-            "format": 1,
-            "slug": slug,
-            "version": version,
-            "languages": self.languages,
-            "scales": {name: points for name, points in self._scales.items() if name in used},
-            "pages": pages,
-        }
+        scales = {name: points for name, points in self._scales.items() if name in used}
+        named = {"format": 1, "slug": slug, "version": version, "languages": self.languages}
+        document = named | {"scales": scales, "pages": pages} | more
         try:
-            definition = msgspec.convert(document | more, Definition)
+            definition = msgspec.convert(document, Definition)
         except msgspec.ValidationError as error:
             raise BadDefinitionError([str(error)]) from error
         if found := list(problems(definition)):

@@ -46,10 +46,8 @@ class LimeSurveyRow:
 def survey_of(tables: Tables) -> LimeSurveyRow:
     """Return the survey in the tables of a file; rows that belong to nothing are left out."""
     settings = next(iter(tables.get("surveys", ())), {})
-    texts = {
-        _language(row.get("surveyls_language", "")): row
-        for row in tables.get("surveys_languagesettings", ())
-    }
+    rows = tables.get("surveys_languagesettings", ())
+    texts = {_language(row.get("surveyls_language", "")): row for row in rows}
     questions = _questions(tables)
     groups = _localized(tables, "groups", ["gid"], "group_l10ns", "gid")
     for group in groups:
@@ -59,12 +57,8 @@ def survey_of(tables: Tables) -> LimeSurveyRow:
 
 
 def tables_of(root: Element) -> Tables:
-    return {
-        table.tag: [
-            {cell.tag: cell.text or "" for cell in row} for row in table.iterfind("rows/row")
-        ]
-        for table in root
-    }
+    found = ((table.tag, table.iterfind("rows/row")) for table in root)
+    return {tag: [{cell.tag: cell.text or "" for cell in row} for row in one] for tag, one in found}
 
 
 def _language(code: str) -> str:

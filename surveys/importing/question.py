@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
@@ -44,6 +45,10 @@ MAX_TEXT_LENGTH = 5000  # of a free text here
 OTHER_LENGTH = 200
 
 
+def values_of(options: Mapping[str, Item]) -> dict[str, str]:
+    return {code: option["value"] for code, option in options.items()}
+
+
 class ImportedQuestion:
     """A question with a `name` and a `kind` in the file. Each format has a subclass."""
 
@@ -67,16 +72,13 @@ class ImportedQuestion:
         return self.TYPES[self.kind](self)
 
     def not_supported(self, kind: str) -> NotImportedError:
-        return NotImportedError(
-            _("Questions of the type %(kind)s are not supported.") % {"kind": kind}
-        )
+        words = _("Questions of the type %(kind)s are not supported.")
+        return NotImportedError(words % {"kind": kind})
 
     def note_reversal(self, text: str) -> None:
         if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
-            self.note.changed(
-                _("It is reverse-scored in the file. If a score uses it, add reverse: %(text)s"),
-                text=text.strip(),
-            )
+            words = _("It is reverse-scored in the file. If a score uses it, add reverse: %(text)s")
+            self.note.changed(words, text=text.strip())
 
     def unchecked(self, rule: str) -> None:
         self.note.changed(_("Its rule %(rule)s is not checked."), rule=rule)
@@ -90,11 +92,8 @@ class ImportedQuestion:
         known = WORDS[name]
         lacking = [one for one in self.draft.languages if one.split("-")[0] not in known]
         if lacking:
-            self.note.changed(
-                _("The file has no text for the answer “%(word)s” in %(languages)s; add it."),
-                word=known["en"],
-                languages=", ".join(lacking),
-            )
+            words = _("The file has no text for the answer “%(word)s” in %(languages)s; add it.")
+            self.note.changed(words, word=known["en"], languages=", ".join(lacking))
         return {one: known.get(one.split("-")[0], known["en"]) for one in self.draft.languages}
 
     def key(self, *endings: str) -> str:
@@ -108,11 +107,8 @@ class ImportedQuestion:
         """Return an item for each part of the question (key, label and fields)."""
         if remark:
             self.note.changed(remark)
-        text, common = self.text(), self.common()
-        return [
-            {"key": key, "text": self.draft.joined(text, label), **common, **fields}
-            for key, label, fields in parts
-        ]
+        text, common, join = self.text(), self.common(), self.draft.joined
+        return [{"key": key, "text": join(text, label)} | common | own for key, label, own in parts]
 
     def length(self, most: float | None, *, is_line: bool) -> int:
         """Return the maximum length of a text: that of the file where it is possible here."""
@@ -128,16 +124,10 @@ class ImportedQuestion:
     def options(self, labels: Mapping[str, Text], alone: Collection[str] = ()) -> dict[str, Item]:
         """Return options by the codes of the file; those without a label are left out."""
         values = self._option_values(list(labels))
-        unnamed = [code for code, label in labels.items() if not label]
-        if unnamed:
-            self.note.changed(
-                _("Options without a text are not imported: %(codes)s."), codes=", ".join(unnamed)
-            )
-        return {
-            code: {"value": values[code], "label": label, "alone": code in alone}
-            for code, label in labels.items()
-            if label
-        }
+        if lost := ", ".join(code for code, label in labels.items() if not label):
+            self.note.changed(_("Options without a text are not imported: %(codes)s."), codes=lost)
+        named = {code: {"value": values[code], "label": label} for code, label in labels.items()}
+        return {code: one | {"alone": code in alone} for code, one in named.items() if one["label"]}
 
     def _option_values(self, codes: Sequence[str]) -> dict[str, str]:
         values: dict[str, str] = {}
@@ -155,10 +145,8 @@ class ImportedQuestion:
             taken.add(value)
         renamed = [f"{one} → {new}" for one, new in values.items() if new != one.strip().lower()]
         if renamed:
-            self.note.changed(
-                _("These codes are stored in a different form: %(codes)s."),
-                codes=", ".join(renamed),
-            )
+            words = _("These codes are stored in a different form: %(codes)s.")
+            self.note.changed(words, codes=", ".join(renamed))
         return values
 
     def other(self, key: str, option: Item) -> Item:
@@ -169,13 +157,9 @@ class ImportedQuestion:
             "chosen."
         )
         self.note.changed(words, option=label[self.draft.languages[0]])
-        return {
-            "kind": "text",
-            "key": self.draft.key(f"{key}_{value}_text", self.note),
-            "text": label,
-            "max_length": OTHER_LENGTH,
-            "show_if": {"item": key, "is": [value]},
-        }
+        own = self.draft.key(f"{key}_{value}_text", self.note)
+        more = {"text": label, "max_length": OTHER_LENGTH, "show_if": {"item": key, "is": [value]}}
+        return {"kind": "text", "key": own, **more}
 
     def numbered(self, numbers: Sequence[int], low: Text, high: Text) -> str:
         """Return the name of a scale; the number is the label of an end without one."""
@@ -210,19 +194,16 @@ class ImportedQuestion:
 
     def _scale_values(self, codes: Mapping[str, str]) -> dict[str, int]:
         """Return the codes of a scale as numbers where these increase, else 1, 2 and so on."""
-        try:
+        numbers: list[int] = []
+        with suppress(ValueError):
             numbers = [int(code) for code in codes.values()]
-        except ValueError:
-            numbers = []
         if len(numbers) == len(codes) and numbers == sorted(set(numbers)):
             return dict(zip(codes, numbers, strict=True))
         values = {answer: n for n, answer in enumerate(codes, start=1)}
         stored = ", ".join(f"{codes[answer]} → {value}" for answer, value in values.items())
-        self.note.changed(
-            _("The values of a scale must increase, so they are stored as %(codes)s."), codes=stored
-        )
+        words = _("The values of a scale must increase, so they are stored as %(codes)s.")
+        self.note.changed(words, codes=stored)
         if len(numbers) == len(codes) > 1 and numbers == sorted(set(numbers), reverse=True):
-            self.note.changed(
-                _("The file scores this scale in reverse. Reverse it when you score it.")
-            )
+            words = _("The file scores this scale in reverse. Reverse it when you score it.")
+            self.note.changed(words)
         return values

@@ -39,9 +39,7 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
         year = item.day_at(now, item.EASTERNMOST).year
         return year if isinstance(self.maximum, str) else self.maximum
 
-    def parse(
-        self, question: Question, values: Sequence[str], now: datetime.datetime
-    ) -> int | float:
+    def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> float:
         number = item.parsed_number(values[0])
         if self.whole and number != int(number):
             raise RefusedError(_("Enter a whole number."))
@@ -54,10 +52,8 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         bounds = {"min": self.minimum, "max": self.greatest(viewing.now)}
-        attributes = {
-            "step": "1" if self.whole else "any",
-            "inputmode": "numeric" if self.whole else "decimal",
-            **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
-        }
+        step, mode = ("1", "numeric") if self.whole else ("any", "decimal")
+        given = {name: plain(bound) for name, bound in bounds.items() if bound is not None}
+        attributes = {"step": step, "inputmode": mode, **given}
         unit = spoken(self.unit, viewing.language)
         return self.entry(chosen, attributes, type="number", unit=unit)

@@ -33,11 +33,9 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
             yield Problem(words, names=(("alone",),))
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
-        sendable = {
-            f"{place}.{option.value}": (place, option.value)
-            for place in range(1, len(self.options) + 1)
-            for option in self.options
-        }
+        places = range(1, len(self.options) + 1)
+        pairs = ((place, option.value) for place in places for option in self.options)
+        sendable = {f"{place}.{option}": (place, option) for place, option in pairs}
         given = {item.one_of(sendable, value) for value in values}
         ranked = dict(given)
         if len(ranked) < len(given) or len(set(ranked.values())) < len(given):
@@ -74,6 +72,5 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
             for one in self.options_shown(viewing.seed)
         ]
         rows.sort(key=lambda row: places.index(row.number) if row.number in places else len(places))
-        return Widget(
-            "surveys/_ranking.html", self.kind, choices=tuple(rows), more={"places": places}
-        )
+        more = {"places": places}
+        return Widget("surveys/_ranking.html", self.kind, choices=tuple(rows), more=more)

@@ -1,6 +1,4 @@
-"""What the demo needs to be opened from a phone: this machine's address, a certificate for it, and
-a QR code.
-"""
+"""To open the demo from a phone: this machine's address, a certificate for it, and a QR code."""
 
 import datetime
 import ipaddress
@@ -14,13 +12,11 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-DAYS = 397  # the longest that browsers accept
+DAYS = 397  # validity of a certificate; browsers accept no longer one
 
 
 def addresses() -> list[str]:
-    """Return this machine's IPv4 addresses that others can reach, the one towards the outside
-    first.
-    """
+    """Return this machine's IPv4 addresses in its networks, that of the default route first."""
     found = [
         ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips if isinstance(ip.ip, str)
     ]
@@ -40,8 +36,8 @@ def addresses() -> list[str]:
 
 
 def certificate(directory: Path, hosts: list[str]) -> tuple[Path, Path]:
-    """Return (key, certificate) files for these hosts, made anew when they differ or the old ones
-    have run out.
+    """Return the files (key, certificate) for these addresses; they are replaced when the addresses
+    have changed or the certificate ends within a day.
     """
     directory.mkdir(parents=True, exist_ok=True)
     key_file, certificate_file = directory / "lan.key", directory / "lan.crt"
@@ -93,5 +89,4 @@ def _make(key_file: Path, certificate_file: Path, hosts: list[str]) -> None:
 
 
 def qr_code(address: str) -> None:
-    """Print an address as a QR code that a phone reads from the screen."""
     segno.make(address, error="l").terminal(compact=True, border=2)

@@ -1,11 +1,11 @@
-"""The demo's one-click link: it signs the ready visitor in and opens the robot, driving."""
+"""The demo's one-click link: it signs its visitor in and opens a robot, driving."""
 
 import secrets
 
 from django.conf import settings
 from django.contrib.auth import login
 from django.http import Http404, HttpRequest, HttpResponse
-from django.shortcuts import redirect
+from django.shortcuts import get_object_or_404, redirect
 from django.urls import path
 from django.views.decorators.cache import never_cache
 
@@ -18,15 +18,13 @@ def enter(request: HttpRequest, token: str, robot: str) -> HttpResponse:
     """Sign the demo's visitor in and go to the robot.
 
     Signing in on GET is for the demo alone: the address exists only while DEMO_TOKEN is set, which
-    `manage.py demo` makes anew at each start.
+    `manage.py demo` creates at each start.
     """
     if not settings.DEMO_TOKEN or not secrets.compare_digest(
         token.encode(), settings.DEMO_TOKEN.encode()
     ):
         raise Http404
-    visitor = User.objects.filter(username=VISITOR).first()
-    if visitor is None:
-        raise Http404
+    visitor = get_object_or_404(User, username=VISITOR)
     login(request, visitor, backend="django.contrib.auth.backends.ModelBackend")
     return redirect(f"/robots/{robot}/?go=1")
 

@@ -1,6 +1,4 @@
-"""The demo from its first line to its last: check, migrate, seed, start everything, say where it
-is, and end it all.
-"""
+"""A run of the demo: check, migrate, seed, start everything, print the links, and end it all."""
 
 import datetime
 import os
@@ -37,7 +35,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-# each robot lives in a simulated office of its own; somebody walks about in Giraff's
+# Each robot has a simulated office of its own; a person walks about in Giraff's.
 MOVING_THINGS = {"giraff": ["--option", "people=1"]}
 DELETED_BY_RESET = ("broker", "credentials", "log", "static", "media", "agent", "mail", "sandboxes")
 START_SECONDS = 30.0  # that each part may need after the one before it is ready
@@ -50,20 +48,16 @@ class DemoError(Exception):
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asked for."""
-
     port: int
     lan: bool
     reset: bool
 
 
 class Terminal:
-    """Prints steps, each with its time on the line of its name, and sentences, which begin a line
-    of their own.
-    """
+    """Prints steps, each with its duration on the same line, and sentences on own lines."""
 
     def __init__(self) -> None:
-        self._line = ""  # begun and not ended
+        self._is_open = False  # a step's line
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
@@ -75,27 +69,26 @@ class Terminal:
         except BaseException:
             self._end("failed")
             raise
-        if not self._line:
+        if not self._is_open:
             self._begin(name)
         self._end(f"{time.monotonic() - started:5.1f} s")
 
     def tell(self, sentence: str) -> None:
-        """Print a sentence."""
-        if self._line:
+        if self._is_open:
             self._end("…")
         print(f"  {sentence}", flush=True)
 
     def _begin(self, name: str) -> None:
-        self._line = name
+        self._is_open = True
         print(f"  {name:<44}", end="", flush=True)
 
     def _end(self, result: str) -> None:
-        self._line = ""
+        self._is_open = False
         print(f" {result}", flush=True)
 
 
 def require_free(host: str, port: int) -> None:
-    """Raise DemoError when somebody listens there already."""
+    """Raise DemoError when the port cannot be listened on."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -114,13 +107,8 @@ def require_free(host: str, port: int) -> None:
 
 @contextmanager
 def only_demo_in(folder: Path) -> Iterator[None]:
-    """Keep a second demo away from the database in a folder: the two session managers would divide
-    its robots between them, and each has a broker of its own.
-
-    A system without such locks does not prevent it.
-
-    Raises:
-        DemoError: a demo is running there.
+    """Raise DemoError when another demo uses the data in a folder: their session managers would
+    share its robots although each has a broker of its own. Windows, without such locks, allows it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "demo.lock").open("a") as file:
@@ -136,8 +124,6 @@ def only_demo_in(folder: Path) -> Iterator[None]:
 
 
 class Demo:
-    """One run of the demo."""
-
     def __init__(self, options: Options) -> None:
         self.options = options
         self.hosts = lan.addresses() if options.lan else []
@@ -157,7 +143,6 @@ class Demo:
 
     @property
     def address(self) -> str:
-        """Where the site is."""
         return f"{self.scheme}://{self.host}:{self.options.port}"
 
     def _environment(self) -> dict[str, str]:
@@ -165,9 +150,9 @@ class Demo:
             "MQTT_URL": self.mqtt_url,
             "DEMO_TOKEN": self.token,
             "HTTP_ONLY": "" if self.options.lan else "1",
-            "HSTS_SECONDS": "0",  # a self-made certificate must not be remembered
+            "HSTS_SECONDS": "0",  # browsers must not remember a self-signed certificate
             "ALLOWED_HOSTS": ",".join([LOOPBACK, "localhost", *self.hosts]),
-            # whoever opens the link is the same visitor
+            # everyone who opens the link is the same visitor
             "SOCKETS_PER_USER": str(settings.SOCKETS_PER_ADDRESS),
             "PRACTICE_ROBOTS": str(settings.PRACTICE_ROBOTS or 1),
             "PYTHONUNBUFFERED": "1",
@@ -187,8 +172,7 @@ class Demo:
             call_command("collectstatic", verbosity=0, interactive=False)
         with self.terminal.step("people, floor plan, robots"):
             self.password = seed(self.mqtt_url)
-            # What an earlier run left behind is not news: without this a robot would look online
-            # before it is started.
+            # Otherwise a robot that an earlier run left online would count as started.
             RobotPresence.objects.update(connection="OFFLINE", boot="")
 
     def _reset(self) -> None:
@@ -199,56 +183,41 @@ class Demo:
                 "RESET=1 empties the built-in database only, but DATABASE_URL names "
                 "another one: leave out RESET=1 or DATABASE_URL."
             )
-        for name in (
-            "telepresence.sqlite3",
-            "telepresence.sqlite3-wal",
-            "telepresence.sqlite3-shm",
-        ):
-            (var / name).unlink(missing_ok=True)
+        for suffix in ("", "-wal", "-shm"):
+            (var / f"telepresence.sqlite3{suffix}").unlink(missing_ok=True)
         for name in DELETED_BY_RESET:
             shutil.rmtree(var / name, ignore_errors=True)
 
     def start(self) -> None:
-        """Start every process, and publish the study when the robots have said what they are."""
-        mqtt_port = self.mqtt_url.rpartition(":")[2]
+        """Start every process, and publish the study when the robots have reported."""
         manage = str(settings.BASE_DIR / "manage.py")
+        mqtt_port = self.mqtt_url.rpartition(":")[2]
         run_broker = [manage, "run_broker", "--host", LOOPBACK, "--port", mqtt_port]
-        parts = [
+        run_manager, run_practice = [manage, "run_session_manager"], [manage, "run_practice"]
+        essential = {
+            "broker": (run_broker, lambda child: "broker listening" in child.output()),
+            "session manager": (run_manager, _has_manager_beat),
+            "web server": (self._daphne(), lambda _child: self._web_answers()),
+        }
+        robots = [
             DemoPart(
-                "broker",
-                run_broker,
-                lambda child: "broker listening" in child.output(),
-                is_essential=True,
-            ),
-            DemoPart(
-                "session manager",
-                [manage, "run_session_manager"],
-                _session_manager_beats,
-                is_essential=True,
-            ),
-            DemoPart(
-                "web server", self._daphne(), lambda _child: self._web_answers(), is_essential=True
-            ),
+                f"simulated {title}",
+                [manage, "run_robot", name, *MOVING_THINGS.get(name, [])],
+                lambda child, name=name: _robot_is_online(name, child.started_at),
+            )
+            for name, title, *_ in ROBOTS
         ]
-        for name, title, *_ in ROBOTS:
-            run_robot = [manage, "run_robot", name, *MOVING_THINGS.get(name, [])]
-            parts.append(
-                DemoPart(
-                    f"simulated {title}",
-                    run_robot,
-                    lambda child, name=name: _robot_is_online(name, child.started_at),
-                )
-            )
-        # Its robots come when somebody waits.
-        parts.append(
-            DemoPart(
-                "practice supervisor",
-                [manage, "run_practice"],
-                lambda child: READY in child.output(),
-                tells=True,
-            )
+        # starts robots only when a visitor waits
+        practice = DemoPart(
+            "practice supervisor",
+            run_practice,
+            lambda child: READY in child.output(),
+            has_notices=True,
         )
-        self.supervisor.start(parts, within=START_SECONDS, step=self.terminal.step)
+        parts = [DemoPart(name, *how, is_essential=True) for name, how in essential.items()]
+        self.supervisor.start(
+            [*parts, *robots, practice], within=START_SECONDS, step=self.terminal.step
+        )
         with self.terminal.step("a study, ready to take part in"):
             self._publish()
 
@@ -268,13 +237,10 @@ class Demo:
         return [*DAPHNE, "-e", endpoint, APPLICATION]
 
     def _web_answers(self) -> bool:
-        # the certificate is nobody's to check here; that the port answers is enough
-        if self.options.lan:
-            return listening(self.options.port)
-        return answers(self.address)
+        # the self-signed certificate cannot be verified, so an open port must be enough
+        return listening(self.options.port) if self.options.lan else answers(self.address)
 
     def say_where(self) -> None:
-        """Print the links."""
         link = f"{self.address}/demo/{self.token}/giraff/"
         print(f"\n  Drive Giraff now:  {link}\n", flush=True)
         if self.options.lan:
@@ -296,10 +262,10 @@ class Demo:
         print(f"  Take part:         {link}   (the paper's study; without an account)", flush=True)
 
     def watch(self) -> None:
-        """Start again what ends, for ever.
+        """Restart what ends, for ever.
 
         Raises:
-            PartLostError: broker, session manager or web server do not live.
+            PartLostError: broker, session manager or web server ended too often.
         """
         while True:
             if self.supervisor.look() and not self.study:
@@ -310,7 +276,7 @@ class Demo:
 
 
 def _in_database(question: Callable[[], bool]) -> bool:
-    """Answer a question to the database; no while it is away."""
+    """Ask the database; False while it does not answer."""
     try:
         return question()
     except (DatabaseError, InterfaceError):
@@ -318,29 +284,24 @@ def _in_database(question: Callable[[], bool]) -> bool:
         return False
 
 
-def _session_manager_beats(child: Child) -> bool:
+def _has_manager_beat(child: Child) -> bool:
     return _in_database(ManagerBeat.objects.filter(beat_at__gte=child.started_at).exists)
 
 
 def _robot_is_online(name: str, since: datetime.datetime) -> bool:
-    """Tell whether a robot's agent that was started then has said what it is."""
+    """Tell whether a robot's agent that was started `since` then has sent its factsheet."""
 
     def is_online() -> bool:
         robot = Robot.objects.get(name=name)
+        # the id begins with the time in ms, in hexadecimal (robots.agent.agent.new_boot)
+        booted_at = int(robot.presence.boot.partition("-")[0] or "0", 16) / 1000.0
         return (
             robot.presence.factsheet is not None
-            and _boot_time(robot.presence.boot) >= since.timestamp() - 0.001
+            and booted_at >= since.timestamp() - 0.001
             and robot.is_online(timezone.now())
         )
 
     return _in_database(is_online)
-
-
-def _boot_time(boot: str) -> float:
-    """Return when a run of an agent began, in Unix seconds, from its id
-    (robots.agent.agent.new_boot); 0 without one.
-    """
-    return int(boot.partition("-")[0] or "0", 16) / 1000.0
 
 
 def run(options: Options) -> int:

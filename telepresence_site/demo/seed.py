@@ -1,5 +1,5 @@
-"""The demo's people, place and robots. Everything is made once and kept: a second start finds it
-again. The people have names that are the same in every language.
+"""The demo's people, place and robots, created by the first start and kept by later ones. The
+people's names are the same in every language.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ from django.contrib.admin.models import CHANGE, LogEntry
 
 from accounts.models import User
 from robots.floorplans import store_floor_plan
-from robots.models import FloorPlan, Robot
+from robots.models import Robot
 from telepresence_site.environment import kept_secret
 from telepresence_site.local_credentials import keep_credentials_here
 
@@ -34,12 +34,12 @@ ROBOTS = (
 
 
 def seed(mqtt_url: str) -> str:
-    """Make what is missing, describe the robots that nobody has changed as today, and return the
-    researcher's password.
+    """Create what is missing, update the description of robots that nobody has edited, and return
+    the researcher's password.
     """
-    plan = _office()
+    plan = store_floor_plan(OFFICE)
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)
-    _visitor()
+    _make_visitor()
     owner = _researcher(password)
     for name, title, description, spanish, for_experienced in ROBOTS:
         described = {
@@ -51,7 +51,7 @@ def seed(mqtt_url: str) -> str:
         robot, made = Robot.objects.get_or_create(
             name=name, defaults={**described, "owner": owner, "floor_plan": plan}
         )
-        # An earlier version may have said it differently; what somebody has changed stays.
+        # An earlier version may have described it differently; edits by people stay.
         if not made and not LogEntry.objects.filter(
             content_type__app_label="robots",
             content_type__model="robot",
@@ -63,16 +63,11 @@ def seed(mqtt_url: str) -> str:
     return password
 
 
-def _office() -> FloorPlan:
-    return store_floor_plan(OFFICE)
-
-
-def _visitor() -> User:
+def _make_visitor() -> None:
     visitor, made = User.objects.get_or_create(username=VISITOR, defaults={"display_name": "Alex"})
     if made:
-        visitor.set_unusable_password()  # the one-click link is the only way in
+        visitor.set_unusable_password()  # only the one-click link logs in
         visitor.save(update_fields=["password"])
-    return visitor
 
 
 def _researcher(password: str) -> User:

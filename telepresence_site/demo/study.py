@@ -1,6 +1,4 @@
-"""The demo's ready study: the paper's, published, so that its link works and its figures can be
-drawn the same hour.
-"""
+"""The demo's study: the paper's, published, so that visitors can take part in it at once."""
 
 import datetime
 
@@ -10,13 +8,12 @@ from django.db import transaction
 from accounts.models import User
 from experiments import publishing
 from experiments.definition.problems import parse
-from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import Study, StudyMember
 from telepresence_site.demo.seed import RESEARCHER
 
 SLUG = "exploration"
-# The paper's robots were real. The demo's are not, and nobody is to consent to anything else.
+# The paper's robots were real, the demo's are not: the consent must say so.
 SIMULATED = (
     ("a real robot in a real building", "a simulated robot in a simulated building"),
     ("un robot real en un edificio real", "un robot simulado en un edificio simulado"),
@@ -27,29 +24,22 @@ REASON = "It comes with the demo, whose robots and site it was made for."
 
 
 def publish_study(now: datetime.datetime) -> str:
-    """Publish the study unless some version of it is there already, and return its name.
-
-    Needs the robots to have said what they are.
+    """Publish the study unless a version of it exists, and return its name.
 
     Raises:
-        NotPublishableError: they have not, yet.
+        NotPublishableError: the robots have not sent their factsheets yet.
     """
     if not Study.objects.filter(slug=SLUG).exists():
         researcher = User.objects.get(username=RESEARCHER)
-        with transaction.atomic():  # what cannot be published yet is not left behind as a draft
-            row = publishing.store(_simulated(shipped()[SLUG]), now)
-            row.entry = Study.Entry.CODE  # whoever tries the demo has no account
+        document = msgspec.json.encode(shipped()[SLUG]).decode()
+        for real, simulated in SIMULATED:
+            document = document.replace(real, simulated)
+        with transaction.atomic():  # leaves no draft if it cannot be published yet
+            row = publishing.store(parse(document.encode()), now)
+            row.entry = Study.Entry.CODE  # a participant of the demo has no account
             row.save(update_fields=["entry"])
             StudyMember.objects.get_or_create(
                 slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER}
             )
             publishing.publish(row, researcher, REASON, now)
     return SLUG
-
-
-def _simulated(study: StudyDefinition) -> StudyDefinition:
-    """Return a study that says of its robots what they are in the demo."""
-    document = msgspec.json.encode(study).decode()
-    for real, simulated in SIMULATED:
-        document = document.replace(real, simulated)
-    return parse(document.encode())

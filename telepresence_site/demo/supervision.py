@@ -1,5 +1,5 @@
-"""Keeps the demo's processes running: one that ends is named and started again, and only one that
-nothing works without ends the demo.
+"""Keeps the demo's processes running: one that ends is reported and started again, and only one
+that nothing works without ends the demo.
 """
 
 import time
@@ -8,45 +8,58 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from telepresence_site.children import Child, Children, DemoPart, StartFailed
-from telepresence_site.demo.restart import (
-    GiveUp,
-    Restart,
-    RestartPolicy,
-    after_death,
-    deaths_in_a_row,
-)
 
-POLL_INTERVAL_S = 0.1  # between two looks at a part that is started
+POLL_INTERVAL_S = 0.1  # while a part starts
 
 
 class PartLostError(Exception):
-    """An essential part does not live, however often it is started; the message is one sentence."""
+    """An essential part ended each time that it was started; the message is one sentence."""
+
+
+@dataclass(frozen=True)
+class RestartPolicy:
+    """When a process that ended is started again; times in seconds.
+
+    A process that lived shorter than `settled` died quickly; each quick death in a row doubles the
+    delay before the next start. After `quick_deaths` in a row an essential process is given up; any
+    other is tried for ever.
+    """
+
+    first_delay: float = 1.0
+    longest_delay: float = 30.0
+    settled: float = 20.0
+    quick_deaths: int = 5
+
+    def deaths_in_a_row(self, before: int, lived: float) -> int:
+        """Return the number of quick deaths in a row, this one included; `lived` is the time since
+        the last start.
+        """
+        return 1 if lived >= self.settled else before + 1
+
+    def delay(self, deaths: int, *, is_essential: bool) -> float | None:
+        """Return the delay after so many quick deaths in a row; None when it is to be given up."""
+        if is_essential and deaths >= self.quick_deaths:
+            return None
+        return min(self.longest_delay, self.first_delay * 2.0 ** min(deaths - 1, 30))
 
 
 @dataclass
 class _Service:
-    """A part and its present process. All times are of the supervisor's clock; None: that does not
-    apply now.
-    """
+    """A part and its present process; times by the supervisor's clock."""
 
     part: DemoPart
     child: Child
     started_at: float
-    died_at: float | None = None  # of the death that is not yet told to be over
-    restart_at: float | None = None
+    died_at: float | None = None  # of the first death that is not yet reported to be over
+    restart_at: float | None = None  # None while it runs
     deaths: int = 0
-
-    @property
-    def is_back(self) -> bool:
-        """Whether it died, runs again, and is ready."""
-        return self.died_at is not None and self.restart_at is None and self.part.ready(self.child)
 
 
 class ServiceSupervisor:
-    """Starts parts, looks after them, and says in one sentence what became of each that ended.
+    """Starts and restarts parts, and reports in one sentence what became of each that ended.
 
     Args:
-        children: where their processes are.
+        children: starts their processes.
         tell: prints a sentence.
         policy: when one that ended is started again.
         clock: seconds.
@@ -70,14 +83,13 @@ class ServiceSupervisor:
         within: float,
         step: Callable[[str], AbstractContextManager[None]],
     ) -> None:
-        """Start parts that look for each other until they find one another, and wait for each in
-        turn.
+        """Start parts side by side, because they wait for each other; then wait for each in turn.
 
-        One that is not essential and needs longer than `within` seconds is waited for no more, and
-        told.
+        One that is not essential and needs longer than `within` seconds is reported, and no longer
+        waited for.
 
         Raises:
-            PartLostError: an essential one does not live.
+            PartLostError: an essential one ended too often.
             StartFailed: an essential one was not ready in time.
         """
         self._services += [
@@ -98,29 +110,30 @@ class ServiceSupervisor:
         while service.restart_at is not None or not service.part.ready(service.child):
             if self._clock() > deadline:
                 raise StartFailed(
-                    f"The {service.part.name} is not ready yet: {service.child.last_words()} (its"
+                    f"The {service.part.name} is not ready yet: {service.child.last_line()} (its"
                     f" log: {service.child.log})."
                 )
             time.sleep(POLL_INTERVAL_S)
             self.look()
 
     def look(self) -> bool:
-        """Start again what ended and is due; say what ended, what is back, and what parts tell of
-        their own children. Return whether anything is back.
+        """Restart what ended and is due; report what ended, what is back, and the notices of parts.
+        Return whether anything is back.
 
         Raises:
-            PartLostError: an essential part does not live.
+            PartLostError: an essential part ended too often.
         """
         now, some_are_back = self._clock(), False
         for service in self._services:
-            if service.part.tells:
-                for sentence in service.child.told():
+            if service.part.has_notices:
+                for sentence in service.child.notices():
                     self._tell(sentence)
             if service.restart_at is None and service.child.process.poll() is not None:
-                self._bury(service, now)
+                self._on_death(service, now)
             if service.restart_at is not None and now >= service.restart_at:
                 self._restart(service, now)
-            if service.is_back and service.died_at is not None:
+            runs = service.restart_at is None
+            if runs and service.died_at is not None and service.part.ready(service.child):
                 self._tell(
                     f"The {service.part.name} is {'back' if service.deaths else 'ready'} after"
                     f" {now - service.died_at:.1f} s."
@@ -129,33 +142,28 @@ class ServiceSupervisor:
         return some_are_back
 
     def _restart(self, service: _Service, now: float) -> None:
+        name = service.part.name
         service.started_at, service.restart_at = now, None
         try:
-            service.child = self._children.start(service.part.name, service.part.arguments)
+            service.child = self._children.start(name, service.part.arguments)
         except OSError as error:  # no memory, or no room for its log
-            self._plan_restart(
-                service,
-                now,
-                f"The {service.part.name} could not be started: {error.strerror or error}.",
-            )
+            reason = error.strerror or error
+            self._plan_restart(service, now, f"The {name} could not be started: {reason}.")
 
-    def _bury(self, service: _Service, now: float) -> None:
-        ended = (
-            f"The {service.part.name} ended: {service.child.cause_of_death()} (its log:"
-            f" {service.child.log})."
-        )
+    def _on_death(self, service: _Service, now: float) -> None:
+        reason = service.child.why_ended()
         self._children.end(service.child)
+        ended = f"The {service.part.name} ended: {reason} (its log: {service.child.log})."
         self._plan_restart(service, now, ended)
 
     def _plan_restart(self, service: _Service, now: float, what: str) -> None:
-        service.deaths = deaths_in_a_row(self._policy, service.deaths, now - service.started_at)
+        lived = now - service.started_at
+        service.deaths = self._policy.deaths_in_a_row(service.deaths, lived)
         service.died_at = service.died_at or now
-        match after_death(self._policy, service.deaths, is_essential=service.part.is_essential):
-            case GiveUp():
-                raise PartLostError(
-                    f"{what} It ended {service.deaths} times in a row, and nothing works"
-                    " without it."
-                )
-            case Restart(delay):
-                service.restart_at = now + delay
-                self._tell(f"{what} Starting it again in {delay:g} s.")
+        delay = self._policy.delay(service.deaths, is_essential=service.part.is_essential)
+        if delay is None:
+            raise PartLostError(
+                f"{what} It ended {service.deaths} times in a row, and nothing works without it."
+            )
+        service.restart_at = now + delay
+        self._tell(f"{what} Starting it again in {delay:g} s.")

@@ -1,8 +1,6 @@
-"""What differs when DATABASE_URL names a MongoDB: keys are ObjectIds, where ours are not UUIDs, and
-apps of others have migrations of ours.
-
-Their own migrations make integer keys, which MongoDB does not count out. Ours make UUIDs and serve
-every database. docs/howto/mongodb.md says what works.
+"""The settings of a site on MongoDB: keys that are not UUIDs are ObjectIds, and third-party apps
+use our migrations, because theirs create integer keys, which MongoDB does not generate.
+docs/howto/mongodb.md says what works.
 """
 
 from typing import Any
@@ -26,12 +24,11 @@ MIGRATION_MODULES = {
 
 
 def is_address(url: str) -> bool:
-    """Tell whether a DATABASE_URL is a MongoDB's."""
     return url.startswith(SCHEMES)
 
 
 def database(url: str) -> dict[str, Any]:
-    """Return Django's description of the database at an address, which pymongo reads itself."""
+    """Return Django's settings for the database; pymongo reads the address itself."""
     return {
         "ENGINE": "django_mongodb_backend",
         "HOST": url,

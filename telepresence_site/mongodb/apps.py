@@ -1,4 +1,4 @@
-"""Apps of others, with keys that MongoDB makes."""
+"""Third-party apps, with keys that MongoDB generates."""
 
 from allauth.account.apps import AccountConfig as Account
 from django.contrib.auth.apps import AuthConfig as Auth
@@ -9,24 +9,16 @@ from telepresence_site.web.administration import AdminConfig as Admin
 
 
 class MongoAdminConfig(Admin):
-    """Django's administration."""
-
     default_auto_field = KEY
 
 
 class AuthConfig(Auth):
-    """Groups and permissions."""
-
     default_auto_field = KEY
 
 
 class ContentTypesConfig(ContentTypes):
-    """Kinds of rows."""
-
     default_auto_field = KEY
 
 
 class AccountConfig(Account):
-    """E-mail addresses."""
-
     default_auto_field = KEY

@@ -1,9 +1,8 @@
-"""Whether this web process can do its work now, and with it the parts that it cannot do without.
+"""Whether this web process works, and the parts that it needs.
 
-`/healthz` says that the process reaches database and broker (a supervisor restarts what does not).
-`/readyz` says whether visitors should be sent here, and looks at everything: 200, or 503 with a
-word for every part; of the disk also while there is still room. Neither says anything that is not
-everybody's business.
+`/healthz` is for a supervisor, which restarts a process that does not reach database and broker.
+`/readyz` is for a load balancer: it checks all parts, and answers with 200 if visitors should be
+sent here, else 503, with a word for each part. Both are public, and reveal nothing else.
 """
 
 import asyncio
@@ -29,22 +28,22 @@ from sessions.shards.rows import NAME
 
 log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
-# A disk that is nearly full is told in time, and turns nobody away; nor does a channel layer that
-# is away: pages only hear later of what staff do (sessions/page_channel.py).
+# A disk that is nearly full is only reported, and so is a channel layer that is away: pages then
+# learn later of what staff do (sessions/page_channel.py).
 WELL, LOW, SLOW, SILENT = "ok", "low", "slow", "silent"
 BEHIND = LIMIT // 4  # items that wait for the database; a busy site has a few hundred
 
 
 class DiskReader:
-    """Reads how much room the disk has, in a thread: a disk that dies may never answer. Until it
-    does, it holds that one thread and nothing else.
+    """Reads the free space of the disk in a thread: a failed disk may never answer, and then blocks
+    only this thread.
     """
 
     def __init__(self) -> None:
         self._reading: asyncio.Future[int] | None = None
 
     async def read(self) -> tuple[str, int | None]:
-        """Return how the disk is in a word, and its free bytes; None of a `silent` one."""
+        """Return the state of the disk, and its free bytes, None if it is `silent`."""
         loop = asyncio.get_running_loop()
         space = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
         reading = self._reading
@@ -62,10 +61,8 @@ disk = DiskReader()
 @never_cache
 @require_safe
 async def healthz(_request: HttpRequest) -> JsonResponse:
-    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with
-    what is missing.
-
-    The state of the disk is reported as well, but never as 503: no restart makes room.
+    """Answer with 200 if this process reaches the database and the broker, else 503. The state of
+    the disk never causes 503, because no restart frees space.
     """
     database = await database_sync_to_async(_database_answers)()
     broker = await bridge.current().wait_connected(PATIENCE_SECONDS)
@@ -88,8 +85,7 @@ def _database_answers() -> bool:
 @never_cache
 @require_safe
 async def readyz(_request: HttpRequest) -> JsonResponse:
-    """Answer with a word for every part."""
-    database, manager = await database_sync_to_async(_of_the_database)(timezone.now())
+    database, manager = await database_sync_to_async(_database_and_managers)(timezone.now())
     broker = await bridge.current().wait_connected(PATIENCE_SECONDS)
     parts = {
         "database": database,
@@ -99,12 +95,12 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
         "disk": (await disk.read())[0],
     }
     ready = all(word in {WELL, LOW, SLOW} for word in parts.values())
-    if any(word != WELL for word in parts.values()):
-        log.warning("not_ready", parts={part: word for part, word in parts.items() if word != WELL})
+    if wrong := {part: word for part, word in parts.items() if word != WELL}:
+        log.warning("not_ready", parts=wrong)
     return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
 
 
-def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
+def _database_and_managers(now: datetime.datetime) -> tuple[str, str]:
     try:
         rows = list(ManagerBeat.objects.filter(name__startswith=NAME))
     except (DatabaseError, InterfaceError) as error:
@@ -114,8 +110,8 @@ def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
 
 
 def managers_state(rows: Sequence[ManagerBeat], now: datetime.datetime) -> str:
-    """Return `ok`, or the worst of what is wrong with the session managers that beat: the others
-    serve the robots of one that does not.
+    """Return `ok`, or the worst fault of the session managers that send heartbeats; these serve the
+    robots of a silent one.
     """
     states = {manager_state(row, now) for row in rows}
     order = ("without_broker", "behind", WELL, "silent", "none")
@@ -123,9 +119,7 @@ def managers_state(rows: Sequence[ManagerBeat], now: datetime.datetime) -> str:
 
 
 def manager_state(row: ManagerBeat | None, now: datetime.datetime) -> str:
-    """Return `ok`, or what is wrong with one session manager: `none`, `silent`, `without_broker` or
-    `behind`.
-    """
+    """Return `ok`, or a session manager's fault: `none`, `silent`, `without_broker`, `behind`."""
     if row is None or not row.holder:
         return "none"
     if (now - row.beat_at).total_seconds() > STALE_SECONDS:

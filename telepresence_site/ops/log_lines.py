@@ -1,10 +1,10 @@
-"""Log lines for machines: one event a line, as JSON or as key=value, with what it is about and
-without secrets. Processors of structlog, for its formatter; whatever other libraries say becomes
-the field `message`.
+"""Log lines for machines: one event a line, as JSON or key=value, with the ids of its context and
+without secrets. Processors for structlog's formatter; a line of another library becomes the field
+`message`.
 
-Secrets are not meant to be logged anywhere. As a second line of defence the values that this site
-keeps secret, passwords in addresses, cookies, and fields with such names are struck out here, and
-paths, which may hold one-time links, are replaced by the route they match.
+No code should log a secret. As a second line of defence, the secrets of the settings, passwords in
+addresses, cookies, and fields with such names are redacted here, and paths, which can be one-time
+links, are replaced by the route that they match.
 """
 
 import functools
@@ -32,12 +32,12 @@ _SECRETS = (
     ),
     (re.compile(r"(\b(?:Bearer|Basic)\s+)[\w+/=.~-]+", re.IGNORECASE), rf"\1{STRUCK}"),
 )
-LEAST_SECRET = 6  # characters: what is shorter would strike out ordinary words
+MIN_SECRET_LENGTH = 6  # a shorter one would redact ordinary words
 Fields = MutableMapping[str, Any]
 
 
 def of_other_libraries(_logger: Any, _name: str, event: Fields) -> Fields:
-    """Name the event of a line that is none of ours."""
+    """Give a line of another library an event name."""
     record: logging.LogRecord = event["_record"]
     message, arguments = event.pop("event"), event.pop("positional_args")
     if record.name == "django.request" and isinstance(arguments, tuple) and len(arguments) > 1:
@@ -51,7 +51,7 @@ def of_other_libraries(_logger: Any, _name: str, event: Fields) -> Fields:
 
 
 def in_order(_logger: Any, _name: str, event: Fields) -> Fields:
-    """Say when, how grave and by whom, then what, and what it is about."""
+    """Put time, level and logger first, then the event, the ids of its context, and its fields."""
     record: logging.LogRecord = event.pop("_record")
     del event["_from_structlog"]
     error = event.pop(TRACEBACK, None)
@@ -64,21 +64,18 @@ def in_order(_logger: Any, _name: str, event: Fields) -> Fields:
         **log_ids.current(),
         **event,
     }
-    # What Django refuses is the client's fault, and its message says all.
+    # A request that Django's security refuses needs no traceback.
     if error and not record.name.startswith("django.security."):
         line["traceback"] = logging.Formatter().formatException(error)
     return line
 
 
 class Redaction:
-    """Strikes out secrets."""
-
     @functools.cached_property
     def _known(self) -> tuple[str, ...]:
-        return known_secrets()  # there are none before the settings are read
+        return known_secrets()  # cached at the first line, after the settings are loaded
 
     def __call__(self, _logger: Any, _name: str, event: Fields) -> Fields:
-        """Return the fields without them."""
         return {name: self._clean(name, value) for name, value in event.items()}
 
     def _clean(self, name: str, value: Any) -> Any:
@@ -104,12 +101,10 @@ def key_value(_logger: Any, _name: str, event: Fields) -> str:
 
 
 def json_lines() -> logging.Formatter:
-    """Return the formatter of one JSON object a line."""
     return _formatter(structlog.processors.JSONRenderer(ensure_ascii=False, default=str))
 
 
 def key_value_lines() -> logging.Formatter:
-    """Return the formatter of `key=value` pairs."""
     return _formatter(key_value)
 
 
@@ -121,15 +116,8 @@ def _formatter(renderer: Any) -> logging.Formatter:
     )
 
 
-def _urls() -> list[str]:
-    from django.conf import settings  # noqa: PLC0415 -- the settings name this module
-
-    brokers = f"{settings.MQTT_URL},{settings.MQTT_PUBLIC_URL}".split(",")
-    return [url.strip() for url in (*brokers, settings.REDIS_URL)]
-
-
 def known_secrets() -> tuple[str, ...]:
-    """Return the values of this site's settings that nobody may read in a log, longest first."""
+    """Return the secret values of this site's settings, longest first."""
     from django.conf import settings  # noqa: PLC0415 -- the settings name this module
 
     values = {
@@ -140,9 +128,9 @@ def known_secrets() -> tuple[str, ...]:
         settings.DEMO_TOKEN,
     }
     values |= {str(database.get("PASSWORD") or "") for database in settings.DATABASES.values()}
-    for url in _urls():
-        _, found, password = urlsplit(url).netloc.rpartition("@")[0].partition(":")
+    urls = f"{settings.MQTT_URL},{settings.MQTT_PUBLIC_URL},{settings.REDIS_URL}"
+    for url in urls.split(","):
+        _, found, password = urlsplit(url.strip()).netloc.rpartition("@")[0].partition(":")
         values |= {password, unquote(password)} if found else set()
-    return tuple(
-        sorted((value for value in values if len(value) >= LEAST_SECRET), key=len, reverse=True)
-    )
+    secrets = [value for value in values if len(value) >= MIN_SECRET_LENGTH]
+    return tuple(sorted(secrets, key=len, reverse=True))

@@ -1,25 +1,23 @@
-"""`/metrics`: how the site does, in figures, as Prometheus reads them. No label names a person, an
-address or a session.
+"""`/metrics`: figures for Prometheus. No label names a person, an address or a session.
 
-A web process tells its own figures (its pages, its share of the relaying, its HTTP requests), and
-what the database knows of the whole site (sessions, robots, queues, and what the session manager
-reports with its beat), which is therefore the same from every web process.
+Each web process reports its own figures (pages, relayed messages, HTTP requests), and those of the
+whole site, which it reads in the database (sessions, robots, queues, reports of session managers).
 
-It answers 404 unless its bearer token (METRICS_TOKEN) comes along, or the connection comes straight
-from an address of METRICS_ALLOWED. A connection through a proxy, recognized by X-Forwarded-For,
-never counts as one of those: behind a proxy everybody has its address.
+A request needs the bearer token METRICS_TOKEN, or a direct connection from METRICS_ALLOWED; any
+other is answered with 404. A request with X-Forwarded-For is not direct: behind a proxy, every
+client has the proxy's address.
 """
 
 import datetime
 import hmac
 import ipaddress
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db.models import Count
+from django.db.models import Count, Q, QuerySet
 from django.http import Http404, HttpRequest, HttpResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
@@ -35,28 +33,26 @@ from sessions.consumers import peers
 from sessions.models import Lease, ManagerBeat, Session
 from telepresence_site.ops.health import WELL, disk, managers_state
 
-Labelled = dict[str, float]
+Labelled = Mapping[str, float]  # a figure by the value of its label
 PREFIX = "telepresence_"
 
 
 @never_cache
 @require_safe
 async def metrics(request: HttpRequest) -> HttpResponse:
-    """Answer with every figure, to those who may see them."""
     if not may_read(request):
         raise Http404
     _word, free = await disk.read()  # None of a disk that does not answer
     of_the_site = await database_sync_to_async(_of_the_site)(timezone.now())
-    families = [*_of_this_process(free), *of_the_site]
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Ready(families))
+    registry.register(_Collected([*_of_this_process(free), *of_the_site]))
     return HttpResponse(
         generate_latest(REGISTRY) + generate_latest(registry), content_type=CONTENT_TYPE_LATEST
     )
 
 
 def may_read(request: HttpRequest) -> bool:
-    """Tell whether whoever asks has the token, or one of the addresses."""
+    """Tell whether a request has the token, or comes from one of the addresses."""
     given = request.headers.get("Authorization", "")
     if settings.METRICS_TOKEN and hmac.compare_digest(
         given.encode(), f"Bearer {settings.METRICS_TOKEN}".encode()
@@ -74,9 +70,7 @@ def may_read(request: HttpRequest) -> bool:
     )
 
 
-class _Ready(Collector):
-    """Families that are counted already."""
-
+class _Collected(Collector):
     def __init__(self, families: list[Metric]) -> None:
         self._families = families
 
@@ -92,21 +86,11 @@ def _of_this_process(free: int | None) -> Iterator[Metric]:
     yield _gauge("disk_silent", "Whether the disk of VAR_DIR does not answer.", float(free is None))
     if free is not None:
         yield _gauge("disk_free_bytes", "Free space on the disk of VAR_DIR.", float(free))
-    yield _counter(
-        "bridge",
-        "Messages between broker and pages, by outcome.",
-        "what",
-        dict(bridge.counts),
-    )
-    yield _gauges(
-        "pages", "Open drive pages, by activity.", "standing", dict(peers.counts_by_role())
-    )
-    yield _counter(
-        "refused_frames",
-        "Refused messages from pages, by reason.",
-        "reason",
-        dict(peers.refusals()),
-    )
+    messages = "Messages between broker and pages, by outcome."
+    yield _counter("bridge", messages, "what", bridge.counts)
+    yield _gauges("pages", "Open drive pages, by activity.", "standing", peers.counts_by_role())
+    refused = "Refused messages from pages, by reason."
+    yield _counter("refused_frames", refused, "reason", peers.refusals())
 
 
 def _of_the_site(now: datetime.datetime) -> list[Metric]:
@@ -118,22 +102,11 @@ def _of_the_site(now: datetime.datetime) -> list[Metric]:
 
 
 def _sessions() -> Iterator[Metric]:
-    ended = (
-        Session.objects.filter(state=Session.State.ENDED)
-        .order_by()
-        .values_list("outcome")
-        .annotate(n=Count("pk"))
-    )
-    live = dict(
-        Session.objects.exclude(state=Session.State.ENDED)
-        .order_by()
-        .values_list("state")
-        .annotate(n=Count("pk"))
-    )
-    outcomes = dict.fromkeys(Session.Outcome.values, 0) | dict(ended)
-    states = {
-        state: live.get(state, 0) for state in Session.State.values if state != Session.State.ENDED
-    }
+    ended, live = Q(state=Session.State.ENDED), ~Q(state=Session.State.ENDED)
+    sessions = Session.objects.order_by()
+    outcomes = dict.fromkeys(Session.Outcome.values, 0) | _count(sessions.filter(ended), "outcome")
+    states = dict.fromkeys(Session.State.values, 0) | _count(sessions.filter(live), "state")
+    del states[Session.State.ENDED]
     yield _gauges("sessions_ended", "Sessions in the database by outcome.", "outcome", outcomes)
     yield _gauges("sessions_live", "Sessions in progress, by state.", "state", states)
     yield _gauge(
@@ -144,47 +117,29 @@ def _sessions() -> Iterator[Metric]:
 
 
 def _robots(now: datetime.datetime) -> Iterator[Metric]:
-    in_use = Robot.objects.filter(enabled=True, practice=False)
-    robots = list(
-        in_use.only(
-            "name",
-            "enabled",
-            "presence__connection",
-            "presence__last_seen_at",
-            "presence__report",
-        )
-    )
-    waiting = Session.objects.filter(state=Session.State.WAITING).order_by()
-    queues = dict(waiting.values_list("robot").annotate(n=Count("pk")))
-    held = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
+    read = ("connection", "last_seen_at", "report")
+    rows = Robot.objects.filter(enabled=True, practice=False)
+    robots = list(rows.only("name", "enabled", *(f"presence__{name}" for name in read)))
+    queues = _count(Session.objects.order_by().filter(state=Session.State.WAITING), "robot")
+    leased = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
     charges = {
         robot.name: (robot.presence.report or {}).get("battery", {}).get("charge")
         for robot in robots
     }
-    yield _gauges(
-        "robot_online",
-        "Whether a robot is online.",
-        "robot",
-        {robot.name: robot.is_online(now) for robot in robots},
-    )
-    yield _gauges(
-        "robot_leased",
-        "Whether somebody is using a robot.",
-        "robot",
-        {robot.name: robot.pk in held for robot in robots},
-    )
-    yield _gauges(
-        "robot_queue_length",
-        "Visitors who wait for a robot.",
-        "robot",
-        {robot.name: queues.get(robot.pk, 0) for robot in robots},
-    )
-    yield _gauges(
-        "robot_charge",
-        "A robot's charge, 0 to 1.",
-        "robot",
-        {name: charge for name, charge in charges.items() if charge is not None},
-    )
+    figures: dict[str, tuple[str, Labelled]] = {
+        "online": ("Whether a robot is online.", {r.name: r.is_online(now) for r in robots}),
+        "leased": ("Whether somebody is using a robot.", {r.name: r.pk in leased for r in robots}),
+        "queue_length": (
+            "Visitors who wait for a robot.",
+            {r.name: queues.get(r.pk, 0) for r in robots},
+        ),
+        "charge": (
+            "A robot's charge, 0 to 1.",
+            {name: charge for name, charge in charges.items() if charge is not None},
+        ),
+    }
+    for name, (text, values) in figures.items():
+        yield _gauges(f"robot_{name}", text, "robot", values)
 
 
 def _managers(rows: Sequence[ManagerBeat], now: datetime.datetime) -> Iterator[Metric]:
@@ -211,48 +166,39 @@ def _managers(rows: Sequence[ManagerBeat], now: datetime.datetime) -> Iterator[M
 
 
 def _of_recorders(reports: Sequence[dict[str, Any]]) -> Iterator[Metric]:
-    yield _gauge(
-        "recorder_waiting",
-        "Items that wait to be written into the record.",
-        sum(report.get("waiting", 0) for report in reports),
-    )
-    yield _counter(
-        "recorded",
-        "Items that the recorder handled since it started.",
-        "what",
-        _sum(reports, "counts"),
-    )
-    yield _counter(
-        "robot_refused_commands",
-        "Commands that robots refused during sessions, by reason.",
-        "reason",
-        _sum(reports, "refused"),
-    )
-    yield _counter(
-        "rejected_messages",
-        "Malformed messages to the session manager.",
-        "reason",
-        _sum(reports, "rejected"),
-    )
+    waiting = sum(report.get("waiting", 0) for report in reports)
+    yield _gauge("recorder_waiting", "Items that wait to be written into the record.", waiting)
+    for name, text, label, key in (
+        ("recorded", "Items that the recorder handled since it started.", "what", "counts"),
+        (
+            "robot_refused_commands",
+            "Commands that robots refused during sessions, by reason.",
+            "reason",
+            "refused",
+        ),
+        ("rejected_messages", "Malformed messages to the session manager.", "reason", "rejected"),
+    ):
+        total: Counter[str] = Counter()
+        for report in reports:
+            total.update(report.get(key, {}))
+        yield _counter(name, text, label, total)
 
 
-def _sum(reports: Sequence[dict[str, Any]], name: str) -> Labelled:
-    total: Counter[str] = Counter()
-    for report in reports:
-        total.update(report.get(name, {}))
-    return dict(total)
+def _count(sessions: "QuerySet[Session]", field: str) -> dict[Any, int]:
+    """Return the number of sessions by the value of a field."""
+    return dict(sessions.values_list(field).annotate(n=Count("pk")))
 
 
-def _gauge(name: str, says: str, value: float) -> Metric:
-    return GaugeMetricFamily(PREFIX + name, says, value=value)
+def _gauge(name: str, text: str, value: float) -> Metric:
+    return GaugeMetricFamily(PREFIX + name, text, value=value)
 
 
-def _gauges(name: str, says: str, label: str, values: Labelled) -> Metric:
-    return _filled(GaugeMetricFamily(PREFIX + name, says, labels=[label]), values)
+def _gauges(name: str, text: str, label: str, values: Labelled) -> Metric:
+    return _filled(GaugeMetricFamily(PREFIX + name, text, labels=[label]), values)
 
 
-def _counter(name: str, says: str, label: str, values: Labelled) -> Metric:
-    return _filled(CounterMetricFamily(PREFIX + name, says, labels=[label]), values)
+def _counter(name: str, text: str, label: str, values: Labelled) -> Metric:
+    return _filled(CounterMetricFamily(PREFIX + name, text, labels=[label]), values)
 
 
 def _filled(family: GaugeMetricFamily | CounterMetricFamily, values: Labelled) -> Metric:

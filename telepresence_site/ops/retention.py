@@ -1,8 +1,7 @@
-"""What is forgotten when: by kind, as settings.RETENTION_DAYS says. What belongs to a study is kept
-as long as the study; its addresses are not.
+"""Deletes what is older than settings.RETENTION_DAYS. A study's data, but for addresses, is kept as
+long as the study.
 
-Every kind is a question for rows that are old enough and what becomes of them, a part at a time, so
-that a database with years in it is not locked for long.
+Rows are deleted in parts, so that a database with years of data is not locked for long.
 """
 
 import datetime
@@ -28,9 +27,7 @@ GUESTS_KEPT = datetime.timedelta(days=1)
 
 @dataclass(frozen=True)
 class RetentionKind:
-    """Something that is kept for so many days: how to count, and how to forget, what is older than
-    a moment.
-    """
+    """A kind of data: how to count, and how to delete, what is older than a moment."""
 
     name: str
     count: Callable[[datetime.datetime], int]
@@ -38,9 +35,7 @@ class RetentionKind:
 
 
 def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
-    """Yield (kind, how many) for every kind that is not kept for ever, after forgetting them or,
-    dry, only counting.
-    """
+    """Delete, or with `dry_run` count, what is too old; yield (kind, how many)."""
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]
         if days > 0.0:
@@ -53,9 +48,8 @@ def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, 
 
 
 def empty_write_ahead_log() -> None:
-    """Move what SQLite has in its write-ahead log into the database and cut the log to nothing:
-    until then it holds what was deleted since. Where somebody reads for too long, the next night
-    does it.
+    """Truncate SQLite's write-ahead log, which otherwise still has the deleted data. A long read
+    transaction prevents it until the next night.
     """
     if connection.vendor == "sqlite" and not connection.in_atomic_block:
         with connection.cursor() as cursor:
@@ -63,9 +57,8 @@ def empty_write_ahead_log() -> None:
 
 
 def _idle_guests(before: datetime.datetime) -> "QuerySet[User]":
-    """Return accounts without a password that were made so long ago and are good for nothing any
-    more: visitors who tried a simulated robot, whose drives go with them, and participants who
-    withdrew while they were driving.
+    """Return old accounts without a password that are no longer needed: visitors who tried a
+    simulated robot, with their drives, and participants who withdrew while they were driving.
     """
     withdrawn = Q(kind=User.Kind.PARTICIPANT, participations=None, robot_sessions=None)
     tried = Q(kind=User.Kind.VISITOR, last_login__lt=before)
@@ -73,7 +66,7 @@ def _idle_guests(before: datetime.datetime) -> "QuerySet[User]":
 
 
 def _of_no_study(before: datetime.datetime) -> "QuerySet[Session]":
-    """Return sessions whose record is closed, that ended so long ago, and that are no study's."""
+    """Return old sessions with a closed record that belong to no study."""
     return Session.objects.filter(
         state=Session.State.ENDED, closed_at__isnull=False, ended_at__lt=before, drive=None
     )
@@ -82,7 +75,7 @@ def _of_no_study(before: datetime.datetime) -> "QuerySet[Session]":
 def _rows(
     of: Callable[[datetime.datetime], "QuerySet[Any]"],
 ) -> tuple[Callable[[datetime.datetime], int], Callable[[datetime.datetime], int]]:
-    """Return how to count and how to delete what `of` finds."""
+    """Return functions that count and delete the rows that `of` returns."""
 
     def forget(before: datetime.datetime) -> int:
         total = 0
@@ -94,11 +87,8 @@ def _rows(
     return lambda before: of(before).count(), forget
 
 
-# --- addresses ------------------------------------------------------------------------------------
-
-
 def _with_address(before: datetime.datetime) -> Iterator[Session]:
-    """Yield sessions that still tell a network or a user agent; only these two columns are read."""
+    """Yield old sessions that still have a network or a user agent; only `device` is read."""
     rows = (
         Session.objects.filter(state=Session.State.ENDED, ended_at__lt=before)
         .exclude(device={})
@@ -125,7 +115,7 @@ def _forget_addresses(before: datetime.datetime) -> int:
     return total
 
 
-# In this order: what goes with its session need not be forgotten before.
+# Sessions first: other rows are deleted with them.
 KINDS = (
     RetentionKind("sessions", *_rows(_of_no_study)),
     RetentionKind(

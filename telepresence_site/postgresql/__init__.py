@@ -1,5 +1,5 @@
-"""A PostgreSQL of several servers, of which one at a time is the primary: a DATABASE_URL with
-several hosts, and the connections to it (base.py).
+"""A PostgreSQL cluster with one primary: a DATABASE_URL with several hosts, and connections to it
+(base.py).
 """
 
 import re
@@ -9,8 +9,7 @@ import dj_database_url
 
 ENGINE = "telepresence_site.postgresql"
 PORT = "5432"
-# s for which a server may say nothing to a new connection
-CONNECT_SECONDS = 3
+CONNECT_SECONDS = 3  # in which a server must answer a new connection
 _URL = re.compile(
     r"(?P<before>(?:postgres|postgresql|pgsql)://(?:[^/?#]*@)?)"
     r"(?P<hosts>[^/?#@]*,[^/?#@]*)(?P<after>.*)"
@@ -24,10 +23,10 @@ def is_address(url: str) -> bool:
 
 
 def database(url: str) -> dict[str, Any]:
-    """Return Django's description of a database on several servers, in the order of the URL.
+    """Return Django's settings for a database on several servers, in the order of the URL.
 
     Raises:
-        ValueError: it is no such address.
+        ValueError: it is not such an address.
     """
     found = _URL.fullmatch(url)
     hosts = [_HOST.fullmatch(word.strip()) for word in found["hosts"].split(",")] if found else []

@@ -1,9 +1,9 @@
-"""Connections to the primary of several servers, which end when it is the primary no more.
+"""Connections to the primary of several servers, which end when it is no longer the primary.
 
-A server that dies closes its connections, and a standby refuses those that want to write. A server
-that is frozen, or whose machine is gone, says nothing at all, and a client would wait for its
-answer for ever. So a thread that waits for long asks whether the server still takes a connection as
-a primary. A slow statement is not cut off: only silence of the whole server is.
+A server that dies closes its connections, and a standby refuses writers; libpq handles both. A
+frozen server, or one whose machine is lost, stays silent, and its clients would wait for ever. A
+thread that waits for long therefore tests whether the server still accepts a connection as the
+primary. A slow statement is not interrupted, only one of a server that does not answer at all.
 """
 
 import functools
@@ -17,14 +17,14 @@ from django.db.backends.postgresql import base
 
 from telepresence_site.postgresql import CONNECT_SECONDS
 
-QUIET_SECONDS = 2.0  # without an answer, after which the server is asked whether it lives
+QUIET_SECONDS = 2.0  # without an answer, after which the server is tested
 Waiting = Generator[Any, Any, Any]
 Server = tuple[str, str]  # host, port
 
 
 class ServerOrder:
-    """In which order this process tries servers: the one that answered last comes first, and one
-    that said nothing last, since a machine that is gone costs each attempt its whole time.
+    """The order in which this process tries servers: first the one that answered last. A silent one
+    is last, because a lost machine costs each attempt its whole time limit.
     """
 
     def __init__(self) -> None:
@@ -32,17 +32,14 @@ class ServerOrder:
         self._silent: Server | None = None
 
     def answered(self, server: Server) -> None:
-        """Note who is the primary."""
         self._newest = server
         if self._silent == server:
             self._silent = None
 
     def was_silent(self, server: Server) -> None:
-        """Note who does not answer any more."""
         self._silent = server
 
     def sort(self, servers: list[Server]) -> list[Server]:
-        """Return servers as they are to be tried, otherwise in the order of the setting."""
         return sorted(servers, key=lambda one: (one == self._silent, one != self._newest))
 
 
@@ -50,27 +47,24 @@ _order = ServerOrder()  # of the process: each thread has connections of its own
 
 
 class DatabaseWrapper(base.DatabaseWrapper):
-    """Django's own, for several hosts."""
-
     def get_connection_params(self) -> dict[str, Any]:
-        """Return psycopg's parameters, with the hosts in the order of their trial."""
+        """Return psycopg's parameters, with the hosts in the order in which it tries them."""
         params: dict[str, Any] = super().get_connection_params()
         servers = zip(params["host"].split(","), params["port"].split(","), strict=True)
         hosts, ports = zip(*_order.sort(list(servers)), strict=True)
         return params | {"host": ",".join(hosts), "port": ",".join(ports)}
 
     def get_new_connection(self, conn_params: dict[str, Any]) -> Any:
-        """Connect to the primary."""
         connection: Any = super().get_new_connection(conn_params)
         server = connection.info.host, str(connection.info.port)
         _order.answered(server)
         here = conn_params | {"host": server[0], "port": server[1]}
-        # a proxy, since a connection that nobody has any more closes itself at once
+        # a weak reference: an unused connection must close itself at once
         connection.wait = functools.partial(_wait, weakref.proxy(connection), here)
         return connection
 
     def is_usable(self) -> bool:
-        """Tell whether the server answers and takes what is written."""
+        """Tell whether the server answers and accepts writes."""
         try:
             with self.connection.cursor() as cursor:
                 cursor.execute("SHOW transaction_read_only")
@@ -82,7 +76,7 @@ class DatabaseWrapper(base.DatabaseWrapper):
 def _wait(
     connection: psycopg.Connection, here: dict[str, Any], waiting: Waiting, **terms: Any
 ) -> Any:
-    """Wait as psycopg does, for as long as the server of `here` is a primary."""
+    """Wait as psycopg does, while the server at `here` is the primary."""
     watched = watch(waiting, functools.partial(_check, connection, here))
     return psycopg.Connection.wait(connection, watched, **terms)
 
@@ -90,29 +84,25 @@ def _wait(
 def watch(
     waiting: Waiting, check: Callable[[], None], clock: Callable[[], float] = time.monotonic
 ) -> Waiting:
-    """Do what psycopg waits for, and `check` whenever nothing has come for so long; psycopg sends a
-    falsy value ten times a second in which nothing came.
+    """Wait for what psycopg waits for, and call `check` every QUIET_SECONDS without an answer:
+    while there is none, psycopg sends a false value ten times a second.
     """
     try:
-        wanted, heard_at = next(waiting), clock()
+        wanted, answered_at = next(waiting), clock()
         while True:
             ready = yield wanted
-            if ready:
-                heard_at = clock()
-            elif clock() - heard_at >= QUIET_SECONDS:
+            is_quiet = not ready and clock() - answered_at >= QUIET_SECONDS
+            if is_quiet:
                 check()
-                heard_at = clock()
+            if ready or is_quiet:
+                answered_at = clock()
             wanted = waiting.send(ready)
     except StopIteration as end:
         return end.value
 
 
 def _check(connection: psycopg.Connection, here: dict[str, Any]) -> None:
-    """Close a connection whose server takes no other one that may write.
-
-    Raises:
-        psycopg.OperationalError: so it was.
-    """
+    """Raise OperationalError and close the connection if its server accepts no writer any more."""
     try:
         psycopg.connect(**here | {"connect_timeout": CONNECT_SECONDS}).close()
     except psycopg.Error as error:

@@ -1,1 +1,1 @@
-"""Simulated robots in which visitors practise while they wait."""
+"""Simulated robots with which visitors practise while they wait."""

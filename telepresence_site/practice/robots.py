@@ -1,4 +1,4 @@
-"""The rows of the practice robots, made and kept by whoever runs them, and who is at them."""
+"""The rows of the practice robots, and the demand for them."""
 
 import datetime
 
@@ -18,8 +18,8 @@ PROFILE = "giraff"  # the simulated robot that is driven
 
 
 def prepare(count: int, mqtt_url: str) -> list[str]:
-    """Make `count` practice robots and their credentials, close those beyond, and return their
-    names.
+    """Create or update `count` practice robots with their credentials, disable others, and return
+    their names.
     """
     names = [f"practice-{number}" for number in range(1, count + 1)]
     Robot.objects.filter(practice=True).exclude(name__in=names).update(enabled=False)
@@ -28,20 +28,18 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
     plan = FloorPlan.objects.filter(name=PLACE).first() or store_floor_plan(
         settings.BASE_DIR / "robots" / "world" / "plans" / PLACE
     )
+    fields = {
+        "title": "Practice",
+        "translations": {"es": {"title": "Práctica"}},
+        "practice": True,
+        "enabled": True,
+        "access": Robot.Access.OPEN,
+        "floor_plan": plan,
+        "returns_home": False,
+        "observers_allowed": False,
+        "turn_minutes": settings.PRACTICE_MINUTES,
+    }
     for name in names:
-        fields = {
-            "title": "Practice",
-            "translations": {"es": {"title": "Práctica"}},
-            "practice": True,
-            "enabled": True,
-            "access": Robot.Access.OPEN,
-            "floor_plan": plan,
-        }
-        fields |= {
-            "returns_home": False,
-            "observers_allowed": False,
-            "turn_minutes": settings.PRACTICE_MINUTES,
-        }
         robot, made = Robot.objects.get_or_create(name=name, defaults=fields)
         if not made:
             Robot.objects.filter(pk=robot.pk).update(**fields)
@@ -50,7 +48,7 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
 
 
 def demand(wanted_at: float | None, now: datetime.datetime) -> Demand:
-    """Return who is there; `wanted_at` is what was known of it before."""
+    """Return the demand; `wanted_at` is that of the previous call."""
     recent = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
     waiting = Session.objects.filter(
         state=Session.State.WAITING, robot__practice=False, seen_at__gte=recent

@@ -1,7 +1,6 @@
-"""Runs the practice robots: looks every second at who is there, starts what is needed, ends what is
-not.
+"""Runs the practice robots: checks the demand every second, and starts and ends robots.
 
-Children die with this process. A new one finds in the database who practises, and starts their
+The robots end with this process. A new one finds in the database who practises, and starts their
 robots again.
 """
 
@@ -22,12 +21,11 @@ from telepresence_site.practice.pool import Process, StartRobot, StopRobot, deci
 
 log = structlog.stdlib.get_logger(__name__)
 POLL_INTERVAL_S = 1.0
-READY = "practice ready"  # what `run_practice` says once it may be asked
+READY = "practice ready"  # printed by `run_practice` when it has started
 MANAGE = str(settings.BASE_DIR / "manage.py")
 
 
 def robot_command(name: str) -> list[str]:
-    """Return how one practice robot is run."""
     return [MANAGE, "run_robot", name, "--profile", robots.PROFILE, "--viewers", "2"]
 
 
@@ -36,9 +34,9 @@ class Supervisor:
 
     Args:
         names: of the practice robots.
-        log_dir: where each writes its log.
-        command: what runs a robot of this name.
-        tell: says a sentence to whoever looks at the terminal.
+        log_dir: for a log file of each.
+        command: returns the arguments of a robot's process.
+        tell: prints a sentence in the terminal.
     """
 
     def __init__(
@@ -51,14 +49,13 @@ class Supervisor:
         self._names = names
         self._command, self._tell = command, tell
         self.children = Children(log_dir, dict(os.environ))
-        self._running: dict[str, Child] = {}  # a robot that was ended is in here no more
-        # Unix seconds, of every robot that was ever started
-        self._started_at: dict[str, float] = {}
+        self._running: dict[str, Child] = {}
+        self._started_at: dict[str, float] = {}  # Unix seconds, of all robots ever started
         self._wanted_at: float | None = None
 
     def run(self, stopping: threading.Event, also: Callable[[], None] = lambda: None) -> None:
-        """Look after the robots until `stopping` is set, then end all children; `also` is what else
-        is looked after each time.
+        """Run the robots until `stopping` is set, then end all children; `also` is called every
+        second.
         """
         try:
             while not stopping.wait(POLL_INTERVAL_S):
@@ -72,40 +69,33 @@ class Supervisor:
             self.children.stop()
 
     def look(self) -> None:
-        """Do what is due."""
         demand = robots.demand(self._wanted_at, timezone.now())
         self._wanted_at = demand.wanted_at
-        self._forget_dead()
+        self._report_dead()
         processes = {
             name: Process(at, alive=name in self._running) for name, at in self._started_at.items()
         }
         for act in decide(self._names, demand, processes, time.time()):
             match act:
                 case StartRobot(name):
-                    self._start(name)
+                    log.info("practice_robot_started", robot=name)
+                    self._running[name] = self.children.start(name, self._command(name))
+                    self._started_at[name] = time.time()
                 case StopRobot(name):
-                    self._stop(name)
+                    log.info("practice_robot_stopped", robot=name)
+                    self._end(name)
 
-    def _forget_dead(self) -> None:
-        """Name every robot that ended by itself, and forget its process."""
+    def _report_dead(self) -> None:
+        """Report every robot that ended by itself, and forget its process."""
         for name, child in list(self._running.items()):
             if child.process.poll() is not None:
-                reason = child.cause_of_death()
+                reason = child.why_ended()
                 log.warning("practice_robot_died", robot=name, reason=reason, log=child.log)
                 self._tell(
                     f"The practice robot {name} ended: {reason} (its log: {child.log}). It is"
                     " started again when somebody needs it."
                 )
                 self._end(name)
-
-    def _start(self, name: str) -> None:
-        log.info("practice_robot_started", robot=name)
-        self._running[name] = self.children.start(name, self._command(name))
-        self._started_at[name] = time.time()
-
-    def _stop(self, name: str) -> None:
-        log.info("practice_robot_stopped", robot=name)
-        self._end(name)
 
     def _end(self, name: str) -> None:
         self.children.end(self._running.pop(name))

@@ -1,8 +1,6 @@
-"""A play of bots in a sandbox: orders in a file, a process that carries them out at its own pace,
-findings in a file.
-
-The first half runs in the process that a command was given to, at real time and beside the site;
-the second in the one that it starts.
+"""Bots play a study in a sandbox. The first half of this module runs in a command's process, in
+real time, and writes orders into a file. The second half runs in the process that it starts, which
+carries them out at its own pace and writes findings into a file.
 """
 
 import asyncio
@@ -11,10 +9,8 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import cycle, zip_longest
 from pathlib import Path
@@ -22,7 +18,6 @@ from typing import Any
 
 import msgspec
 from django.conf import settings
-from django.db import connection
 from django.utils import timezone
 
 from experiments.bots.crowd import BotGroup, Plan
@@ -36,28 +31,28 @@ from experiments.export.files import export_files
 from experiments.extraction.selection import Selection
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
-from experiments.publishing import obstacles_here
 from experiments.rehearsal import findings
 from experiments.rehearsal.plan import AT_ONCE, problems
 from experiments.rehearsal.report import RehearsalReport, judge
+from experiments.resources import obstacles_here
 from robots.processes import tied_to_parent
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
+from telepresence_site.rehearsal.heartbeat import attempt, repeated
 
 ORDERS, PROGRESS, FINDINGS, PACE = "orders.json", "progress.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
-PROGRESS_SECONDS = 2.0
 END_SECONDS = 2 * STOP_SECONDS
 
 
 class PlayFailed(Exception):
-    """There is no such sandbox, it did not come up, or it ended early; one sentence."""
+    """The sandbox is impossible, did not start, or ended early; the message is one sentence."""
 
 
 @dataclass(frozen=True)
 class Orders:
-    """What is to be played. `endings` are values of Ending, `effects` as they are written on a
-    command line; `dataset` is the folder for what was recorded, empty for none.
+    """What to play. `endings` are values of Ending, `effects` as on the command line; `dataset` is
+    the folder for the recorded dataset, empty for none.
     """
 
     endings: list[str]
@@ -73,7 +68,7 @@ class Orders:
 
 @dataclass(frozen=True)
 class Played:
-    """What came of it: a report on the study, and the bots' diaries as data."""
+    """The result: a report on the study, the bots' diaries, simulated and real duration in s."""
 
     report: RehearsalReport
     diaries: list[dict[str, Any]]
@@ -85,12 +80,12 @@ class Played:
 
 
 def play(
-    study: Study, orders: Orders, folder: Path, told: Callable[[str], None] = lambda _line: None
+    study: Study, orders: Orders, folder: Path, show: Callable[[str], None] = lambda _line: None
 ) -> Played:
-    """Play a study in a sandbox and return what was found; `told` hears of each bot.
+    """Play a study in a sandbox and return the findings; `show` is called with a line for each bot.
 
     Raises:
-        PlayFailed: there cannot be such a sandbox, it did not come up, or its process ended early.
+        PlayFailed: the sandbox is impossible, did not start, or ended early.
     """
     wrong = problems(study.as_definition())
     if wrong:
@@ -98,11 +93,8 @@ def play(
     sandbox.pack(study, folder)
     (folder / ORDERS).write_text(json.dumps(asdict(orders)), encoding="utf-8")
     pace = Pace(folder / PACE)
-    environment = pace.environment(
-        sandbox.environment(
-            folder, {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
-        )
-    )
+    given = {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+    environment = pace.environment(sandbox.environment(folder, given))
     command = [sys.executable, str(settings.BASE_DIR / "manage.py"), "play_in_sandbox"]
     process = subprocess.Popen(
         command,
@@ -117,7 +109,7 @@ def play(
     try:
         for line in process.stdout or ():
             last = line.strip() or last
-            told(line.rstrip())
+            show(line.rstrip())
     finally:
         _end(process)
     if process.returncode != 0 or not (folder / FINDINGS).exists():
@@ -128,8 +120,8 @@ def play(
 
 
 def _end(process: "subprocess.Popen[str]") -> None:
-    """End the sandbox's process, whose own children end before it, or with it when it does not
-    listen.
+    """End the sandbox's process, which ends its own children first; if it is killed, they are
+    ended with it.
     """
     if process.poll() is None:
         process.terminate()
@@ -143,8 +135,8 @@ def _end(process: "subprocess.Popen[str]") -> None:
 # --- in the sandbox -------------------------------------------------------------------------------
 
 
-def carry_out(told: Callable[[str], None]) -> None:
-    """Do what the orders in this process's VAR_DIR say, and leave the findings there."""
+def carry_out(show: Callable[[str], None]) -> None:
+    """Carry out the orders in this process's VAR_DIR, and write the findings there."""
     orders = Orders(**json.loads((settings.VAR_DIR / ORDERS).read_text(encoding="utf-8")))
     study = sandbox.unpack()
     pace = own_pace()
@@ -152,28 +144,33 @@ def carry_out(told: Callable[[str], None]) -> None:
         raise PlayFailed("this command is started by run_bots and rehearse_study only")
     with sandbox.running(study.as_definition(), Path(orders.sites)) as site:
         began, quick = pace.real(), timezone.now()
-        diaries, report = _perform(study, orders, site, told, pace)
+        diaries, report = _perform(study, orders, site, show, pace)
         seconds, real = (timezone.now() - quick).total_seconds(), pace.real() - began
     played = Played(report, [asdict(diary) for diary in diaries], seconds, real)
     (settings.VAR_DIR / FINDINGS).write_bytes(msgspec.json.encode(played))
 
 
 def _perform(
-    study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace
+    study: Study, orders: Orders, site: str, show: Callable[[str], None], pace: Pace
 ) -> tuple[list[Diary], RehearsalReport]:
-    """Let the bots play, unless what the sandbox has makes it impossible."""
+    """Let the bots play, unless the sandbox's robots and sites make the study impossible."""
     definition = study.as_definition()
     wrong = obstacles_here(definition)
     if wrong:
         return [], RehearsalReport(0, problems=[str(problem) for problem in wrong])
     done: list[Diary] = []
 
-    def heard(diary: Diary) -> None:
-        told(line_of(diary))
+    def on_diary(diary: Diary) -> None:
+        show(line_of(diary))
         done.append(diary)
 
-    with _noted_progress(study, orders, done):
-        diaries = asyncio.run(crowd_of(study, orders, site, heard, pace).run())
+    def note_progress(_ended: object = None) -> None:
+        _note_progress(study, orders, len(done))
+
+    note_progress()
+    with repeated(note_progress):
+        diaries = asyncio.run(crowd_of(study, orders, site, on_diary, pace).run())
+    attempt(note_progress)
     _settle(study)
     pace.set(1.0)
     if orders.dataset:
@@ -181,28 +178,8 @@ def _perform(
     return diaries, judge(definition, diaries, findings.findings(study))
 
 
-@contextmanager
-def _noted_progress(study: Study, orders: Orders, done: Sequence[Diary]) -> Iterator[None]:
-    """Inside, write to a file beside the orders how far the play is, every PROGRESS_SECONDS."""
-    ended = threading.Event()
-
-    def keep_noting() -> None:
-        while not ended.wait(PROGRESS_SECONDS):
-            _note_progress(study, orders, len(done))
-        connection.close()
-
-    _note_progress(study, orders, 0)
-    thread = threading.Thread(target=keep_noting, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-        _note_progress(study, orders, len(done))
-
-
 def _note_progress(study: Study, orders: Orders, bots: int) -> None:
+    """Write how far the play is to a file beside the orders."""
     definition = study.as_definition()
     drives = Drive.objects.filter(participant__study=study).exclude(outcome="")
     drives = drives.exclude(step__in=definition.practice_keys)
@@ -222,10 +199,10 @@ def crowd_of(
     study: Study,
     orders: Orders,
     site: str,
-    heard: Callable[[Diary], None],
+    on_diary: Callable[[Diary], None],
     pace: Pace | None = None,
 ) -> BotGroup:
-    """Return the bots of some orders, each with a link of its own: to open conditions and to those
+    """Return the bots of some orders, each with a link of its own, to open conditions and to those
     by invitation in turn.
     """
     endings = [Ending(name) for name in orders.endings]
@@ -240,59 +217,49 @@ def crowd_of(
         orders.explore,
         orders.visits,
     )
-    return BotGroup(plan, heard, pace, orders.speed)
+    return BotGroup(plan, on_diary, pace, orders.speed)
 
 
 def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:
-    """Make links that make bots of who redeems them, one for each ending, and return their paths:
-    no other way leads to being a bot.
+    """Create a link for each ending and return their paths. Only participants who enter by such a
+    link are bots.
     """
-    now = timezone.now()
-    ways = ways_in(study.as_definition(), endings)
-    made = [
-        links.make(study, label=f"bot {number}", access=way, kind=ParticipantKind.BOT, now=now)
-        for number, way in enumerate(ways)
-    ]
-    return [f"/studies/link/{token}/" for _row, token in made]
+    accesses = accesses_of(study.as_definition(), endings)
+    return [f"/studies/link/{_link(study, n, access)}/" for n, access in enumerate(accesses)]
 
 
-def ways_in(definition: StudyDefinition, endings: Sequence[Ending]) -> list[str]:
-    """Return how each bot comes in: as often by each way as there are conditions for it, and by
-    turns, so that no robot waits long.
+def _link(study: Study, number: int, access: str) -> str:
+    kind, now = ParticipantKind.BOT, timezone.now()
+    _row, token = links.make(study, label=f"bot {number}", access=access, kind=kind, now=now)
+    return token
 
-    Whose ending is about the photo comes by a way on which there is one.
+
+def accesses_of(definition: StudyDefinition, endings: Sequence[Ending]) -> list[str]:
+    """Return each bot's access: each kind in proportion to its conditions, alternating so that no
+    robot waits long. A bot whose ending is about the photo gets an access with a photo.
     """
     with_photo = [
         one
         for one in definition.conditions
         if (course := definition.course_of(one)) is not None and course.photo is not None
     ]
-    usual, photo = (
-        cycle(_by_turns(definition.conditions)),
-        cycle(_by_turns(with_photo or definition.conditions)),
-    )
+    usual = cycle(_alternating(definition.conditions))
+    photo = cycle(_alternating(with_photo or definition.conditions))
     return [next(photo if ending in ABOUT_PHOTO else usual) for ending in endings]
 
 
-def _by_turns(conditions: Sequence[Condition]) -> list[str]:
-    ways = ("open", "invitation")
-    rows = [[one.access for one in conditions if one.access == way] for way in ways]
-    return [way for pair in zip_longest(*rows) for way in pair if way is not None] or ["open"]
+def _alternating(conditions: Sequence[Condition]) -> list[str]:
+    kinds = ("open", "invitation")
+    rows = [[kind for one in conditions if one.access == kind] for kind in kinds]
+    return [one for pair in zip_longest(*rows) for one in pair if one is not None] or ["open"]
 
 
 def line_of(diary: Diary) -> str:
-    """Return a bot's diary in one line."""
-    drives = (
-        ", ".join(
-            f"{leg.outcome or leg.reason or 'no drive'} in {leg.seconds:.0f} s"
-            for leg in diary.legs
-        )
-        or "no drive"
+    drives = ", ".join(
+        f"{leg.outcome or leg.reason or 'no drive'} in {leg.seconds:.0f} s" for leg in diary.legs
     )
-    return (
-        f"bot {diary.number:3} {diary.ending:<22}"
-        f" {drives}{' · stuck: ' + diary.stuck if diary.stuck else ''}"
-    )
+    stuck = f" · stuck: {diary.stuck}" if diary.stuck else ""
+    return f"bot {diary.number:3} {diary.ending:<22} {drives or 'no drive'}{stuck}"
 
 
 def _settle(study: Study) -> None:

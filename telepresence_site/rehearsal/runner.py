@@ -1,7 +1,5 @@
-"""Carries out the rehearsals that pages ask for, one at a time, each in a process of its own: part
-of `run_practice`, which runs simulated robots anyway and which no visitor waits for.
-
-The process ends with this one. Another runner, on another computer, takes other rehearsals.
+"""Runs the rehearsals that pages request, one at a time, each in a child process: part of
+`run_practice`, which runs simulated robots anyway. A runner on another computer takes others.
 """
 
 import socket
@@ -18,11 +16,10 @@ from telepresence_site.children import Child, Children
 
 log = structlog.stdlib.get_logger(__name__)
 MANAGE = str(settings.BASE_DIR / "manage.py")
-END_SECONDS = 40.0  # for a process whose rehearsal has been ended to end itself
+END_SECONDS = 40.0  # in which the process of a rehearsal that was ended must end
 
 
 def rehearsal_command(row: Rehearsal) -> list[str]:
-    """Return how one rehearsal is run."""
     study = f"{row.study.slug}:{row.study.version}"
     return [MANAGE, "rehearse_study", study, "--requested", str(row.pk)]
 
@@ -31,8 +28,8 @@ class RehearsalRunner:
     """Runs at most one rehearsal.
 
     Args:
-        children: of this process, among which the rehearsal's is.
-        command: what runs a rehearsal.
+        children: starts its process.
+        command: returns the arguments of the process.
     """
 
     def __init__(
@@ -43,10 +40,9 @@ class RehearsalRunner:
         self._host = socket.gethostname()[:100]
         self._row: Rehearsal | None = None
         self._child: Child | None = None
-        self._ended_at: float | None = None  # when its row was found ended, monotonic seconds
+        self._ended_at: float | None = None  # monotonic seconds; when its row was found ended
 
     def look(self) -> None:
-        """Do what is due."""
         if self._row is None:
             self._row = runs.take_next(self._host, timezone.now())
         if self._row is None:
@@ -66,14 +62,14 @@ class RehearsalRunner:
         self._ended_at = None
 
     def _is_overdue(self, row: Rehearsal) -> bool:
-        """Tell whether the rehearsal was ended, and its process does not end."""
+        """Tell whether the rehearsal was ended END_SECONDS ago, and its process still runs."""
         if Rehearsal.objects.filter(pk=row.pk, status=runs.Status.RUNNING).exists():
             return False
         self._ended_at = self._ended_at or time.monotonic()
         return time.monotonic() - self._ended_at > END_SECONDS
 
     def _end(self, row: Rehearsal, child: Child) -> None:
-        if runs.fail(row.pk, f"Its process ended: {child.cause_of_death()}."):
+        if runs.fail(row.pk, f"Its process ended: {child.why_ended()}."):
             log.warning("rehearsal_died", rehearsal=str(row.pk), log=str(child.log))
         self._children.end(child)
         self._row = self._child = None

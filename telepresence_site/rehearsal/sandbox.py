@@ -1,13 +1,15 @@
-"""A whole system for bots alone, in a folder of its own: database, broker, session manager, web
-server, one simulated robot of each kind.
+"""A separate system for bots, in a folder of its own: database, broker, session manager, web
+server, and one simulated robot of each kind.
 
-Nothing in it touches the site that it was made from: a study goes in as a file, and what was found
-comes out as one. It is run by processes that may keep a quick pace (experiments/bots/pace.py),
-which the site's own processes must never do.
+It shares nothing with the site that creates it: a study goes in as a file, and the findings come
+out as one. Its processes may run faster than real time (experiments/bots/pace.py), which the site's
+own must never do.
 """
 
 import copy
 import os
+import shutil
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,9 +35,10 @@ from telepresence_site.demo.seed import OFFICE
 from telepresence_site.serving import APPLICATION, DAPHNE
 
 STUDY_FILE = "study.json"
-START_SECONDS = 600.0  # for each part: whoever rehearses may have other work for the computer
-FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them is what costs most
-LEFT_BEHIND = (
+START_SECONDS = 600.0  # for each part: the computer may be busy with other work
+FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them costs most
+KEPT_FOLDERS = 3  # with the logs of the last sandboxes
+NOT_INHERITED = (
     "DATABASE_URL",
     "REDIS_URL",
     "MQTT_URL",
@@ -48,6 +51,19 @@ LEFT_BEHIND = (
 )
 
 
+@contextmanager
+def sandbox_folder(name: str) -> Iterator[Path]:
+    """Yield a new folder for a sandbox; of older ones only the last few stay, for their logs."""
+    home: Path = settings.VAR_DIR / "sandboxes"
+    home.mkdir(parents=True, exist_ok=True)
+    folders = sorted(home.iterdir(), key=lambda path: path.stat().st_mtime)
+    for old in folders[: -KEPT_FOLDERS + 1]:
+        shutil.rmtree(old, ignore_errors=True)
+    folder = home / f"{name}-{time.time_ns()}"
+    folder.mkdir()
+    yield folder
+
+
 def pack(row: Study, folder: Path) -> None:
     """Write a study, its questionnaires and the plans of its sites into a folder."""
     definition = row.as_definition()
@@ -55,27 +71,24 @@ def pack(row: Study, folder: Path) -> None:
     questionnaires = [
         one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked
     ]
-    plans = FloorPlan.objects.filter(
-        name__in={condition.site for condition in definition.conditions}
-    )
-    alone = copy.copy(row)
-    alone.published_by = None  # who did it is nobody in there
+    sites = {condition.site for condition in definition.conditions}
+    study = copy.copy(row)
+    study.published_by = None  # this user does not exist in the sandbox
+    rows = [*FloorPlan.objects.filter(name__in=sites), *questionnaires, study]
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / STUDY_FILE).write_text(
-        serializers.serialize("json", [*plans, *questionnaires, alone]), encoding="utf-8"
-    )
+    (folder / STUDY_FILE).write_text(serializers.serialize("json", rows), encoding="utf-8")
 
 
 def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
-    """Return the environment of the sandbox's processes: nothing leads out of its folder, nor is
-    what a robot's agent is told here for its robots.
+    """Return the environment of the sandbox's processes, without addresses of the site's services
+    and without settings of agents.
     """
-    kept = {
+    inherited = {
         name: value
         for name, value in given.items()
-        if name not in LEFT_BEHIND and not name.startswith(ENVIRONMENT)
+        if name not in NOT_INHERITED and not name.startswith(ENVIRONMENT)
     }
-    ours = {
+    return inherited | {
         "VAR_DIR": str(folder),
         "HTTP_ONLY": "1",
         "PLAIN_STATIC": "1",
@@ -87,17 +100,13 @@ def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
         "OPENBLAS_NUM_THREADS": "1",
         "OMP_NUM_THREADS": "1",
     }
-    return {**kept, **ours}
 
 
 def unpack() -> Study:
-    """Make the sandbox's database, in the process that runs it, and return the study, which is a
-    draft in it.
-    """
+    """Create the sandbox's database in this process, and return the study as a draft in it."""
     call_command("migrate", verbosity=0)
-    for loaded in serializers.deserialize(
-        "json", (settings.VAR_DIR / STUDY_FILE).read_text(encoding="utf-8")
-    ):
+    packed = (settings.VAR_DIR / STUDY_FILE).read_text(encoding="utf-8")
+    for loaded in serializers.deserialize("json", packed):
         loaded.save()
     Study.objects.update(status=Study.Status.DRAFT, opening_hours=[])
     row = Study.objects.get()
@@ -123,12 +132,10 @@ def _make_robots(definition: StudyDefinition) -> None:
 
 
 def _robots(definition: StudyDefinition) -> dict[str, tuple[str, str]]:
-    """Return series and site of each robot by its name: the series, with a number where there are
-    several (a site's name may be none for a robot).
+    """Return the series and site of each robot by its name, which is the series, numbered where
+    there are several robots of it.
     """
-    pairs = list(
-        dict.fromkeys((condition.robot, condition.site) for condition in definition.conditions)
-    )
+    pairs = dict.fromkeys((one.robot, one.site) for one in definition.conditions)
     series = [name for name, _site in pairs]
     return {
         (name if series.count(name) == 1 else f"{name}-{number}"): (name, site)
@@ -138,25 +145,22 @@ def _robots(definition: StudyDefinition) -> dict[str, tuple[str, str]]:
 
 @contextmanager
 def running(definition: StudyDefinition, sites: Path) -> Iterator[str]:
-    """Run the sandbox's servers and robots, and yield where its site is; everything is ended
-    afterwards.
+    """Run the sandbox's servers and robots inside, and yield the address of its site.
 
     Args:
         definition: the study.
-        sites: where the plans of sites that do not come with the project are kept, as simulators
-            take them.
+        sites: the folder with plans of sites that the project does not include.
 
     Raises:
-        telepresence_site.children.StartFailed: one of them did not come up, or ended
-        meanwhile; one sentence.
+        telepresence_site.children.StartFailed: one of them did not start, or ended inside.
     """
     children = Children(settings.VAR_DIR / "log", {**os.environ})
     try:
         yield _start(children, definition, sites)
         gone = children.ended()
-        if gone is not None:  # what bots met after that says nothing of the study
+        if gone is not None:  # what bots found after that says nothing about the study
             raise StartFailed(
-                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_words()}"
+                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_line()}"
                 f" (its log: {gone.log})"
             )
     finally:

@@ -1,5 +1,5 @@
-"""What the administration's first page says before one clicks anything: what goes on in the studies
-and with the robots, a card each, and under them the lists of everything else.
+"""The administration's first page: a card with the figures of the studies, one with those of the
+robots, and the lists of all other models.
 """
 
 import datetime
@@ -25,16 +25,14 @@ from sessions.models import ManagerBeat, Session
 
 MANAGER_SILENT_AFTER = datetime.timedelta(seconds=15)
 SEES_SITE = ("robots.view_robot", "telepresence_sessions.view_session")
-# The apps whose lists stand in a card, under the model without whose list there is no card.
+# By the model that a user must be able to view to get a card: the apps whose lists are in it.
 CARDS = {"Study": ("experiments", "surveys"), "Robot": ("robots",)}
 register = template.Library()
 
 
 @dataclass(frozen=True)
 class Fact:
-    """A number with what it counts, and where one sees what was counted; `of` is the whole, where
-    the number is a part of one.
-    """
+    """A number, its label, and the list of what it counts; `of` is the total that it is part of."""
 
     number: int
     label: str
@@ -45,7 +43,7 @@ class Fact:
 
 @dataclass(frozen=True)
 class Card:
-    """What goes on, and `lists`, which are entries of Django's `app_list`; `own` is the first."""
+    """Figures, and lists from Django's `app_list`; `own` is the first."""
 
     name: str
     facts: list[Fact]
@@ -55,8 +53,8 @@ class Card:
 
 @dataclass(frozen=True)
 class Home:
-    """The first page: cards, what is left of `app_list`, and whether the session manager is gone,
-    for those who may know.
+    """Cards, the rest of `app_list`, and for users with SEES_SITE whether the session manager is
+    silent.
     """
 
     cards: list[Card]
@@ -66,7 +64,7 @@ class Home:
 
 @register.simple_tag(takes_context=True)
 def admin_home(context: template.Context) -> Home:
-    """Return the first page of whoever asks, without what they have no right to see."""
+    """Return the first page, with what the user may view."""
     request, apps = context["request"], context["app_list"]
     now = timezone.now()
     cards, taken = [], set()
@@ -81,16 +79,13 @@ def admin_home(context: template.Context) -> Home:
     return Home(
         cards,
         [app for app in apps if app["app_label"] not in taken],
-        request.user.has_perms(SEES_SITE) and _is_manager_silent(now),
+        request.user.has_perms(SEES_SITE)
+        and not ManagerBeat.objects.filter(beat_at__gte=now - MANAGER_SILENT_AFTER).exists(),
     )
 
 
-def _is_manager_silent(now: datetime.datetime) -> bool:
-    return not ManagerBeat.objects.filter(beat_at__gte=now - MANAGER_SILENT_AFTER).exists()
-
-
 def _of_studies(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
-    """Studies by version: one that is published and outside its opening hours is paused."""
+    """Return figures of study versions; a published one outside its opening hours is paused."""
     user: Any = request.user
     studies = Study.objects.order_by()
     if not user.is_superuser:
@@ -107,28 +102,18 @@ def _of_studies(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     listed = reverse("admin:experiments_study_changelist")
     listed_people = reverse("admin:experiments_participant_changelist")
     of_status, of_people = f"{listed}?status__exact=", f"{listed_people}?kind__exact=participant"
+    n_now, n_done = people["now"], people["done"]
+    paused = ngettext(
+        "study paused, outside its hours", "studies paused, outside their hours", n_paused
+    )
+    recent = ngettext("participant in the last hour", "participants in the last hour", n_now)
+    done = ngettext("participant finished", "participants finished", n_done)
     return [
         Fact(n_open, ngettext("study open", "studies open", n_open), f"{of_status}published"),
-        Fact(
-            n_paused,
-            ngettext(
-                "study paused, outside its hours", "studies paused, outside their hours", n_paused
-            ),
-            f"{of_status}published",
-        ),
+        Fact(n_paused, paused, f"{of_status}published"),
         Fact(n_drafts, ngettext("draft study", "draft studies", n_drafts), f"{of_status}draft"),
-        Fact(
-            people["now"],
-            ngettext(
-                "participant in the last hour", "participants in the last hour", people["now"]
-            ),
-            f"{of_people}&status__exact=active",
-        ),
-        Fact(
-            people["done"],
-            ngettext("participant finished", "participants finished", people["done"]),
-            f"{of_people}&status__exact=finished",
-        ),
+        Fact(n_now, recent, f"{of_people}&status__exact=active"),
+        Fact(n_done, done, f"{of_people}&status__exact=finished"),
     ]
 
 
@@ -147,20 +132,15 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     in_use = len(states) - waiting
     troubled = sum(has_problem(robot, now) for robot in robots)
     listed = f"{reverse('admin:robots_robot_changelist')}?now="  # robots/admin.py, NowFilter
+    labels = (
+        ngettext("robot online", "robots online", online),
+        ngettext("robot in use", "robots in use", in_use),
+        ngettext("robot with a problem", "robots with a problem", troubled),
+    )
     facts = [
-        Fact(
-            online,
-            ngettext("robot online", "robots online", online),
-            f"{listed}online",
-            of=len(robots),
-        ),
-        Fact(in_use, ngettext("robot in use", "robots in use", in_use), f"{listed}in_use"),
-        Fact(
-            troubled,
-            ngettext("robot with a problem", "robots with a problem", troubled),
-            f"{listed}problem",
-            is_problem=troubled > 0,
-        ),
+        Fact(online, labels[0], f"{listed}online", of=len(robots)),
+        Fact(in_use, labels[1], f"{listed}in_use"),
+        Fact(troubled, labels[2], f"{listed}problem", is_problem=troubled > 0),
     ]
     if not admin.site.get_model_admin(Session).has_view_permission(request):
         return facts
@@ -168,12 +148,9 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     today = visits.filter(queued_at__gte=midnight).count()
     listed_visits = reverse("admin:telepresence_sessions_session_changelist")
     since = urlencode({"queued_at__gte": midnight.isoformat(sep=" ")})
+    in_queue = f"{listed_visits}?state__exact={Session.State.WAITING}"
     return [
         *facts,
-        Fact(
-            waiting,
-            ngettext("visitor waiting", "visitors waiting", waiting),
-            f"{listed_visits}?state__exact={Session.State.WAITING}",
-        ),
+        Fact(waiting, ngettext("visitor waiting", "visitors waiting", waiting), in_queue),
         Fact(today, ngettext("visit today", "visits today", today), f"{listed_visits}?{since}"),
     ]

@@ -1,5 +1,5 @@
-"""`{% modulepreload %}` and `{% modulepreload_later %}`: have a browser fetch a page's modules at
-once and not one after the other.
+"""`{% modulepreload %}` and `{% modulepreload_later %}`: a browser fetches a page's modules at once
+and not one after the other.
 """
 
 from collections.abc import Iterable
@@ -16,22 +16,22 @@ register = template.Library()
 
 @register.simple_tag
 def modulepreload(entry: str, beside: str = "") -> SafeString:
-    """Return a link for an entry and for each module that it imports, but for those that the page
-    has by another entry, `beside`.
+    """Return links for an entry and the modules that it imports, without those of the entry
+    `beside`.
     """
-    there = set(modules_of(beside)) if beside else set()
-    return _links(name for name in modules_of(entry) if name not in there)
+    loaded = set(modules_of(beside)) if beside else set()
+    return _links(name for name in modules_of(entry) if name not in loaded)
 
 
 @register.simple_tag
 def modulepreload_later(importer: str, beside: str) -> SafeString:
-    """Return a link for each module that a module imports while it runs, and for what these need,
-    but for those that the page has by an entry, `beside`.
+    """Return links for what a module imports dynamically, without the modules of the entry
+    `beside`.
     """
     return _links(later_modules_of(importer, beside))
 
 
 def _links(names: Iterable[str]) -> SafeString:
-    # Style sheets go first: nothing is painted without them.
+    # Low priority: the browser paints nothing without the style sheets.
     link = '<link rel="modulepreload" fetchpriority="low" href="{}">'
     return format_html_join("\n  ", link, ((static(name),) for name in names))

@@ -1,7 +1,7 @@
-"""Django's administration, loaded by those who serve its pages only.
+"""Django's administration, loaded only by processes that serve its pages.
 
-Its modules bring forms that read floor plans, with everything that computes on them: half a second
-of a process's start. Broker, session manager and robots need none of it.
+Its modules import forms that read floor plans, which takes half a second. Broker, session manager
+and robots need none of it.
 """
 
 from collections.abc import Sequence
@@ -15,16 +15,15 @@ from django.core import checks
 
 
 class AdminConfig(SimpleAdminConfig):
-    """The administration; urls.py loads every app's part of it."""
+    """The administration; urls.py loads the admin modules of all apps."""
 
     def ready(self) -> None:
-        """Register the system checks, as Django's own does."""
         checks.register(own_checks.check_dependencies, checks.Tags.admin)
         checks.register(check_admin, checks.Tags.admin)
 
 
 def check_admin(app_configs: Sequence[AppConfig] | None, **_how: Any) -> list[checks.CheckMessage]:
-    """Check every model's administration, which may not have been loaded yet."""
+    """Load and check every model's administration."""
     admin.autodiscover()
     found: list[checks.CheckMessage] = own_checks.check_admin_app(app_configs)
     return found

@@ -1,5 +1,5 @@
-"""What never reaches Django: bodies that are larger than any form, WebSockets of pages that are not
-ours, and too many at once.
+"""ASGI middleware that keeps requests from Django: bodies that are larger than any form, WebSockets
+of other sites' pages, and too many WebSockets.
 """
 
 import collections
@@ -19,25 +19,23 @@ log = structlog.stdlib.get_logger(__name__)
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
-# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), and what
-# multipart adds.
+# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), as multipart.
 MAX_BODY = 10 * 1024 * 1024
 TOO_LARGE = 413
-# a class behind one address reloads its pages together
+# A class behind one address may reload its pages together.
 CONNECTS_A_SECOND, CONNECTS_AT_ONCE, ADDRESSES = 5.0, 200.0, 4096
 DEFAULT_PORTS = {"http": 80, "https": 443, "ws": 80, "wss": 443}
 
 
 class BodyLimit:
-    """ASGI middleware for HTTP: a body that says it is too large, or turns out to be, is answered
-    with 413 and read no further.
+    """Answers 413 to a request whose body is too large, by its header or in fact, and reads no more
+    of it.
     """
 
     def __init__(self, application: Application, limit: int = MAX_BODY) -> None:
         self._application, self._limit = application, limit
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Let the application read at most `limit` bytes."""
         if scope["type"] != "http":
             await self._application(scope, receive, send)
         elif _declared(scope) > self._limit:
@@ -47,8 +45,8 @@ class BodyLimit:
 
 
 class _Counted:
-    """`receive` that counts; past the limit it refuses, and the client is gone as far as the
-    application knows.
+    """`receive` that counts bytes. Beyond the limit it answers with 413, and reports to the
+    application that the client has disconnected.
     """
 
     def __init__(self, receive: Any, send: Any, limit: int) -> None:
@@ -80,30 +78,23 @@ async def _refuse(send: Any) -> None:
 
 
 class SameOrigin:
-    """ASGI middleware for WebSockets: the page that opens one comes from this very host and port,
-    or from a trusted origin.
+    """Accepts WebSockets of pages from this host and port, or from a trusted origin.
 
-    Stricter than the host alone: a browser sends our cookies also to whatever else listens on
-    another port of the same host. With `secure_only` the page came by HTTPS: anybody on the network
-    between can make one up that came by plain http. It is the page's own word that counts, which a
-    proxy that speaks TLS for us passes on, and not how the socket arrives here.
+    The port counts because a browser sends our cookies to all ports of a host, and a page at
+    another port is not ours. With `secure_only`, the page itself must have come by HTTPS, because
+    an attacker in the network can forge a page that came by http. This is read from the Origin
+    header, which a TLS proxy passes on, and not from the connection, which may come from the proxy.
     """
 
     def __init__(
         self, application: Application, trusted: list[str], *, secure_only: bool = False
     ) -> None:
-        self._application, self._trusted, self._secure_only = (
-            application,
-            {origin.lower().rstrip("/") for origin in trusted},
-            secure_only,
-        )
+        self._application, self._secure_only = application, secure_only
+        self._trusted = {origin.lower().rstrip("/") for origin in trusted}
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
-        origin, host = (
-            _header(scope, b"origin").lower().rstrip("/"),
-            _header(scope, b"host").lower(),
-        )
+        origin = _header(scope, b"origin").lower().rstrip("/")
+        host = _header(scope, b"host").lower()
         is_ours = is_same(origin, host) and (not self._secure_only or origin.startswith("https://"))
         if is_ours or origin in self._trusted:
             await self._application(scope, receive, send)
@@ -112,11 +103,10 @@ class SameOrigin:
 
 
 class ConnectLimit:
-    """ASGI middleware for WebSockets: an address opens so many at once, and so many a second; the
-    page tries again by itself, later.
+    """Limits how many WebSockets an address opens at once and a second; a refused page retries
+    later.
 
-    Counted in this process alone, because to ask a shared cache would keep everybody else's
-    commands waiting.
+    Each process counts for itself: a request to a shared cache would delay commands.
     """
 
     def __init__(
@@ -129,7 +119,6 @@ class ConnectLimit:
         self._buckets: collections.OrderedDict[str, Bucket] = collections.OrderedDict()
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
         if self._bucket(address_of(scope, self._proxies)).spend(self._now()):
             await self._application(scope, receive, send)
         else:
@@ -145,13 +134,12 @@ class ConnectLimit:
 
 
 class KnownPaths:
-    """ASGI middleware for WebSockets: a path that no consumer serves is answered with 404."""
+    """Answers 404 to a WebSocket whose path no consumer serves."""
 
     def __init__(self, application: Application, patterns: Sequence[URLPattern]) -> None:
         self._application, self._patterns = application, patterns
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or refuse before anything is looked up."""
         path = scope["path"].removeprefix("/")
         if any(pattern.resolve(path) for pattern in self._patterns):
             await self._application(scope, receive, send)
@@ -160,8 +148,8 @@ class KnownPaths:
 
 
 async def _not_found(send: Any) -> None:
-    """Refuse a handshake with 404. ASGI knows no status of a refusal, and daphne's is 403: this
-    does what its WebSocketProtocol.serverReject does. Behind another server it stays 403.
+    """Refuse a handshake with 404. ASGI has no status for a refusal, and daphne sends 403, so this
+    does the same as its WebSocketProtocol.serverReject. Behind another server it stays 403.
     """
     protocol = send.args[0] if isinstance(send, functools.partial) and send.args else None
     handshake = getattr(protocol, "handshake_deferred", None)
@@ -176,61 +164,48 @@ async def _not_found(send: Any) -> None:
 
 
 class OpenLimit:
-    """ASGI middleware for WebSockets: each has so many open at a time in this process, an address,
-    a user, or whomever `who` names.
-
-    Of whom it names by the empty string nothing is known, and nothing counted. A page that is
-    refused tries again by itself, later.
+    """Limits how many WebSockets are open in this process for each key that `key_of` returns, such
+    as an address or user; an empty key has no limit. A refused page retries later.
     """
 
     def __init__(
-        self, application: Application, limit: int, who: Callable[[dict[str, Any]], str]
+        self, application: Application, limit: int, key_of: Callable[[dict[str, Any]], str]
     ) -> None:
-        self._application, self._limit, self._who = application, limit, who
+        self._application, self._limit, self._key_of = application, limit, key_of
         self._open: collections.Counter[str] = collections.Counter()
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
-        who = self._who(scope)
-        if not who:
+        key = self._key_of(scope)
+        if not key:
             await self._application(scope, receive, send)
-        elif self._open[who] < self._limit:
-            await self._counted(who, scope, receive, send)
-        else:
+            return
+        if self._open[key] >= self._limit:
             log.warning("sockets_refused", reason="open")
             await send({"type": "websocket.close", "code": 1013})
-
-    async def _counted(self, who: str, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        self._open[who] += 1
+            return
+        self._open[key] += 1
         try:
             await self._application(scope, receive, send)
         finally:
-            self._open[who] -= 1
-            if not self._open[who]:
-                del self._open[who]
+            self._open[key] -= 1
+            if not self._open[key]:
+                del self._open[key]
 
 
 def address_of(scope: dict[str, Any], trusted_proxies: list[str]) -> str:
-    """Return for whom a socket counts, by where our proxies say that it comes from; the empty
-    string when nobody does.
-    """
-    return counted(
-        visitor_address(
-            _header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies
-        )
-    )
+    """Return the address that a socket is counted by, empty when it is unknown."""
+    forwarded, sender = _header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0]
+    return counted(visitor_address(forwarded, sender, trusted_proxies))
 
 
 def user_of(scope: dict[str, Any]) -> str:
-    """Return the key of whoever opened a socket, the empty string for somebody who has not signed
-    in.
-    """
+    """Return the key of a socket's user, empty without a login."""
     return str(scope["user"].pk) if scope["user"].is_authenticated else ""
 
 
 def is_same(origin: str, host: str) -> bool:
-    """Tell whether an Origin header is of the host that was asked; a port that is not written is
-    the scheme's own.
+    """Tell whether an Origin header and a Host header are the same; a missing port is the scheme's
+    default.
     """
     try:
         page, asked = urlsplit(origin), urlsplit(f"//{host}")
@@ -240,7 +215,7 @@ def is_same(origin: str, host: str) -> bool:
             and page.hostname == asked.hostname
             and (page.port or default) == (asked.port or default)
         )
-    except ValueError:  # a port that is none
+    except ValueError:  # an invalid port
         return False
 
 

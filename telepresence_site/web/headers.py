@@ -1,12 +1,12 @@
-"""What a browser is told about every answer, beside what Django and django-csp tell it."""
+"""Headers of every answer, besides those of Django and django-csp."""
 
 from collections.abc import Callable
 
 from django.http import HttpRequest
 from django.http.response import HttpResponseBase
 
-# Camera, microphone and screen are for what a visitor shows of themselves, and for no page within
-# ours; of the rest nothing is used.
+# Visitors can show their camera, microphone and screen; pages embedded in ours cannot. The rest is
+# unused.
 UNUSED = (
     "accelerometer",
     "browsing-topics",
@@ -35,29 +35,19 @@ PERMISSIONS = ", ".join(
 
 
 class PrivateAnswers:
-    """Middleware, the outermost: no other site embeds our answers, and what is somebody's own is
-    kept by no cache.
-
-    A view that says itself how long its answer may be kept (photos, maps) is left alone; static
-    files are no view's.
+    """The outermost middleware: other sites cannot embed our answers, and no cache keeps personal
+    ones, unless the view sets Cache-Control itself (photos, maps).
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer, and say so."""
         response = self._get_response(request)
         response.headers.setdefault("Permissions-Policy", PERMISSIONS)
         response.headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
-        if not response.has_header("Cache-Control") and _is_personal(request):
+        # A view that read the session may show what only this browser may see.
+        session = getattr(request, "session", None)
+        if session is not None and session.accessed and not response.has_header("Cache-Control"):
             response.headers["Cache-Control"] = "private, no-store"
         return response
-
-
-def _is_personal(request: HttpRequest) -> bool:
-    """Tell whether the session was looked at: then the answer may hold what only this browser is to
-    see.
-    """
-    session = getattr(request, "session", None)
-    return session is not None and session.accessed

@@ -1,7 +1,6 @@
-"""Which JavaScript modules a page needs: the imports of its entry, and of what that imports.
+"""The JavaScript modules of a page: its entry, and all static imports, direct and indirect.
 
-Only static imports count. What is imported when it is needed (`import("./panel.js")`) is not
-needed at once; `later_modules_of` has what one module imports so.
+Dynamic imports (`import("./panel.js")`) are not needed at once; see `later_modules_of`.
 """
 
 import re
@@ -11,11 +10,11 @@ from posixpath import dirname, join, normpath
 from django.conf import settings
 
 IMPORT = re.compile(r"""^(?:import|export)\b[^"';]*"(\.[^"]+)";""", re.MULTILINE)
-LATER = re.compile(r"""import\("(\.[^"]+)"\)\)""")  # and no `import("./x.js").Type` of a comment
+LATER = re.compile(r"""import\("(\.[^"]+)"\)\)""")  # not `import("./x.js").Type` in a comment
 
 
 def imports_of(name: str) -> list[str]:
-    """Return what a module imports; all names are paths under static/, such as `js/lib/ids.js`."""
+    """Return the static imports of a module; names are paths under static/: `js/lib/ids.js`."""
     return _targets(IMPORT, name)
 
 
@@ -30,12 +29,12 @@ def modules_of(entry: str) -> tuple[str, ...]:
 
 
 def later_modules_of(importer: str, beside: str) -> tuple[str, ...]:
-    """Return what a module imports while it runs, and all that this needs, but for what is there by
-    an entry, `beside`.
+    """Return what a module imports dynamically, with all static imports of that, but without the
+    modules of the entry `beside`.
     """
-    there = set(modules_of(beside))
+    loaded = set(modules_of(beside))
     found = dict.fromkeys(name for entry in _targets(LATER, importer) for name in modules_of(entry))
-    return tuple(name for name in found if name not in there)
+    return tuple(name for name in found if name not in loaded)
 
 
 def _walk(entry: str) -> tuple[str, ...]:

@@ -1,6 +1,4 @@
-"""Pages of the whole site: the robots and who drives them, what is recorded, and the manifest for
-home screens.
-"""
+"""Pages of the whole site: the robots, what is recorded, and the manifest for home screens."""
 
 import datetime
 from dataclasses import asdict, dataclass, replace
@@ -29,9 +27,9 @@ from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.practice import trial_length
 
-# a page asks every few seconds, and a class of visitors has one address
 PER_PAGE = 24
 MAX_PAGE, MAX_SEARCH, MAX_WORDS = 100_000, 100, 5
+# a page polls every few seconds, and a class of visitors has one address
 LISTS = Attempts("robots-json", limit=1200)
 
 
@@ -46,7 +44,7 @@ class Invitation:
 @require_safe
 @never_cache
 def home(request: HttpRequest) -> HttpResponse:
-    """Show what this is, and the robots with their states, a page at a time."""
+    """Show the robots, a page at a time."""
     shown = robots_page(request, timezone.now())
     cards = shown.cards
     context = {
@@ -64,9 +62,7 @@ def home(request: HttpRequest) -> HttpResponse:
 @never_cache
 @limited(LISTS, reading=True, json=True)
 def robots_json(request: HttpRequest) -> JsonResponse:
-    """Return the invitation and the cards of the landing page again, for the page that keeps them
-    fresh.
-    """
+    """Return the invitation and the cards, with which the landing page updates itself."""
     cards = robots_page(request, timezone.now()).cards
     return JsonResponse(
         {
@@ -78,13 +74,12 @@ def robots_json(request: HttpRequest) -> JsonResponse:
 
 @require_safe
 def about(request: HttpRequest) -> HttpResponse:
-    """Say what is recorded of a visitor."""
     return render(request, "site/about.html")
 
 
 @require_safe
 def manifest(_request: HttpRequest) -> JsonResponse:
-    """Return the web app manifest; a view, because the icons' addresses hold their hashes."""
+    """Return the web app manifest; a view, because the icons' addresses contain hashes."""
     icons = [
         {
             "src": static(f"img/icons/{name}.png"),
@@ -99,41 +94,34 @@ def manifest(_request: HttpRequest) -> JsonResponse:
         )
     ]
     home = reverse("home")
-    words = {
+    small = {name: value for name, value in icons[0].items() if name != "purpose"}
+    shortcuts = ((_("Robots"), f"{home}#robots"), (_("What we record"), reverse("about")))
+    content = {
         "name": _("Telepresence"),
         "short_name": _("Telepresence"),
         "description": _("Drive a real robot somewhere else."),
-    }
-    looks = {
         "display": "standalone",
         "orientation": "any",
         "background_color": "#fbf7f0",
         "theme_color": "#0b6662",
         "icons": icons,
-    }
-    place = {
         "id": home,
         "start_url": home,
         "scope": home,
         "lang": get_language(),
         "dir": "ltr",
         "categories": ["utilities", "social"],
+        "shortcuts": [{"name": name, "url": url, "icons": [small]} for name, url in shortcuts],
+        "screenshots": _screenshots(),
     }
-    more = {"shortcuts": _shortcuts(home), "screenshots": _screenshots()}
-    return JsonResponse(words | looks | place | more, content_type="application/manifest+json")
-
-
-def _shortcuts(home: str) -> list[dict[str, Any]]:
-    icon = {"src": static("img/icons/icon-192.png"), "sizes": "192x192", "type": "image/png"}
-    named = ((_("Robots"), f"{home}#robots"), (_("What we record"), reverse("about")))
-    return [{"name": name, "url": url, "icons": [icon]} for name, url in named]
+    return JsonResponse(content, content_type="application/manifest+json")
 
 
 def _screenshots() -> list[dict[str, str]]:
-    """Return the pictures that browsers show to whoever installs the page;
-    tests/support/browsers/screenshots.py takes them.
+    """Return the pictures that browsers show when the page is installed, taken by
+    tests/support/browsers/screenshots.py.
     """
-    seen = (
+    shown = (
         ("wide", "1280x800", _("Driving, on a large screen")),
         ("narrow", "390x844", _("Driving, on a phone")),
     )
@@ -145,15 +133,14 @@ def _screenshots() -> list[dict[str, str]]:
             "form_factor": form,
             "label": label,
         }
-        for form, size, label in seen
+        for form, size, label in shown
     ]
 
 
 @dataclass(frozen=True)
 class RobotsPage:
-    """One page of the robots that a visitor may know of and has searched for: their cards, the
-    number of the page and of all, and what was searched. `previous` and `next` are the queries of
-    the pages beside it, empty where there is none.
+    """One page of the visible robots that match a search: their cards, its number, the number of
+    pages, and the search. `previous` and `next` are the queries of the pages beside it, or empty.
     """
 
     cards: list[RobotCard]
@@ -165,19 +152,18 @@ class RobotsPage:
 
     @property
     def has_controls(self) -> bool:
-        """Tell whether there is anything to search or to turn."""
         return self.pages > 1 or bool(self.searched)
 
 
 def robots_page(request: HttpRequest, now: datetime.datetime) -> RobotsPage:
-    """Return the page that a request asks for (`page`, from 1; `q`, words of which each is in the
-    title, the name or the description), or the nearest one. Robots that are online come first;
-    on a page, those that can be driven now.
+    """Return the page of a request (`page`, from 1; `q`, words of which each is in the title, name
+    or description), or the nearest one. Robots that are online are first; on a page, those that can
+    be driven now.
     """
     searched = request.GET.get("q", "").strip()[:MAX_SEARCH]
     rows = _in_order(_found(robots_visible_to(request.user).filter(practice=False), searched), now)
-    asked = request.GET.get("page", "")
-    number = int(asked) if asked.isdecimal() and 0 < int(asked[:9]) < MAX_PAGE else 1
+    given = request.GET.get("page", "")
+    number = int(given) if given.isdecimal() and 0 < int(given[:9]) < MAX_PAGE else 1
     robots = list(rows[(number - 1) * PER_PAGE : number * PER_PAGE + 1])
     pages = number
     if number > 1 or len(robots) > PER_PAGE:  # most sites have one page, and need not count
@@ -216,42 +202,32 @@ def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot
 
 
 def cards_for(user: Any, robots: list[Robot], now: datetime.datetime) -> list[RobotCard]:
-    """Return a card for each of these robots, for `user`, signed in or not. Those that can be
-    driven, now or in turn, come first, and of them those that anybody can drive.
+    """Return a card for each of these robots. Those that `user` can drive, now or in turn, are
+    first, and of them those for beginners.
     """
     sessions = living_sessions(robots)
     verdicts = may_drive_each(user, robots) if user.is_authenticated else {}
-    cards = [
-        _for_visitor(
-            card(
-                robot,
-                traffic_at(robot, sessions.get(robot.pk, []), now, user),
-                barred=verdicts[robot.pk].reason if verdicts else "",
-                url=reverse("drive", args=[robot.name]),
-                now=now,
-            ),
-            user,
+    cards = []
+    for robot in robots:
+        traffic = traffic_at(robot, sessions.get(robot.pk, []), now, user)
+        barred, url = (
+            verdicts[robot.pk].reason if verdicts else "",
+            reverse("drive", args=[robot.name]),
         )
-        for robot in robots
-    ]
+        built = card(robot, traffic, barred=barred, url=url, now=now)
+        if not user.is_authenticated:
+            built = replace(built, url=f"{reverse('account_signup')}?{urlencode({'next': url})}")
+        elif built.drives:
+            built = replace(built, url=f"{url}?go=1")
+        cards.append(built)
     return sorted(
         cards, key=lambda c: (not c.drives, c.drives and c.for_experienced, STATES.index(c.state))
     )
 
 
-def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
-    """Lead a stranger through the sign-up to the robot, and everybody else
-    straight to its wheel.
-    """
-    if not user.is_authenticated:
-        return replace(built, url=f"{reverse('account_signup')}?{urlencode({'next': built.url})}")
-    return replace(built, url=f"{built.url}?go=1") if built.drives else built
-
-
 def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
-    """Return the invitation back to one's own drive or queue, or else to a robot that is free. One
-    for experienced drivers is chosen from the list, which says so: rather than to it, people are
-    invited to wait for another.
+    """Return the invitation to the visitor's own drive or queue, or else to a free robot. A robot
+    for experienced drivers is never suggested: the visitor is invited to wait for another one.
     """
     easy = [c for c in cards if not c.for_experienced]
     first = next((c for c in cards if c.own), None)

@@ -1,8 +1,8 @@
-"""The reference of the file formats as pages of the site, for those who write a study or a
-questionnaire: docs/reference/<name>.md, rendered.
+"""The reference of the file formats of studies and questionnaires as pages of the site, rendered
+from docs/reference/<name>.md.
 
-Our own pages use little of Markdown: headings, paragraphs, tables, blocks of code; in a line code,
-emphasis and links. That is all that is read here, and a test holds the pages to it.
+Only the Markdown of these files is supported, which a test checks: headings, paragraphs, tables and
+code blocks; code, emphasis and links in a line.
 """
 
 import re
@@ -29,7 +29,6 @@ _HEADING = re.compile(r"(#{1,4}) (.+)")
 
 @require_safe
 def reference(request: HttpRequest, name: str) -> HttpResponse:
-    """Show a page of the reference."""
     if name not in PAGES:
         raise Http404
     title, html = page_of(name)
@@ -38,16 +37,15 @@ def reference(request: HttpRequest, name: str) -> HttpResponse:
 
 @cache
 def page_of(name: str) -> tuple[str, SafeString]:
-    """Return the title of a page of the reference, and its HTML."""
+    """Return the title and HTML of a page."""
     text = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
     found = _HEADING.match(text)
     html = "\n".join(_blocks(text))
-    # every text of the file was escaped
-    return found[2] if found else name, mark_safe(html)  # noqa: S308 -- as said
+    return found[2] if found else name, mark_safe(html)  # noqa: S308 -- all text is escaped
 
 
 def _blocks(text: str) -> Iterator[str]:
-    """Yield the HTML of each block: blank lines divide them, but for those within code."""
+    """Yield the HTML of each block; blank lines separate them, but not within code."""
     for n, part in enumerate(re.split(r"^```.*\n", text, flags=re.MULTILINE)):
         if n % 2:
             yield f"<pre><code>{escape(part)}</code></pre>"
@@ -75,7 +73,7 @@ def _table(lines: list[str]) -> str:
 
 
 def _cells(line: str) -> list[str]:
-    """Return the cells of a row; a bar within code is part of it."""
+    """Return the cells of a row; a bar within code does not separate cells."""
     whole = re.sub(r"`[^`]*`", lambda found: found[0].replace("|", "\0"), line.strip())
     return [_inline(cell.replace("\0", "|").strip()) for cell in whole.strip("|").split("|")]
 
@@ -94,8 +92,7 @@ def _marked(found: re.Match[str]) -> str:
     if found["text"]:
         page = found["to"].removesuffix(".md")
         inner = _inline(found["text"])
-        # what is no page of the site stands in the project's own folder of documents
-        if page not in PAGES:
+        if page not in PAGES:  # a document that the site does not show
             return inner
         return f'<a href="{reverse("reference", args=[page])}">{inner}</a>'
     tag = "strong" if found["strong"] else "em"

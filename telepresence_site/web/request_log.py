@@ -1,9 +1,7 @@
-"""A request's id, its line in the log, and its figures: ASGI middleware around HTTP and WebSockets
-alike.
+"""ASGI middleware that gives each request an id, a line in the log, and its place in the metrics.
 
-A line names the route and never the path: paths hold one-time links, and who visits what is
-nobody's business. daphne's own access log, which has paths, is turned off
-(telepresence_site/serving.py).
+A line has the route and never the path: paths contain one-time links, and reveal who visits what.
+daphne's own access log, which has paths, is off (telepresence_site/serving.py).
 """
 
 import logging
@@ -23,7 +21,7 @@ log = structlog.stdlib.get_logger("telepresence.request")
 HEADER = b"x-request-id"
 ELSEWHERE = "elsewhere"
 METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
-QUIET = frozenset({"healthz", "readyz", "metrics", ELSEWHERE})  # asked all the time, or static
+QUIET = frozenset({"healthz", "readyz", "metrics", ELSEWHERE})  # frequent, or static
 _GIVEN = re.compile(rb"[A-Za-z0-9-]{8,64}")
 REQUESTS = Counter("telepresence_http_requests", "Answered HTTP requests.", ["method", "status"])
 SECONDS = Histogram(
@@ -35,26 +33,23 @@ Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
 
 def route_of(path: str) -> str:
-    """Return the pattern that a path matches, which holds no id and no key; `elsewhere` when there
-    is none.
-    """
+    """Return the pattern that a path matches, without ids and keys, or `elsewhere`."""
     return _found(path)[0]
 
 
 class RequestLog:
-    """Gives every request and every socket an id (its proxy's, when that sent a plain one), which
-    the answer bears as X-Request-ID.
+    """Gives every request and socket an id, its proxy's if that sent a plain one; the answer has it
+    as X-Request-ID.
     """
 
     def __init__(self, application: Application) -> None:
         self._application = application
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Serve it, and write down how it went."""
         given = next((value for name, value in scope.get("headers", ()) if name == HEADER), b"")
         request = given.decode() if _GIVEN.fullmatch(given) else secrets.token_hex(8)
         if scope["type"] == "websocket":
-            with log_ids.about(request=request):  # the consumer adds the rest
+            with log_ids.about(request=request):  # the consumer adds robot and session
                 await self._serve_socket(scope, receive, send)
             return
         route, named = _found(scope["path"])
@@ -78,10 +73,8 @@ class RequestLog:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                message = {
-                    **message,
-                    "headers": [*message.get("headers", ()), (HEADER, request.encode())],
-                }
+                headers = [*message.get("headers", ()), (HEADER, request.encode())]
+                message = {**message, "headers": headers}
             await send(message)
 
         try:
@@ -102,7 +95,7 @@ def _kind_of_socket(path: str) -> str:
 
 
 def _found(path: str) -> tuple[str, dict[str, object]]:
-    """Return a path's route, and the robot and session that it names."""
+    """Return a path's route, and the robot and session in it."""
     try:
         found = resolve(path)
     except Resolver404:
@@ -112,8 +105,8 @@ def _found(path: str) -> tuple[str, dict[str, object]]:
     }
 
 
-def _note(asked: str, route: str, status: int, seconds: float) -> None:
-    method = asked if asked in METHODS else "other"
+def _note(given: str, route: str, status: int, seconds: float) -> None:
+    method = given if given in METHODS else "other"
     REQUESTS.labels(method, str(status)).inc()
     SECONDS.observe(seconds)
     level = logging.DEBUG if route in QUIET else logging.INFO

@@ -1,7 +1,7 @@
-"""The cache that several processes share: Redis, and while it is away the memory of this process.
+"""The cache of several processes: Redis, and while Redis is away the memory of this process.
 
-What is cached are counts of attempts. Without Redis each process counts for itself, which lets a
-few more through than the limit, and nobody is kept from logging in.
+It has counts of attempts. Without Redis each process counts for itself, which allows a few more
+than the limit, and still lets users log in.
 """
 
 import functools
@@ -16,8 +16,8 @@ from django.core.cache.backends.redis import RedisCache
 from redis.exceptions import RedisError
 
 log = structlog.stdlib.get_logger(__name__)
-ANSWER_SECONDS = 0.5  # for which Redis is waited for
-AWAY_SECONDS = 5.0  # after which one that was away is asked again
+ANSWER_SECONDS = 0.5  # the time limit of Redis
+AWAY_SECONDS = 5.0  # after a failure, until Redis is tried again
 
 
 def _or_memory(name: str) -> Callable[..., Any]:
@@ -35,43 +35,29 @@ def _or_memory(name: str) -> Callable[..., Any]:
 
 
 class JsonSerializer:
-    """Values as JSON. With pickle, Django's own, everybody who can write to Redis runs code in the
-    web processes.
+    """Values as JSON. With pickle, Django's default, everyone who can write to Redis could run code
+    in the web processes.
     """
 
     def dumps(self, value: Any) -> int | bytes:
-        """Return a value as Redis stores it; it counts with whole numbers itself."""
+        """Return a value for Redis, which increments whole numbers itself."""
         return value if type(value) is int else json.dumps(value).encode()
 
     def loads(self, data: bytes) -> Any:
-        """Return a stored value.
-
-        Raises:
-            ValueError: it is none of ours.
-        """
+        """Return a stored value, or raise ValueError."""
         return json.loads(data)
 
 
 class SharedCache(RedisCache):
-    """Django's cache in Redis; while Redis is away its answers come from memory."""
-
     asked_again_at = 0.0  # of time.monotonic(); for the process, whose threads have a cache each
 
     def __init__(self, server: str, params: dict[str, Any]) -> None:
         waits = {"socket_timeout": ANSWER_SECONDS, "socket_connect_timeout": ANSWER_SECONDS}
         options = {"serializer": JsonSerializer, **waits, **params.get("OPTIONS", {})}
-        # another version than that of the values that earlier releases have pickled
+        # version 1 has values that earlier releases pickled
         super().__init__(server, {**params, "VERSION": 2, "OPTIONS": options})
         self.memory = LocMemCache("while-redis-is-away", {})
 
-    add = _or_memory("add")
-    get = _or_memory("get")
-    set = _or_memory("set")
-    touch = _or_memory("touch")
-    delete = _or_memory("delete")
-    has_key = _or_memory("has_key")
-    incr = _or_memory("incr")
-    get_many = _or_memory("get_many")
-    set_many = _or_memory("set_many")
-    delete_many = _or_memory("delete_many")
-    clear = _or_memory("clear")
+    add, get, set, touch, delete = map(_or_memory, ("add", "get", "set", "touch", "delete"))
+    has_key, incr, clear = map(_or_memory, ("has_key", "incr", "clear"))
+    get_many, set_many, delete_many = map(_or_memory, ("get_many", "set_many", "delete_many"))

@@ -1,8 +1,8 @@
-"""A web process that is told to end ends, also while it answers requests.
+"""Bounds the exit of a web process that is answering requests.
 
-A request's thread hands asynchronous work to the event loop and waits for it. Once the loop has
-stopped nobody does that work, the thread waits for ever, and Python waits for the thread at its
-exit. Databases roll back what such a thread has not committed.
+A request's thread passes asynchronous work to the event loop and waits for it. After the loop has
+stopped, the thread would wait for ever, and Python at its exit for the thread. Databases roll back
+what such a thread has not committed.
 """
 
 import logging
@@ -11,11 +11,11 @@ import sys
 import threading
 import time
 
-EXIT_SECONDS = 3.0  # for threads that are still able to end
+EXIT_SECONDS = 3.0  # in which threads can still end
 
 
 def bound_exit() -> None:
-    """Have this process end soon after its reactor. Without daphne, do nothing."""
+    """End this process EXIT_SECONDS after its reactor. Without daphne, do nothing."""
     if "daphne.server" not in sys.modules:  # it installs the reactor
         return
     from twisted.internet import reactor  # noqa: PLC0415 -- an import would install another one

@@ -1,11 +1,10 @@
-"""Static files without Django: a drive page asks for a hundred of them at once.
+"""Answers requests for static files without Django: a drive page requests a hundred at once.
 
-They are read in two threads of their own, because a disk that dies may never answer, and the event
-loop carries commands.
+Two threads read them, because a failed disk may never answer and the event loop carries commands.
 
-Which files there are, under which names, compressed how and kept for how long, WhiteNoise knows
-(whitenoise.middleware); what it does not find, or Django would first send to HTTPS, goes on to
-Django as before, and so does everything where files are looked for anew each time.
+WhiteNoise has the files with their names, compressed copies and cache times. Django gets requests
+for other files, those that it would redirect to HTTPS, and all while WhiteNoise looks files up at
+each request.
 """
 
 import asyncio
@@ -16,7 +15,7 @@ from typing import Any, Protocol
 from telepresence_site.web.headers import PERMISSIONS
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
-# What Django's security middleware and telepresence_site.web.headers say with every answer.
+# The headers of Django's security middleware and of telepresence_site.web.headers.
 SAME = (
     (b"x-content-type-options", b"nosniff"),
     (b"cross-origin-resource-policy", b"same-origin"),
@@ -37,9 +36,9 @@ class StaticAnswers:
     """ASGI middleware for HTTP.
 
     Args:
-        application: answers everything else.
-        files: paths to WhiteNoise's files.
-        secure_only: whether a request that did not come by HTTPS is left to `application`.
+        application: answers all other requests.
+        files: WhiteNoise's files by path.
+        secure_only: leave requests that did not come by HTTPS to `application`.
     """
 
     def __init__(
@@ -52,7 +51,6 @@ class StaticAnswers:
         self._application, self._files, self._secure_only = application, files, secure_only
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Answer a request for a file that is known."""
         file = (
             self._files.get(scope["path"])
             if scope["type"] == "http" and scope["method"] in METHODS
@@ -64,18 +62,12 @@ class StaticAnswers:
         loop = asyncio.get_running_loop()
         answer, body = await loop.run_in_executor(_THREADS, _read, file, scope)
         headers = [(name.lower().encode(), value.encode()) for name, value in answer.headers]
-        await send(
-            {
-                "type": "http.response.start",
-                "status": int(answer.status),
-                "headers": [*headers, *SAME],
-            }
-        )
+        start = {"type": "http.response.start", "status": int(answer.status)}
+        await send({**start, "headers": [*headers, *SAME]})
         await send({"type": "http.response.body", "body": body})
 
 
 def _read(file: StaticFile, scope: dict[str, Any]) -> tuple[Any, bytes]:
-    """Return WhiteNoise's response to a request, and its body."""
     answer = file.get_response(scope["method"], _environ(scope))
     if answer.file is None:
         return answer, b""
@@ -84,7 +76,7 @@ def _read(file: StaticFile, scope: dict[str, Any]) -> tuple[Any, bytes]:
 
 
 def _environ(scope: dict[str, Any]) -> dict[str, str]:
-    """Return the request's headers under the names that WhiteNoise looks for."""
+    """Return the request's headers under the names of WSGI, for WhiteNoise."""
     return {
         f"HTTP_{name.decode('latin-1').upper().replace('-', '_')}": value.decode("latin-1")
         for name, value in scope["headers"]

@@ -1,6 +1,4 @@
-"""The static files as a user has them: what `collectstatic` makes, under its names. Every page of
-the tests is given these.
-"""
+"""The static files as users get them, made by `collectstatic`; all pages of the tests use them."""
 
 import functools
 import os
@@ -21,35 +19,28 @@ from tests.support.paths import ROOT
 
 @functools.cache
 def collected_files() -> Path:
-    """Return the folder: made once for what static/ and the installed packages hold now."""
+    """Return their folder, made once for the present content of static/ and the locked packages."""
     sources = [path for path in (ROOT / "static").rglob("*") if path.is_file()]
     sources += ROOT.glob("requirements*.lock")
-    sources += [
-        ROOT / "telepresence_site" / name for name in ("settings.py", "web/static_files.py")
-    ]
+    site = ROOT / "telepresence_site"
+    sources += [site / "settings.py", site / "web/static_files.py"]
     return kept_folder("static", sources, _collect)
 
 
 def _collect(folder: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="telepresence-static-") as var:
-        inherited = {
-            name: value
-            for name, value in os.environ.items()
-            if name not in {"STATIC_ROOT", "DEBUG"}
-        }
-        ours = {
-            "VAR_DIR": var,
-            "HTTP_ONLY": "1",
-            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
-        }
+        environment = os.environ | {"VAR_DIR": var, "HTTP_ONLY": "1"}
+        environment["DJANGO_SETTINGS_MODULE"] = "telepresence_site.settings"
+        for name in ("STATIC_ROOT", "DEBUG"):
+            environment.pop(name, None)
         command = [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"]
-        subprocess.run(command, cwd=ROOT, env={**inherited, **ours}, check=True, timeout=300)
+        subprocess.run(command, cwd=ROOT, env=environment, check=True, timeout=300)
         shutil.copytree(Path(var) / "static", folder, dirs_exist_ok=True)
 
 
 class CollectedFiles(HashedModules):
-    """The names of the collected files, for the pages that are rendered in the tests' own process;
-    a file that is not there is an error.
+    """The storage of the collected files, for pages that are rendered in the tests' own process; a
+    missing file is an error.
     """
 
     def __init__(self) -> None:

@@ -1,8 +1,8 @@
-"""A process with a site's settings that runs Python for a test. Django is set up once there, not
-for every question (2 s of processor each).
+"""A process with a site's settings that runs Python code for a test, so that Django is set up only
+once (2 s of CPU time).
 
-`python -m tests.support.django_shell` reads one JSON string of code a line, runs it, and answers
-{"said": what it printed, "error": traceback or ""}.
+`python -m tests.support.django_shell` reads one JSON string of code per line, runs it, and answers
+{"output": ..., "error": traceback or ""}.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 class DjangoShell:
-    """The test's side of it."""
+    """The test's end of the process."""
 
     def __init__(self, root: Path, environment: dict[str, str]) -> None:
         self._process = subprocess.Popen(
@@ -28,27 +28,23 @@ class DjangoShell:
         )
 
     def ask(self, code: str) -> str:
-        """Run Python with Django set up, and return what it prints; AssertionError with the
-        traceback of what it raises.
-        """
-        assert self._process.stdin, "a pipe was asked for"
-        assert self._process.stdout, "a pipe was asked for"
+        """Run code and return its output; AssertionError with the traceback of an exception."""
+        assert self._process.stdin
+        assert self._process.stdout
         self._process.stdin.write(json.dumps(code) + "\n")
         self._process.stdin.flush()
         line = self._process.stdout.readline()
-        assert line, f"the clerk is gone (exit code {self._process.wait()})"
+        assert line, f"the Django shell has ended (exit code {self._process.wait()})"
         answer: dict[str, str] = json.loads(line)
         assert not answer["error"], answer["error"]
-        return answer["said"]
+        return answer["output"]
 
     def close(self) -> None:
         self._process.communicate()  # the end of its input is its end
 
 
 def main() -> None:
-    """Answer until the input ends. What is answered keeps no connection: the test may replace the
-    database.
-    """
+    """Answer until the input ends; no database connection is kept, as a test may replace it."""
     import django
 
     django.setup()
@@ -56,14 +52,14 @@ def main() -> None:
 
     answers = sys.stdout
     for line in sys.stdin:
-        said, error = io.StringIO(), ""
-        with contextlib.redirect_stdout(said):
+        output, error = io.StringIO(), ""
+        with contextlib.redirect_stdout(output):
             try:
-                exec(compile(json.loads(line), "<asked by a test>", "exec"), {})
-            except Exception:
+                exec(compile(json.loads(line), "<code of a test>", "exec"), {})
+            except Exception:  # of any kind, by a test's own code: its answer
                 error = traceback.format_exc()
         connections.close_all()
-        answers.write(json.dumps({"said": said.getvalue(), "error": error}) + "\n")
+        answers.write(json.dumps({"output": output.getvalue(), "error": error}) + "\n")
         answers.flush()
 
 

@@ -1,6 +1,5 @@
-"""How often a test tries something: an ordinary number in `make test`, and a larger one for a
-thorough run, `pytest --hypothesis-profile=search`, which `make soak` does. In `make check`, a
-property is tried with a fifth of its examples.
+"""The number of examples of a test: more in a thorough run (`make soak`, or `pytest
+--hypothesis-profile=search`) than in `make test`, and a fifth in `make check`.
 """
 
 from typing import Any
@@ -10,28 +9,24 @@ from hypothesis import settings
 from scipy.special import bdtr
 
 THOROUGH, QUICK = "search", "quick"  # profiles; tests/conftest.py registers them
-BY_CHANCE = 0.996  # of all runs of a true rate fall into its band
+BY_CHANCE = 0.996  # share of runs whose result is in the band of the true rate
 
 
 def repetitions(ordinary: int, *, thorough: int) -> int:
-    """Return how many times this run tries something. Ask when a test's module is imported or
-    later: before that, pytest has not chosen the profile.
-    """
+    """Return the number for this run. Call it in test modules, where pytest has set the profile."""
     return thorough if settings.get_current_profile_name() == THOROUGH else ordinary
 
 
 def examples(ordinary: int, *, thorough: int, **others: Any) -> settings:
-    """Return the settings of a property that Hypothesis tries with so many examples; `others` are
-    more of its settings.
-    """
+    """Return Hypothesis's settings for this number of examples, and others."""
     quick = settings.get_current_profile_name() == QUICK
     number = max(ordinary // 5, 5) if quick else repetitions(ordinary, thorough=thorough)
     return settings(max_examples=number, **others)
 
 
 def binomial_band(rate: float, runs: int) -> tuple[float, float]:
-    """Return between which shares of so many runs something of the given rate happens, in
-    `BY_CHANCE` of all cases: 0.031 and 0.07 for one in twenty of 1,000, and wider for fewer.
+    """Return the shares of `runs` between which an event of this rate happens in `BY_CHANCE` of all
+    cases: 0.031 and 0.07 for a rate of 0.05 and 1,000 runs.
     """
     cumulative = bdtr(np.arange(runs + 1), runs, rate)
     tail = (1.0 - BY_CHANCE) / 2.0

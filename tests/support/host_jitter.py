@@ -1,8 +1,7 @@
-"""How late the computer itself is: what a bound in seconds may be missed by when others keep the
-processor busy.
+"""How late this computer schedules a thread, by which a test's time limit may be exceeded.
 
-A thread sleeps for a moment over and over, and notes how much later than asked it woke up. A safety
-bound is held against what the program does beyond that: on an idle computer the bound itself.
+A thread sleeps again and again, and notes how much too late it wakes up. On an idle computer a
+safety bound is tested as it is, on a busy one with that allowance.
 """
 
 import contextlib
@@ -25,17 +24,15 @@ class HostJitter:
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def excuse(self, since: float, until: float) -> float:
-        """Return the seconds by which a bound may be missed between two moments: page, agent and
-        base take part, and each may be late.
+        """Return the seconds by which a bound may be exceeded between two moments. Page, agent and
+        base may each be late.
         """
-        return 3.0 * max(
-            (
-                late
-                for at, late in list(self._late)
-                if at >= since - AROUND and at - late <= until + AROUND
-            ),
-            default=0.0,
-        )
+        near = [
+            late
+            for at, late in list(self._late)
+            if at >= since - AROUND and at - late <= until + AROUND
+        ]
+        return 3.0 * max(near, default=0.0)
 
     def _watch(self) -> None:
         while not self._over.is_set():
@@ -44,21 +41,19 @@ class HostJitter:
             late = time.monotonic() - before - STEP
             if late > STEP:
                 now = time.time()
-                self._late = [(at, value) for at, value in self._late if now - at < KEPT] + [
-                    (now, late)
-                ]
+                recent = [(at, value) for at, value in self._late if now - at < KEPT]
+                self._late = [*recent, (now, late)]
 
 
 def pauses(stamps: Iterable[float], usual: float) -> float:
-    """Return the seconds for which another process was kept waiting: what is missing between its
-    stamps, `usual` apart at most.
+    """Return the seconds for which another process did not run: the gaps between its stamps, beyond
+    the usual distance.
     """
     return sum(max(0.0, after - before - usual) for before, after in pairwise(stamps))
 
 
 @contextlib.contextmanager
 def watched() -> Iterator[HostJitter]:
-    """Watch the computer."""
     jitter = HostJitter()
     jitter._thread.start()
     try:

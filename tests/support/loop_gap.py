@@ -1,4 +1,4 @@
-"""For how long the event loop was held up."""
+"""How long the event loop was blocked."""
 
 import asyncio
 import contextlib
@@ -7,9 +7,7 @@ import time
 
 @contextlib.asynccontextmanager
 async def longest_gap():
-    """Yield a function that returns the longest time, in seconds, in which the loop did nothing
-    else than what is tested.
-    """
+    """Yield a function that returns the longest time in seconds for which the loop was blocked."""
     gaps = [0.0]
 
     async def tick():

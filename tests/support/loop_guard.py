@@ -1,8 +1,8 @@
-"""Names what keeps an event loop waiting, instead of waiting with it.
+"""Fails a test that blocks its event loop, with the place in the code.
 
-A control loop that somebody blocks runs nothing any more, and no time-out of its own either. An
-interval timer of the system does: its signal arrives in the main thread, where tests run their
-loops, also in the middle of `time.sleep`, of a socket's `recv` or of a lock.
+A blocked loop cannot run a timeout of its own. The system's interval timer still works: its signal
+arrives in the main thread, where tests run their loops, also during `time.sleep`, a socket's `recv`
+or a lock.
 """
 
 import asyncio
@@ -14,17 +14,17 @@ from collections.abc import Iterator
 
 import pytest
 
-LONGEST = 8.0  # s: no computer is so busy for so long
-LOOK = 0.25  # s between two looks
+LONGEST = 8.0  # s, longer than any computer is too busy to run the loop
+LOOK = 0.25  # s between two checks
 
 ADVICE = (
-    "Nothing that an adapter does on the control loop may wait: have blocking calls made by"
+    "An adapter must not block the control loop: make blocking calls with"
     " asyncio.to_thread, or by a thread of your own (docs/howto/write-an-adapter.md)."
 )
 
 
 class LoopGuard:
-    """Looks, at each signal, whether the running loop has done since what it was asked to do."""
+    """Checks at each signal whether the loop has run the callback of an earlier one."""
 
     def __init__(self, longest: float) -> None:
         self._longest = longest
@@ -55,7 +55,7 @@ class LoopGuard:
 
 @contextlib.contextmanager
 def guarded(longest: float = LONGEST) -> Iterator[None]:
-    """Fail, with the place, when a loop of the main thread is kept waiting for so many seconds."""
+    """Fail the test if a loop of the main thread is blocked for longer than this, in seconds."""
     before = signal.signal(signal.SIGALRM, LoopGuard(longest).look)
     signal.setitimer(signal.ITIMER_REAL, LOOK, LOOK)
     try:

@@ -1,4 +1,4 @@
-"""Where the checkout is, and what tests of every language read."""
+"""The checkout, and the examples that tests of both languages read."""
 
 from pathlib import Path
 

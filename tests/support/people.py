@@ -1,5 +1,3 @@
-"""People for tests."""
-
 from accounts.models import User
 
 PASSWORD = "seven green kettles"

@@ -1,4 +1,4 @@
-"""Robots of the database with what they last reported and with their keys."""
+"""Rows of robots, with their presence and their credentials."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ PARTS = (RobotPresence, RobotCredentials)
 
 
 def unsaved_robot(**fields: Any) -> Robot:
-    """Return a robot that is in no database, with the rows that belong to it."""
+    """Return a robot that is not stored, with the rows that belong to it."""
     values = _by_table(fields)
     robot = Robot(**values.pop(Robot))
     for part, own in values.items():
@@ -17,7 +17,7 @@ def unsaved_robot(**fields: Any) -> Robot:
 
 
 def create_robots(*robots: Robot) -> None:
-    """Store robots that `unsaved_robot` made, in a statement a table."""
+    """Store robots of `unsaved_robot`, with one statement per table."""
     Robot.objects.bulk_create(robots)
     RobotPresence.objects.bulk_create(robot.presence for robot in robots)
     RobotCredentials.objects.bulk_create(robot.credentials for robot in robots)
@@ -31,7 +31,7 @@ def create_robot(**fields: Any) -> Robot:
 
 
 def update_robots(**fields: Any) -> None:
-    """Change fields of all robots, whichever table has them."""
+    """Change fields of all robots, in their tables."""
     for model, values in _by_table(fields).items():
         if values:
             model.objects.update(**values)

@@ -1,9 +1,7 @@
-"""Two clocks for tests of what runs on an event loop: one that jumps whenever everybody waits, and
-the computer's own.
+"""Two clocks for tests on an event loop: one that jumps when all tasks wait, and the real one.
 
-On a virtual clock a test of ten seconds takes milliseconds, and nothing that the computer does
-besides can make anything late. The loop runs only inside `wait` and `sleep`, in the test's own
-thread, so that a test reads as one that waits for real.
+With the virtual clock ten seconds take milliseconds, and a busy computer delays nothing. The loop
+runs only inside `wait` and `sleep`, in the test's own thread.
 """
 
 import asyncio
@@ -18,16 +16,16 @@ from tests.support.patience import patient
 
 POLL_INTERVAL_S = 0.005
 EPOCH = 1_800_000_000.0  # Unix seconds at which every virtual clock begins
-LONGEST_JOB_S = 60.0  # real seconds that a job of a thread may take
+LONGEST_JOB_S = 60.0  # real seconds for a job in a thread
 
 
 class EverybodyWaitsForeverError(AssertionError):
-    """No timer is set and no thread works: nothing would ever happen again."""
+    """No timer is set and no thread runs: the loop would wait forever."""
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Instead of waiting it moves the loop's clock, except while a thread works for the loop: that
-    is waited for, in no time at all.
+    """Moves the loop's clock instead of waiting. While threads work for the loop, the clock stops
+    and it really waits.
     """
 
     loop: "VirtualLoop"
@@ -48,14 +46,12 @@ class _JumpingSelector(selectors.DefaultSelector):
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time passes only when all of its tasks wait for it (as trio's autojump
-    clock).
-    """
+    """An event loop whose time passes only when all of its tasks wait (trio's autojump clock)."""
 
     def __init__(self) -> None:
         selector = _JumpingSelector()
         selector.loop = self
-        self.elapsed = 1000.0  # s; a monotonic clock that begins at nothing hides mistakes
+        self.elapsed = 1000.0  # s; a monotonic clock that begins at 0 hides mistakes
         self.jobs = 0
         super().__init__(selector)
 
@@ -93,27 +89,21 @@ class VirtualTime:
         self.close()
 
     def now(self) -> float:
-        """Return seconds of the monotonic clock."""
         return self.loop.time()
 
     def unix(self) -> float:
-        """Return Unix seconds."""
         return EPOCH + self.loop.time()
 
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
-        """Run until `work` is done, and return its result."""
         return self.loop.run_until_complete(work)
 
     def sleep(self, seconds: float) -> None:
-        """Let so much time pass."""
         self.run(asyncio.sleep(seconds))
 
     def wait(
         self, condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for"
     ) -> None:
-        """Let time pass until `condition()` is true; fails after `within` seconds, saying `what`
-        did not come.
-        """
+        """Let time pass until the condition is true; fails after `within` s, naming `what`."""
         self.run(self._until(condition, within, what))
 
     async def _until(self, condition: Callable[[], Any], within: float, what: Any) -> None:
@@ -126,7 +116,6 @@ class VirtualTime:
             await asyncio.sleep(POLL_INTERVAL_S)
 
     def close(self) -> None:
-        """End whatever still runs."""
         tasks = asyncio.all_tasks(self.loop)
         for task in tasks:
             task.cancel()
@@ -140,7 +129,7 @@ async def _gather(tasks: set[asyncio.Task[Any]]) -> None:
 
 
 class RealTime:
-    """The computer's clocks, for what is about threads, processes and the computer itself."""
+    """The computer's clocks, for tests with threads and processes."""
 
     times = TimeSource()
     now = staticmethod(time.monotonic)
@@ -151,9 +140,7 @@ class RealTime:
     def wait(
         condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for"
     ) -> None:
-        """Wait until `condition()` is true; fails after `within` seconds on a computer with nothing
-        else to do.
-        """
+        """Wait until the condition is true; fails after `patient(within)` seconds."""
         deadline = time.monotonic() + patient(within)
         while not condition():
             assert time.monotonic() < deadline, (
@@ -162,8 +149,7 @@ class RealTime:
             time.sleep(POLL_INTERVAL_S)
 
     @staticmethod
-    def close() -> None:
-        """Nothing is to be ended."""
+    def close() -> None: ...
 
 
 def on_virtual_time(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:

@@ -1,6 +1,4 @@
-"""Messages that robots and pages say in tests, with everything filled in that a test does not care
-about.
-"""
+"""Messages of robots and pages, with defaults for all fields."""
 
 from robots.api import messages as m
 
@@ -26,15 +24,9 @@ def state(seq=1, **changes):
 
 
 def factsheet(name="giraff", **changes):
-    limits = m.Limits(
-        linear=0.7,
-        reverse=0.3,
-        angular=0.7,
-        linear_acceleration=0.2,
-        angular_acceleration=0.4,
-        linear_braking=1.0,
-        angular_braking=2.0,
-    )
+    speeds = {"linear": 0.7, "reverse": 0.3, "angular": 0.7}
+    accelerations = {"linear_acceleration": 0.2, "angular_acceleration": 0.4}
+    limits = m.Limits(**speeds, **accelerations, linear_braking=1.0, angular_braking=2.0)
     fields = {
         "name": name,
         "series": "Giraff",
@@ -50,18 +42,9 @@ def factsheet(name="giraff", **changes):
 
 
 def velocity(seq=1, **changes):
-    """A command as an honest page sends it; the page knows its session, the server does not take
-    its word for it.
-    """
-    fields = {
-        "session": "forged",
-        "epoch": 999,
-        "seq": seq,
-        "stamp": 100.0,
-        "linear": 0.2,
-        "angular": 0.0,
-        "method": "keyboard",
-    }
+    """Return a command of a page; the server replaces its session and epoch."""
+    fields = {"session": "forged", "epoch": 999, "seq": seq, "stamp": 100.0}
+    fields |= {"linear": 0.2, "angular": 0.0, "method": "keyboard"}
     return m.VelocityCommand(**{**fields, **changes})
 
 

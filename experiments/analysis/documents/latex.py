@@ -46,12 +46,13 @@ def as_latex(table: Table) -> str:
 
 def _part(table: Table) -> str:
     head = " & ".join(runs_as_latex(head_runs(name)) for name in table.head) + r" \\"
+    columns = "".join("r" if is_numeric else "l" for is_numeric in table.are_numeric)
     lines = [
         r"\begin{table}",
         r"\centering",
         rf"\caption{{{latex(table.title)}}}",
         rf"\label{{tab:{table.name}}}",
-        rf"\begin{{tabular}}{{{_columns(table)}}}",
+        rf"\begin{{tabular}}{{{columns}}}",
         r"\toprule",
         head,
         r"\midrule",
@@ -62,13 +63,6 @@ def _part(table: Table) -> str:
         r"\end{table}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _columns(table: Table) -> str:
-    return "".join(
-        "r" if any(row[place].value is not None for row in table.rows) else "l"
-        for place in range(len(table.head))
-    )
 
 
 def _line(cells: Sequence[str]) -> str:

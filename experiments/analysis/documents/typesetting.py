@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import chain, groupby
 from typing import Literal
 
 from experiments.analysis.tables.table import Table
@@ -50,12 +50,9 @@ def marked(name: str) -> str:
 
 
 def runs_of(text: str) -> tuple[Run, ...]:
-    return tuple(
-        run
-        for at, part in enumerate(text.split(_MARK))
-        for run in (symbol(part) if at % 2 else (Run(part),))
-        if part
-    )
+    parts = enumerate(text.split(_MARK))
+    runs = (symbol(part) if at % 2 else (Run(part),) for at, part in parts if part)
+    return tuple(chain.from_iterable(runs))
 
 
 def head_runs(name: str) -> tuple[Run, ...]:
@@ -67,11 +64,8 @@ def head_runs(name: str) -> tuple[Run, ...]:
 
 def plain(runs: Iterable[Run]) -> str:
     """Return text without styles: `d_z`, `χ²`, `η²p`."""
-    letters = {("super", "2"): "²"}
-    joined = "".join(
-        letters.get((run.position, run.text), f"_{run.text}" if run.position == "sub" else run.text)
-        for run in runs
-    )
+    forms = {"": "{}", "sub": "_{}", "super": "²"}  # the one superscript of SYMBOLS is 2
+    joined = "".join(forms[run.position].format(run.text) for run in runs)
     return joined.replace("²_p", "²p")
 
 
@@ -82,7 +76,7 @@ def parts_of(table: Table) -> tuple[Table, ...]:
     if len(table.head) <= MOST_COLUMNS:
         return (table,)
     keys = 1
-    while keys < MOST_KEYS and all(row[keys].value is None for row in table.rows):
+    while keys < MOST_KEYS and not table.are_numeric[keys]:
         keys += 1
     groups = [[*range(keys), *group] for group in _groups(table.head, keys)]
     return tuple(

@@ -62,17 +62,13 @@ def _part(table: Table) -> str:
 
 
 def _table(table: Table) -> str:
-    columns = range(len(table.head))
-    numeric = [any(row[place].value is not None for row in table.rows) for place in columns]
+    numeric = table.are_numeric
     width = (PAGE[0] - 2 * MARGIN) // max(1, len(table.head))
+    borders = _tag("tblBorders", _line("top", 8), _line("bottom", 8))
     return _tag(
         "tbl",
-        _tag(
-            "tblPr",
-            _tag("tblW", w=0, type="auto"),
-            _tag("tblBorders", _line("top", 8), _line("bottom", 8)),
-        ),
-        _tag("tblGrid", *(_tag("gridCol", w=width) for _column in columns)),
+        _tag("tblPr", _tag("tblW", w=0, type="auto"), borders),
+        _tag("tblGrid", *(_tag("gridCol", w=width) for _name in table.head)),
         _row([head_runs(name) for name in table.head], numeric, is_head=True),
         *(_row([(Run(cell.text),) for cell in row], numeric) for row in table.rows),
     )
@@ -82,48 +78,34 @@ def _row(cells: Sequence[Sequence[Run]], numeric: Sequence[bool], *, is_head: bo
     """Return a row; a head is repeated on each page, and no row is divided by a page."""
     border = _tag("tcBorders", _line("bottom", 4)) if is_head else ""
     repeated = _tag("tblHeader") if is_head else ""
-    return _tag(
-        "tr",
-        _tag("trPr", _tag("cantSplit"), repeated),
-        *(
-            _tag("tc", _tag("tcPr", border), _paragraph(runs, SMALL, right=right))
-            for runs, right in zip(cells, numeric, strict=True)
-        ),
+    written = (
+        _tag("tc", _tag("tcPr", border), _paragraph(runs, SMALL, right=right))
+        for runs, right in zip(cells, numeric, strict=True)
     )
+    return _tag("tr", _tag("trPr", _tag("cantSplit"), repeated), *written)
 
 
 def _paragraph(
     runs: Iterable[Run], size: int = SIZE, *, right: bool = False, keep: bool = False
 ) -> str:
     """Return a paragraph; one that is kept is on the page of the next one."""
-    about = _tag(
-        "pPr",
-        _tag("keepNext") if keep else "",
-        _tag("spacing", before=0, after=40),
-        _tag("jc", val="right") if right else "",
-    )
+    kept, aligned = _tag("keepNext") if keep else "", _tag("jc", val="right") if right else ""
+    about = _tag("pPr", kept, _tag("spacing", before=0, after=40), aligned)
     return _tag("p", about, *(_run(run, size) for run in runs))
 
 
 def _run(run: Run, size: int) -> str:
-    about = _tag(
-        "rPr",
-        _tag("rFonts", ascii=FONT, hAnsi=FONT, cs=FONT),
-        _tag("i") if run.italic else "",
-        _tag("sz", val=size),
-        _tag("vertAlign", val=POSITIONS[run.position]) if run.position else "",
-    )
+    font, italic = _tag("rFonts", ascii=FONT, hAnsi=FONT, cs=FONT), _tag("i") if run.italic else ""
+    position = _tag("vertAlign", val=POSITIONS[run.position]) if run.position else ""
+    about = _tag("rPr", font, italic, _tag("sz", val=size), position)
     text = escape(run.text.translate(_UNWRITABLE))
     return _tag("r", about, f'<w:t xml:space="preserve">{text}</w:t>')
 
 
 def _document(body: str) -> bytes:
     margins = dict.fromkeys(("top", "right", "bottom", "left"), MARGIN)
-    page = _tag(
-        "sectPr",
-        _tag("pgSz", w=PAGE[0], h=PAGE[1], orient="landscape"),
-        _tag("pgMar", **margins, header=567, footer=567, gutter=0),
-    )
+    size = _tag("pgSz", w=PAGE[0], h=PAGE[1], orient="landscape")
+    page = _tag("sectPr", size, _tag("pgMar", **margins, header=567, footer=567, gutter=0))
     document = f'{_HEAD}<w:document xmlns:w="{_W}">{_tag("body", body, page)}</w:document>'
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:

@@ -111,17 +111,9 @@ def _door(axes: Axes, door: Door) -> None:
 def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:
     station, cosine, sine = dock.station, math.cos(dock.theta), math.sin(dock.theta)
     x, y = dock.x + station.distance * cosine, dock.y + station.distance * sine
-    axes.add_patch(
-        Rectangle(
-            (x, y - station.width / 2.0),
-            station.depth,
-            station.width,
-            angle=math.degrees(dock.theta),
-            rotation_point=(x, y),
-            facecolor=colour,
-            zorder=4,
-        )
-    )
+    corner, turn = (x, y - station.width / 2.0), math.degrees(dock.theta)
+    look = Look(angle=turn, rotation_point=(x, y), facecolor=colour, zorder=4)
+    axes.add_patch(Rectangle(corner, station.depth, station.width, **look))
     back = 0.45
     where = (dock.x - back * cosine, dock.y - back * sine - 0.45)
     box = Look(boxstyle="square,pad=0.15", facecolor="white", edgecolor="none", alpha=0.75)
@@ -165,5 +157,4 @@ def _off_the_line(points: Floats, start: Floats, end: Floats) -> Floats:
     along = end - start
     squared = float(along @ along) or 1.0  # both ends may be the same place
     share = np.clip((points - start) @ along / squared, 0.0, 1.0)
-    distances: Floats = np.hypot(*(points - start - share[:, None] * along).T)
-    return distances
+    return np.asarray(np.hypot(*(points - start - share[:, None] * along).T))

@@ -11,22 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.analysis.figures.drawing import (
-    FAINT,
-    INK,
-    MARKERS,
-    ROBOTS,
-    Behind,
-    Drawing,
-    house_style,
-    panels,
-)
-from experiments.analysis.tables.scored_responses import (
-    ScoredQuestionnaire,
-    ScoreGroup,
-    mean_scores,
-    scored_questionnaires,
-)
+from experiments.analysis.figures import drawing
+from experiments.analysis.tables import scored_responses
 from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_table
 from experiments.analysis.tables.table import Table, TableCell
 from experiments.dataset.columns import Floats
@@ -45,27 +31,30 @@ TALLEST = 9.0  # inches: what a page has room for; two columns of panels where o
 TITLE, TITLE_LINE = (95, 42), 0.15  # characters of a line of a panel's title, and its inches
 
 
-def score_figures(dataset: Dataset) -> Iterator[Drawing]:
+def score_figures(dataset: Dataset) -> Iterator[drawing.Drawing]:
     """Yield a figure for each scored questionnaire that was answered."""
-    for found in scored_questionnaires(dataset):
+    for found in scored_responses.scored_questionnaires(dataset):
         table = scores_table(dataset, found)
         title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
         name = f"figure-scores-{found.definition.slug}"
-        with house_style():
+        with drawing.house_style():
             figure, behind = _draw(dataset, found, table)
         numbers = Table(name, title, HEAD, table.rows, (DRAWN, *table.notes))
-        yield Drawing(figure, numbers, behind)
+        yield drawing.Drawing(figure, numbers, behind)
 
 
-def _draw(dataset: Dataset, found: ScoredQuestionnaire, table: Table) -> tuple[Figure, Behind]:
+def _draw(
+    dataset: Dataset, found: scored_responses.ScoredQuestionnaire, table: Table
+) -> tuple[Figure, drawing.Behind]:
     robots = sorted({group.robot for group in found.groups})
-    looks = dict(zip(robots, zip(cycle(ROBOTS), cycle(MARKERS), strict=False), strict=False))
+    styles = zip(cycle(drawing.ROBOTS), cycle(drawing.MARKERS), strict=False)
+    looks = dict(zip(robots, styles, strict=False))
     count, rows = len(found.scales), len(found.groups)
     # no higher than a page, if two columns are enough for that
     columns = 1 if 0.4 + count * (AROUND + ROW * rows) <= TALLEST else 2
     line = AROUND + (columns - 1) * TITLE_LINE + ROW * rows
-    figure, axes = panels(count, columns, 0.4 + ceil(count / columns) * line)
-    behind: Behind = {}
+    figure, axes = drawing.panels(count, columns, 0.4 + ceil(count / columns) * line)
+    behind: drawing.Behind = {}
     for at, (scale, panel) in enumerate(zip(found.scales, axes, strict=True)):
         own = table.rows[at * rows : (at + 1) * rows]
         label = label_of_scale(dataset, found.definition, scale)
@@ -95,7 +84,7 @@ def _share_limits(axes: Sequence[Axes], scales: Sequence[ScoredScale]) -> None:
             panel.set_xlim(low - margin, high + margin)
 
 
-def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[ScoreGroup]) -> None:
+def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[scored_responses.ScoreGroup]) -> None:
     least, greatest = scale.bounds
     margin = 0.02 * (greatest - least)
     axes.set_xlim(least - margin, greatest + margin)
@@ -103,7 +92,7 @@ def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[ScoreGroup]) -> None
     axes.set_yticks(range(len(groups)), labels)
     axes.set_ylim(len(groups) - 0.4, -0.5)
     axes.tick_params(axis="y", length=0)
-    axes.grid(axis="x", color=FAINT, linewidth=0.4)
+    axes.grid(axis="x", color=drawing.FAINT, linewidth=0.4)
     axes.set_axisbelow(True)
 
 
@@ -111,25 +100,25 @@ def _draw_group(
     axes: Axes,
     at: int,
     scale: ScoredScale,
-    group: ScoreGroup,
+    group: scored_responses.ScoreGroup,
     cells: Sequence[TableCell],
     look: tuple[str, str],
-) -> Behind:
+) -> drawing.Behind:
     """Draw a row of the table, and return the sessions behind its mean."""
     mean, low, high = (cells[HEAD.index(name)].value for name in ("Mean", "CI95: from", "CI95: to"))
     if mean is None:
-        axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
+        axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=drawing.INK)
         return {}
-    x, (colour, shape) = sorted(mean_scores(group.responses, scale).values()), look
+    x, (colour, shape) = sorted(scored_responses.mean_scores(group.responses, scale).values()), look
     axes.scatter(x, at + BELOW + _offsets(x), s=8, color=colour, alpha=0.6, linewidths=0, zorder=2)
     if low is not None and high is not None:
-        axes.plot((low, high), (at, at), color=INK, linewidth=1.4, zorder=3)
+        axes.plot((low, high), (at, at), color=drawing.INK, linewidth=1.4, zorder=3)
         left, right = axes.get_xlim()
         axes.set_xlim(min(left, low), max(right, high))
-        axes.plot((low, high), (at, at), "|", color=INK, markersize=6, zorder=3)
+        axes.plot((low, high), (at, at), "|", color=drawing.INK, markersize=6, zorder=3)
     gid = f"mean-{scale.key}-{group.condition}-{group.robot}"
     (marker,) = axes.plot((mean,), (at,), shape, color=colour, zorder=4, markersize=5, gid=gid)
-    marker.set_markeredgecolor(INK)
+    marker.set_markeredgecolor(drawing.INK)
     marker.set_markeredgewidth(0.6)
     return {gid: group.behind(scale)}
 

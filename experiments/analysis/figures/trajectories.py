@@ -9,21 +9,8 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from experiments.analysis.figures import floor
-from experiments.analysis.figures.drawing import (
-    DASHES,
-    INK,
-    POSITIVE,
-    ROBOTS,
-    WIDTH,
-    Behind,
-    Drawing,
-    Look,
-    house_style,
-    panels,
-)
+from experiments.analysis.figures import drawing, floor
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.table import Table, amount, number, words
 from experiments.dataset.columns import Floats
@@ -34,15 +21,15 @@ from experiments.definition.schema import Course
 MOST_COLUMNS, TALLEST = 4, 8.0  # of panels, and inches
 BARE = 0.45  # height of a panel without a plan, by its width
 ABOVE_PANEL = 0.55  # inches: of its title
+Paths = Mapping[str, Floats]  # by session
 TITLE = 100  # characters of a line over the whole width
 
 
-def figure_6(dataset: Dataset, site: str) -> Drawing:
+def figure_6(dataset: Dataset, site: str) -> drawing.Drawing:
     """Draw the workspace of a site with each course's checkpoints and suggested path."""
     courses = [course for course in dataset.study.courses if course.site == site]
-    with house_style():
-        figure = Figure(figsize=(WIDTH, _height(dataset, site)), layout="constrained")
-        axes = figure.subplots()
+    with drawing.house_style():
+        figure, (axes,) = drawing.panels(1, 1, _height(dataset, site))
         if site in dataset.plans:
             floor.draw_plan(axes, dataset.plans[site])
         for index, course in enumerate(courses):
@@ -62,15 +49,16 @@ def figure_6(dataset: Dataset, site: str) -> Drawing:
     )
     title = "Schematic map of the robot workspace with the suggested paths and the charging points."
     head = ("robot", "site", "what", "number", "x", "y")
-    return Drawing(figure, Table.of(f"figure-6-{site}", title, head, (*stops, *paths)))
+    return drawing.Drawing(figure, Table.of(f"figure-6-{site}", title, head, (*stops, *paths)))
 
 
 def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> None:
-    colour, dash = ROBOTS[index % len(ROBOTS)], DASHES[index % len(DASHES)]
+    place = index % len(drawing.ROBOTS)
+    colour, dash = drawing.ROBOTS[place], drawing.DASHES[place]
     name = _robot_name(dataset, course.robot)
     stops = [(stop.x, stop.y) for stop in (*course.checkpoints, course.checkpoints[0])]
     xs, ys = np.array(course.path or stops).T
-    look = Look(color=colour, linestyle=dash, linewidth=1.6, zorder=5)
+    look = drawing.Look(color=colour, linestyle=dash, linewidth=1.6, zorder=5)
     label, gid = f"suggested path of {name}", f"path-{course.robot}"
     axes.plot(xs, ys, **look, label=label, gid=gid)
     plan = dataset.plans.get(course.site)
@@ -85,7 +73,7 @@ def _robot_name(dataset: Dataset, series: str) -> str:
     return next((one.title for one in dataset.robots if one.series == series), series)
 
 
-def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
+def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> drawing.Drawing:
     """Draw all trajectories, a panel a robot, site and condition, with one view for each site; one
     panel without trajectories if there are none.
     """
@@ -95,10 +83,10 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
         site: floor.view_of(dataset.plans[site], _shown(dataset, found, ways, site))
         for site in {panel.site for panel in found} & set(dataset.plans)
     }
-    behind: Behind = {}
-    with house_style():
+    behind: drawing.Behind = {}
+    with drawing.house_style():
         columns, height = _layout([views.get(panel.site) for panel in found])
-        figure, axes = panels(max(1, len(found)), columns, height)
+        figure, axes = drawing.panels(max(1, len(found)), columns, height)
         for empty in axes[len(found) :]:
             empty.set_axis_off()
         for panel, place in zip(found, axes, strict=False):
@@ -111,7 +99,7 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
     )
     title, head = "Trajectories followed by the robots, by condition.", ("session", "robot")
     numbers = Table.of("figure-7", title, (*head, "outcome", "x", "y"), rows)
-    return Drawing(figure, numbers, behind)
+    return drawing.Drawing(figure, numbers, behind)
 
 
 @dataclass(frozen=True)
@@ -145,10 +133,10 @@ def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPa
 
 
 def _shown(
-    dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
+    dataset: Dataset, found: Sequence[TrajectoryPanel], ways: Paths, site: str
 ) -> list[Floats]:
     """Return the trajectories of a site's panels, and the checkpoints of courses in use."""
-    here = [panel for panel in panels if panel.site == site and panel.own]
+    here = [panel for panel in found if panel.site == site and panel.own]
     series = {panel.series for panel in here}
     courses = [one for one in dataset.study.courses if one.site == site and one.robot in series]
     stops = [np.array([(stop.x, stop.y)]) for one in courses for stop in one.checkpoints]
@@ -163,7 +151,7 @@ def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
     ratio = max((float(size[1] / size[0]) + floor.BELOW for size in sizes), default=BARE)
     count = max(1, len(views))
     for columns in range(min(2, count), MOST_COLUMNS + 1):
-        height = math.ceil(count / columns) * (WIDTH / columns * ratio + ABOVE_PANEL)
+        height = math.ceil(count / columns) * (drawing.WIDTH / columns * ratio + ABOVE_PANEL)
         if height <= TALLEST or count <= columns**2:
             break
     return columns, min(height, TALLEST)
@@ -182,26 +170,22 @@ def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
 
 
 def _draw_panel(
-    axes: Axes,
-    dataset: Dataset,
-    panel: TrajectoryPanel,
-    ways: Mapping[str, Floats],
-    view: Floats | None,
-) -> Behind:
+    axes: Axes, dataset: Dataset, panel: TrajectoryPanel, ways: Paths, view: Floats | None
+) -> drawing.Behind:
     if view is not None:
         floor.draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
     # many lines are faint, so that places where most went are dark
     alpha = float(np.clip(2.0 / max(1, len(panel.own)) ** 0.5, 0.15, 0.9))
-    behind: Behind = {f"session-{one.session.id}": (one.session.id,) for one in panel.own}
+    behind: drawing.Behind = {f"session-{one.session.id}": (one.session.id,) for one in panel.own}
     for gid, (session, *_) in behind.items():
         xs, ys = ways[session].T
         # dark enough for a faint thin line in a grey print
-        look = Look(color=POSITIVE, linewidth=0.45, alpha=alpha, zorder=2.5)
+        look = drawing.Look(color=drawing.POSITIVE, linewidth=0.45, alpha=alpha, zorder=2.5)
         axes.plot(xs, ys, **look, gid=gid)
     where = (panel.site, panel.series)
     course = next((one for one in dataset.study.courses if (one.site, one.robot) == where), None)
     for stop in course.checkpoints if course else ():
-        floor.draw_checkpoint(axes, stop, INK)
+        floor.draw_checkpoint(axes, stop, drawing.INK)
     return behind
 
 
@@ -210,4 +194,4 @@ def _height(dataset: Dataset, site: str) -> float:
     if plan is None:
         return 3.0
     width, height = np.ptp(floor.whole_of(plan), axis=0).tolist()
-    return float(np.clip(WIDTH * (height / width + floor.BELOW), 2.0, 8.0)) + 0.35
+    return float(np.clip(drawing.WIDTH * (height / width + floor.BELOW), 2.0, 8.0)) + 0.35

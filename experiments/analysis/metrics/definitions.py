@@ -23,15 +23,10 @@ with Path(__file__).with_name("metrics.csv").open(encoding="utf-8", newline="") 
 
 
 def _column(row: Mapping[str, str]) -> Column:
-    name, unit, meaning = row["name"], row["unit"], row["meaning"]
-    match row["kind"]:
-        case "flag":
-            return flag(name, meaning)
-        case "share":
-            return share(name, meaning)
-        case "amount":
-            return amount_of(name, unit, meaning)
-    return Column(name, unit, meaning)
+    kind, name, unit, meaning = (row[key] for key in ("kind", "name", "unit", "meaning"))
+    if kind in {"flag", "share"}:
+        return (flag if kind == "flag" else share)(name, meaning)
+    return amount_of(name, unit, meaning) if kind == "amount" else Column(name, unit, meaning)
 
 
 def _compared(*how: str) -> frozenset[str]:

@@ -22,11 +22,8 @@ Point = tuple[float, float]
 
 class ShortestPaths:
     def __init__(self, plan: FloorPlan, closed: frozenset[str] = frozenset()) -> None:
-        leaves = tuple(
-            Wall(start=door.start, end=door.end, thickness=door.thickness)
-            for door in plan.doors
-            if door.name in closed
-        )
+        shut = (door for door in plan.doors if door.name in closed)
+        leaves = (Wall(start=it.start, end=it.end, thickness=it.thickness) for it in shut)
         # The body of a charging station is where the robot docks, not an obstacle.
         grid = rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves), docks=()))
         resolution = grid.transform.resolution
@@ -52,9 +49,7 @@ class ShortestPaths:
         return int(node) if math.isfinite(distance) else -1
 
 
-@lru_cache(maxsize=32)
-def _paths(plan: FloorPlan, closed: frozenset[str]) -> ShortestPaths:
-    return ShortestPaths(plan, closed)
+_paths = lru_cache(maxsize=32)(ShortestPaths)
 
 
 def nearer(plan: FloorPlan, closed: frozenset[str], goal: Point, start: Point, end: Point) -> float:

@@ -50,14 +50,9 @@ def milestones(
         found = (event.stamp for event in own if event.type == kind and event.stamp >= since)
         return next(found, default)
 
-    return Milestones(
-        start=first(STARTED, session.first_frame),
-        motion=session.first_motion,
-        checkpoints=passed,
-        docked=first(DOCKED, since=ready),
-        photo=first(PHOTO_KEPT),
-        end=first(ENDED, session.ended),
-    )
+    start, end = first(STARTED, session.first_frame), first(ENDED, session.ended)
+    docked, photo = first(DOCKED, since=ready), first(PHOTO_KEPT)
+    return Milestones(start, session.first_motion, passed, docked, photo, end)
 
 
 def docking_attempts(track: Trajectory, dock: tuple[float, float], start: float) -> int:

@@ -80,13 +80,9 @@ def drive(track: Trajectory) -> dict[str, float]:
     is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
     near, near_collisions = _near(states["clearance"], states["docked"] == 1.0)
     clearance = states["clearance"][np.isfinite(states["clearance"])]
-    path = driven_path(
-        np.column_stack((states["x"], states["y"])),
-        np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"]),
-        track.at,
-        seen,
-        states["localized"] != 0.0,
-    )
+    position = np.column_stack((states["x"], states["y"]))
+    odometer = np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"])
+    path = driven_path(position, odometer, track.at, seen, states["localized"] != 0.0)
     return {
         "path": path.length,
         "path_by_odometry": float(path.by_odometry),

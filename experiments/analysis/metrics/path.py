@@ -84,14 +84,9 @@ def driven_path(
     slipped = _slipped(wheels, moved, at, seen, trusted)
     # A run's odometer only grows: over a gap it knows more than the straight line, over a restart
     # nothing.
-    unseen = float(np.nansum(np.maximum(np.diff(odometer)[~seen[:-1]], 0.0)))
-    return DrivenPath(
-        length=float(wheels.sum()) - slipped,
-        unseen=max(moved.unseen, unseen),
-        slipped=slipped,
-        by_odometry=True,
-        jumps=moved.jumps,
-    )
+    in_gaps = float(np.nansum(np.maximum(np.diff(odometer)[~seen[:-1]], 0.0)))
+    length, unseen = float(wheels.sum()) - slipped, max(moved.unseen, in_gaps)
+    return DrivenPath(length, unseen, slipped, by_odometry=True, jumps=moved.jumps)
 
 
 def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
@@ -171,8 +166,7 @@ def _is_new(values: Floats) -> Bools:
 def _together(known: Counts, seen: Bools) -> Bools:
     """Tell of each pair of neighbours among states whether all the time between them was seen."""
     holes = np.concatenate(([0], np.cumsum(~seen)))
-    found: Bools = holes[known[1:]] == holes[known[:-1]]
-    return found
+    return np.asarray(holes[known[1:]] == holes[known[:-1]])
 
 
 def _pieces(
@@ -183,11 +177,8 @@ def _pieces(
     steps = np.hypot(*np.diff(position[known], axis=0).T)
     jumped = steps > JUMP_SPEED * np.maximum(np.diff(at[known]), 0.0) + JUMP_SLACK
     pieces = np.split(known, np.flatnonzero(~together | jumped) + 1)
-    return (
-        [piece for piece in pieces if len(piece)],
-        float(steps[~together & ~jumped].sum()),
-        int(jumped.sum()),
-    )
+    unseen = float(steps[~together & ~jumped].sum())
+    return [piece for piece in pieces if len(piece)], unseen, int(jumped.sum())
 
 
 def _slipped(

@@ -15,7 +15,6 @@ from experiments.dataset.columns import Column, Columns, Floats
 from experiments.dataset.levels import METHODS, WAYS
 from experiments.dataset.records import COMPLETED, Dataset, EventRecord, SessionRecord
 from experiments.dataset.states import SERIES
-from experiments.definition.schema import Course
 
 Values = dict[str, float]
 
@@ -59,7 +58,7 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
     whole = Trajectory.of(dataset.states(session.id))
     network = dataset.network(session.id)
     task = whole.between(found.start, found.end)
-    segments = tuple(_segments(dataset, session, course, found, task, network))
+    segments = tuple(_segments(dataset, session, found, task, network))
     values = _times(session, found) | _numbers(task, network) | _record(session, whole)
     values["seen"] = task.share_seen(found.end - found.start)
     if course is not None and not math.isnan(found.last_checkpoint):
@@ -109,9 +108,8 @@ def _commands(states: Columns) -> Values:
     count, refused = float(np.nansum(counts)), float(np.nansum(states["refused"]))
     found = {"commands": count, "refused": refused}
     if count + refused:
-        too_old = _known(states["too_old"])
         found["share_refused"] = refused / (count + refused)
-        found["share_too_old"] = _or_nan(too_old, np.sum) / (count + refused)
+        found["share_too_old"] = _or_nan(states["too_old"], np.sum) / (count + refused)
     if not count:
         return found
     for name, source in _SHARES.items():
@@ -138,17 +136,15 @@ _SHARES = {f"share_{method}": f"by_{method}" for method in METHODS} | {
 }
 
 
-def _known(values: Floats) -> Floats:
-    return values[np.isfinite(values)]
-
-
 def _or_nan(values: Floats, summary: Callable[[Floats], np.float64]) -> float:
-    return float(summary(values)) if values.size else math.nan
+    """Return a summary of the known values, NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(summary(known)) if known.size else math.nan
 
 
 def _median_and_p95(values: Floats) -> tuple[float, float]:
     """Return the median and the 95th percentile of the known values, NaN without any."""
-    known = _known(values)
+    known = values[np.isfinite(values)]
     if not known.size:
         return math.nan, math.nan
     return float(np.median(known)), float(np.quantile(known, 0.95))
@@ -160,9 +156,9 @@ def _link(network: Columns) -> Values:
     return {
         "round_trip": trips,
         "round_trip_p95": trips_p95,
-        "loss": _or_nan(_known(network["loss"]), np.mean),
-        "fps": _or_nan(_known(network["fps"]), np.mean),
-        "freezes": _or_nan(_known(network["freezes"]), np.sum),
+        "loss": _or_nan(network["loss"], np.mean),
+        "fps": _or_nan(network["fps"], np.mean),
+        "freezes": _or_nan(network["freezes"], np.sum),
         "frame_age": age,
         "frame_age_p95": age_p95,
     }
@@ -175,18 +171,14 @@ def _record(session: SessionRecord, track: Trajectory) -> Values:
         "gaps": float(len(gaps)),
         "longest_gap": float(gaps.max()) if gaps.size else 0.0 if len(track) > 1 else math.nan,
         "missing_states": float(max(session.missing, track.missing())),
-        "clock_offset": _or_nan(np.abs(_known(track.states["clock_offset"])), np.max),
+        "clock_offset": _or_nan(np.abs(track.states["clock_offset"]), np.max),
     }
 
 
 def _segments(
-    dataset: Dataset,
-    session: SessionRecord,
-    course: Course | None,
-    found: Milestones,
-    task: Trajectory,
-    network: Columns,
+    dataset: Dataset, session: SessionRecord, found: Milestones, task: Trajectory, network: Columns
 ) -> Iterator[CheckpointSegment]:
+    course = dataset.course(session)
     if course is None:
         return
     legs = [*course.checkpoints, course.checkpoints[0]]

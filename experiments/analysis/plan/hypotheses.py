@@ -155,13 +155,10 @@ def _difference(cells: Cells) -> float | None:
 
 
 def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
-    rows = (
-        (
-            words(one.participant, (one.session,) if one.session else ()),
-            *(one.session, one.rule, one.value, "yes" if one.planned else "no"),
-        )
-        for one in found
-    )
+    rows = []
+    for one in found:
+        who = words(one.participant, (one.session,) if one.session else ())
+        rows.append((who, one.session, one.rule, one.value, "yes" if one.planned else "no"))
     head = ("Participant", "Session", "Rule", "Value", PLANNED)
     return Table.of("exclusions", "Exclusions.", head, rows, (LISTED,))
 

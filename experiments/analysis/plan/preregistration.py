@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from experiments.analysis.metrics.definitions import METRICS, VERSION
-from experiments.analysis.tables.response_selection import RULES
+from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES
 from experiments.dataset.records import FreezeRecord
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
@@ -92,12 +92,12 @@ class _Text:
         return spoken(text, self.study.languages[0] if self.study.languages else "en")
 
     def answers(self) -> dict[str, Iterable[str]]:
-        """Return the lines below each question."""
         study, plan = self.study, self.plan
         is_single = len(study.conditions) == 1
         manipulated = study.factors or (() if is_single else study.conditions)
         measures = dict.fromkeys(measure for one in study.analyses for measure in one.measures)
         slugs = dict.fromkeys(step.questionnaire for step in study.asking)
+        recruiting = (study.recruitment, study.compensation)
         return {
             "Title": [self.say(study.title)],
             "Description": [self.say(study.intro)],
@@ -107,10 +107,7 @@ class _Text:
             "Blinding": [plan.blinding],
             "Study design": self._study_design(),
             "Randomization": self._randomization(),
-            "Data collection procedures": [
-                *(study.recruitment, study.compensation),
-                *self._eligibility(),
-            ],
+            "Data collection procedures": [*recruiting, *self._eligibility()],
             "Sample size rationale": [plan.rationale, *self._expected()],
             "Stopping rule": [plan.stopping],
             "Manipulated variables": [f"- `{it.key}`: {self.say(it.title)}" for it in manipulated]
@@ -188,28 +185,25 @@ class _Text:
         yield _start(study)
 
     def _described(self, one: Condition) -> Iterator[str]:
-        """Yield what a condition is, in words and numbers."""
         levels = ", ".join(f"{factor} {level}" for factor, level in one.levels.items())
-        yield from filter(
-            None,
-            (
-                self.say(one.title),
-                levels and f"levels: {levels}",
-                f"robot {one.robot} at {one.site}",
-                f"assistance {one.assist}",
-                f"controllers {', '.join(one.controllers) or 'none'}",
-                one.actions and f"actions {', '.join(one.actions)}",
-                one.interface != "standard" and f"page {one.interface}",
-                one.control_way != "any" and f"commands over {one.control_way}",
-                one.doors_closed and f"closed {', '.join(one.doors_closed)}",
-                one.speed.linear is not None and f"at most {one.speed.linear:g} m/s",
-                one.speed.angular is not None and f"at most {one.speed.angular:g} rad/s",
-                _network("network to the robot, one way", one.network.control),
-                _network("network back with the video, one way", one.network.video),
-                one.idle_seconds and f"asked whether they are there after {one.idle_seconds:g} s",
-                one.access == "invitation" and "by invitation",
-            ),
+        parts = (
+            self.say(one.title),
+            levels and f"levels: {levels}",
+            f"robot {one.robot} at {one.site}",
+            f"assistance {one.assist}",
+            f"controllers {', '.join(one.controllers) or 'none'}",
+            one.actions and f"actions {', '.join(one.actions)}",
+            one.interface != "standard" and f"page {one.interface}",
+            one.control_way != "any" and f"commands over {one.control_way}",
+            one.doors_closed and f"closed {', '.join(one.doors_closed)}",
+            one.speed.linear is not None and f"at most {one.speed.linear:g} m/s",
+            one.speed.angular is not None and f"at most {one.speed.angular:g} rad/s",
+            _network("network to the robot, one way", one.network.control),
+            _network("network back with the video, one way", one.network.video),
+            one.idle_seconds and f"asked whether they are there after {one.idle_seconds:g} s",
+            one.access == "invitation" and "by invitation",
         )
+        yield from filter(None, parts)
         for step in self.study.steps:
             if pages := ", ".join(map(str, step.own_pages(one.key))):
                 yield _part("own_pages", pages=pages, step=step)
@@ -272,7 +266,6 @@ class _Text:
     # --- variables and analysis -------------------------------------------------------------------
 
     def _measure(self, measure: str) -> str:
-        """Return a measure with its definition."""
         slug, _, item = measure.partition(".")
         if slug in self.asked and (scale := measured_scale(self.asked[slug], item)):
             return f"- `{measure}`: {_scale(scale)}"
@@ -359,14 +352,9 @@ def _counting(study: StudyDefinition) -> str:
     analysis, quality = study.analysis, study.quality
     more = ", the condition applied as assigned" if quality.condition_applied else ""
     more += ", no operator" if quality.operator_absent else ""
-    return _part(
-        "counting",
-        drives=_part("drives", analysis.drives),
-        rule=RULES[analysis.counts],
-        distribution="Student's t" if analysis.interval == "t" else "the normal",
-        quality=quality,
-        more=more,
-    )
+    about = {"drives": _part("drives", analysis.drives), "rule": RULES[analysis.counts]}
+    about |= {"distribution": DISTRIBUTIONS[analysis.interval], "more": more}
+    return _part("counting", quality=quality, **about)
 
 
 def _criteria(study: StudyDefinition, plan: StudyPlan) -> Iterator[str]:

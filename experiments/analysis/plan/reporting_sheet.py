@@ -45,16 +45,13 @@ def reporting_sheet(
     """Return the sheet of a dataset of what counts; `everybody` has the participants of the whole
     one.
     """
+    parts = (_autonomy, _failures, _exclusions, _deviations, _versions)
     lines = (
         ("Participants", "in the dataset", counted_by_kind(everybody, "participant")),
         ("Participants", "in this sheet", counted_by_kind(dataset.participants) or "nobody"),
         *_participants(dataset),
         *_robots(dataset, measured),
-        *_autonomy(dataset),
-        *_failures(dataset),
-        *_exclusions(dataset),
-        *_deviations(dataset),
-        *_versions(dataset),
+        *(line for part in parts for line in part(dataset)),
     )
     rows, last = [], ""
     for section, item, value in lines:

@@ -68,13 +68,10 @@ def assumed(study: StudyDefinition, measure: str) -> Assumption:
     if not own:
         return Assumption()
     correlations = (one.correlation for one in own if one.correlation is not None)
-    return Assumption(
-        "plan",
-        {one.condition: one.difference for one in own},
-        {one.condition: one.level for one in own if one.level is not None},
-        {one.condition: one.sd for one in own if one.sd is not None},
-        next(correlations, CORRELATION),
-    )
+    means = {one.condition: one.difference for one in own}
+    levels = {one.condition: one.level for one in own if one.level is not None}
+    sds = {one.condition: one.sd for one in own if one.sd is not None}
+    return Assumption("plan", means, levels, sds, next(correlations, CORRELATION))
 
 
 @dataclass(frozen=True)

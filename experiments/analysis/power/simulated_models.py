@@ -118,10 +118,8 @@ class _ModelData:
         ratio = correlation / (1.0 - correlation) if len(groups) > people else 0.0
         try:
             robust = RobustTests(design.columns, groups, ratio)
-            found = [
-                p_of(*robust.wald(values, design.places(number + 1)))
-                for number in range(p.shape[1])
-            ]
+            terms = (design.places(number + 1) for number in range(p.shape[1]))
+            found = [p_of(*robust.wald(values, places)) for places in terms]
         except (CannotFitError, np.linalg.LinAlgError):
             return p
         return np.stack(found, axis=1)

@@ -48,12 +48,7 @@ class SimulatedStudies:
 
 
 def simulate(
-    study: StudyDefinition,
-    participants: int,
-    studies: int,
-    seed: int,
-    *,
-    orders: Orders | None = None,
+    study: StudyDefinition, participants: int, studies: int, seed: int, orders: Orders | None = None
 ) -> SimulatedStudies:
     """Return simulated studies; the same seed gives the same ones. `orders` has the orders of each
     kind of participant, for models with `period` or `order`; by default, the definition's.
@@ -121,10 +116,8 @@ def _of_measure(draws: Draws, measure: str) -> Found:
 
 def _compared(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
     study, test = draws.study, analysis.test
-    keys, contrasts = (
-        conditions_of(study, analysis),
-        contrasts_of(study, analysis, study.languages[0]),
-    )
+    keys = conditions_of(study, analysis)
+    contrasts = contrasts_of(study, analysis, study.languages[0])
     is_assumed = draws.is_assumed(test)
     if not analysis.contrasts:
         is_null = is_assumed and len({draws.location(test, key) for key in keys}) == 1
@@ -151,10 +144,8 @@ def _tested(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
     """Return the p values of a comparison, (studies,): paired where a participant has all sides."""
-    own = [
-        [[at for at, key in enumerate(kind) if key in side] for side in sides]
-        for kind in draws.noise
-    ]
+    kinds = [list(enumerate(kind)) for kind in draws.noise]
+    own = [[[at for at, key in kind if key in side] for side in sides] for kind in kinds]
     is_paired = any(all(places) for places in own)
     is_single = all(len(places) <= 1 for kind in own for places in kind)
     if test in FAMILIES and not (test == "proportions" and is_single):
@@ -164,17 +155,14 @@ def _tested(
             np.stack([draws.outcome(test, key, x[..., at])[0] for at, key in enumerate(kind)], -1)
             for kind, x in zip(draws.noise, samples, strict=True)
         ]
-    groups = [
-        np.concatenate(
-            [
-                x[..., places[side]].mean(axis=-1)
-                for x, places in zip(samples, own, strict=True)
-                if (all(places) if is_paired else places[side])
-            ],
-            axis=1,
-        )
-        for side in range(len(sides))
-    ]
+    groups = []
+    for side in range(len(sides)):
+        means = [
+            x[..., places[side]].mean(axis=-1)
+            for x, places in zip(samples, own, strict=True)
+            if (all(places) if is_paired else places[side])
+        ]
+        groups.append(np.concatenate(means, axis=1))
     return p_values(groups, is_paired=is_paired, by=cast("Compared", test))
 
 

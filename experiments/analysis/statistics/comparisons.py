@@ -67,8 +67,7 @@ def tied(values: Floats) -> Floats:
     with np.errstate(divide="ignore"):
         power = np.where(values == 0.0, 0.0, np.floor(np.log10(np.abs(values))))
     unit = 10.0 ** (DIGITS - 1.0 - power)
-    rounded: Floats = np.round(values * unit) / unit
-    return rounded
+    return np.asarray(np.round(values * unit) / unit)
 
 
 # --- two samples ----------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
+from experiments.analysis.statistics import proportions
 from experiments.analysis.statistics.comparisons import (
     Test,
     between,
@@ -15,14 +16,6 @@ from experiments.analysis.statistics.comparisons import (
     several_between,
     several_within,
     within,
-)
-from experiments.analysis.statistics.proportions import (
-    COCHRAN,
-    mcnemar_p,
-    paired_proportions,
-    several_proportions,
-    two_proportions,
-    two_proportions_p,
 )
 from experiments.analysis.statistics.rank_tests import (
     rank_sums,
@@ -51,10 +44,10 @@ TESTS: Mapping[Compared, _Tests] = {
     "means": _Tests(within, several_within, between, several_between),
     "ranks": _Tests(signed_ranks, several_ranked_within, rank_sums, several_ranked),
     "proportions": _Tests(
-        paired_proportions,
-        lambda table: several_ranked_within(table, COCHRAN),
-        two_proportions,
-        several_proportions,
+        proportions.paired_proportions,
+        lambda table: several_ranked_within(table, proportions.COCHRAN),
+        proportions.two_proportions,
+        proportions.several_proportions,
     ),
 }
 
@@ -106,7 +99,7 @@ def p_values(samples: Sequence[Floats], *, is_paired: bool, by: Compared) -> Flo
     """
     found: Floats
     if by == "proportions" and len(samples) == 2:
-        found = (mcnemar_p if is_paired else two_proportions_p)(*samples)
+        found = (proportions.mcnemar_p if is_paired else proportions.two_proportions_p)(*samples)
     elif is_paired:
         if by == "ranks" and len(samples) == 2:
             found = signed_rank_p(samples[0] - samples[1])

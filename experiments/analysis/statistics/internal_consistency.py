@@ -8,6 +8,7 @@ counted from the other end.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -102,16 +103,11 @@ def one_factor(covariances: Floats) -> OneFactor:
     usual = (1.0 - 0.5 / len(sd)) / np.diag(np.linalg.inv(correlations))
     more = STARTS if len(sd) > 3 else 0  # three items have one solution, or infinitely many
     others = np.random.default_rng(1).uniform(LEAST_UNIQUENESS, 1.0, (more, len(sd)))
+    minimize = partial(scipy.optimize.minimize, _discrepancy, method="L-BFGS-B", jac=True)
+    options = {"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000}
+    bounds = [(LEAST_UNIQUENESS, 1.0)] * len(sd)
     tried = [
-        scipy.optimize.minimize(
-            _discrepancy,
-            start,
-            args=(correlations,),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(LEAST_UNIQUENESS, 1.0)] * len(sd),
-            options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000},
-        )
+        minimize(start, args=(correlations,), bounds=bounds, options=options)
         for start in (usual, *others)
     ]
     found = min(tried, key=lambda one: round(one.fun, 9))  # the first of equal ones

@@ -178,13 +178,9 @@ class RobustTests:
 
     def _covariance(self, outcomes: Floats, estimates: Floats, own: Sequence[int]) -> Floats:
         residuals = outcomes - estimates @ self._columns.T
-        scores = np.stack(
-            [
-                residuals[..., rows] @ adjusted[own].T
-                for rows, adjusted in zip(self._rows, self._adjusted, strict=True)
-            ],
-            axis=-2,
-        )  # (…, participants, coefficients)
+        people = zip(self._rows, self._adjusted, strict=True)
+        parts = [residuals[..., rows] @ adjusted[own].T for rows, adjusted in people]
+        scores = np.stack(parts, axis=-2)  # (…, participants, coefficients)
         return np.asarray(np.swapaxes(scores, -1, -2) @ scores)
 
     def _freedom(self, own: Sequence[int]) -> float:
@@ -194,9 +190,8 @@ class RobustTests:
         """
         scale = _inverse_root(self._bread[np.ix_(own, own)])
         parts = [scale @ adjusted[own] for adjusted in self._adjusted]
-        fitted = np.stack(
-            [part @ self._columns[rows] for part, rows in zip(parts, self._rows, strict=True)]
-        )  # (participants, q, k)
+        people = zip(parts, self._rows, strict=True)
+        fitted = np.stack([part @ self._columns[rows] for part, rows in people])  # (people, q, k)
         total = 0.0
         for at, (part, covariance) in enumerate(zip(parts, self._covariances, strict=True)):
             blocks = -np.einsum("ak,jbk->jab", fitted[at] @ self._bread, fitted)

@@ -33,9 +33,7 @@ LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 20
 
 
 def two_proportions(first: Floats, second: Floats) -> Test:
-    from statsmodels.stats.proportion import (  # noqa: PLC0415 - not on robots
-        confint_proportions_2indep,
-    )
+    from statsmodels.stats.proportion import confint_proportions_2indep  # noqa: PLC0415 - not on robots
 
     n, m = len(first), len(second)
     a, b = int(first.sum()), int(second.sum())

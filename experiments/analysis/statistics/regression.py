@@ -24,6 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from experiments.analysis.statistics import models
 from experiments.analysis.statistics.comparisons import (
     NO_VARIANCE,
     ROUNDING,
@@ -33,25 +34,13 @@ from experiments.analysis.statistics.comparisons import (
 )
 from experiments.analysis.statistics.conditions import NO_TEST, ONE_CONDITION, compare
 from experiments.analysis.statistics.mixed_models import coefficient, grouped, p_of
-from experiments.analysis.statistics.models import (
-    CannotFitError,
-    Coefficient,
-    Design,
-    FittedModel,
-    TermTest,
-    check_data,
-    design_of,
-)
 from experiments.dataset.columns import Floats
 
 Family = Literal["proportions", "counts", "times"]
 RATIO = {"proportions": "odds ratio", "counts": "rate ratio", "times": "hazard ratio"}
 LOG_RANK = "log-rank χ²"
-SCORE = {
-    "proportions": "score F (logistic)",
-    "counts": "score F (Poisson)",
-    "times": "score F (Cox)",
-}
+_MODELS = {"proportions": "logistic", "counts": "Poisson", "times": "Cox"}
+SCORE = {family: f"score F ({model})" for family, model in _MODELS.items()}
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
 SEPARATING = 1e-6  # information of a drive, of the largest: the model predicts its outcome surely
@@ -80,30 +69,28 @@ def _arrays(outcomes: Sequence[DriveOutcome]) -> tuple[Floats, Floats]:
 def fit_family(
     family: Family,
     outcomes: Sequence[DriveOutcome],
-    design: Design,
+    design: models.Design,
     terms: Sequence[str],
     *,
     with_coefficients: bool = True,
-) -> FittedModel:
+) -> models.FittedModel:
     """Fit a model to the drives of participants. Where the effects separate the outcomes completely
     (in a level, all drives succeeded), there are tests but no coefficients. Simulations need tests
-    only, and leave out the coefficients.
-
-    Raises:
-        CannotFitError: there are too few data, no variance, or columns that depend on each other.
+    only, and leave out the coefficients. Raises CannotFitError with too few data, without variance,
+    or where columns depend on each other.
     """
     groups, people = grouped([one.who for one in outcomes])
     values, weights = _arrays(outcomes)
     known = values / weights if family == "counts" else values if weights.any() else weights
-    check_data(known, design.columns, people)
+    models.check_data(known, design.columns, people)
     if people <= len(design.names):
-        raise CannotFitError("too few participants for so many effects")
-    coefficients: tuple[Coefficient, ...] = ()
+        raise models.CannotFitError("too few participants for so many effects")
+    coefficients: tuple[models.Coefficient, ...] = ()
     remark = ""
     if with_coefficients:
         try:
             coefficients = _coefficients(family, values, weights, design, groups)
-        except CannotFitError as error:
+        except models.CannotFitError as error:
             remark = str(error)
     estimates = {one.name: one.estimate for one in coefficients}
     tests = []
@@ -112,8 +99,8 @@ def fit_family(
         f, df = _hotelling(_scores(family, values, weights, design.columns, places), groups, people)
         half = estimates.get(design.names[places[0]], UNKNOWN)
         difference = design.difference(number, half)
-        tests.append(TermTest(name, f, df, float(p_of(np.array(f), df)), difference))
-    return FittedModel(people, len(outcomes), coefficients, tuple(tests), remark=remark)
+        tests.append(models.TermTest(name, f, df, float(p_of(np.array(f), df)), difference))
+    return models.FittedModel(people, len(outcomes), coefficients, tuple(tests), remark=remark)
 
 
 @contextmanager
@@ -126,7 +113,7 @@ def _separation() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise CannotFitError(SEPARATED) from error
+        raise models.CannotFitError(SEPARATED) from error
 
 
 def _of_family(family: Family, minutes: Floats) -> dict[str, Any]:
@@ -142,8 +129,8 @@ def _of_family(family: Family, minutes: Floats) -> dict[str, Any]:
 
 
 def _coefficients(
-    family: Family, values: Floats, weights: Floats, design: Design, groups: Any
-) -> tuple[Coefficient, ...]:
+    family: Family, values: Floats, weights: Floats, design: models.Design, groups: Any
+) -> tuple[models.Coefficient, ...]:
     names, columns = design.names, design.columns
     with _separation():
         if family == "times":
@@ -155,11 +142,11 @@ def _coefficients(
             model = sm.GEE(values, columns, groups=groups, **_of_family(family, weights))
             found = model.fit(cov_type="bias_reduced", maxiter=100, ctol=1e-9)
             if found is None or not found.converged:
-                raise CannotFitError(SEPARATED)
+                raise models.CannotFitError(SEPARATED)
             estimates, covariance = np.asarray(found.params), np.asarray(found.cov_params())
         errors = np.sqrt(np.diag(covariance))
     if not (np.abs(estimates).max() <= LARGEST and errors.max() <= LARGEST):  # also of NaN
-        raise CannotFitError(SEPARATED)
+        raise models.CannotFitError(SEPARATED)
     each = zip(names, estimates.tolist(), errors.tolist(), strict=True)
     df = float(groups.max() + 1 - len(design.names))
     return tuple(coefficient(name, value, error, df) for name, value, error in each)
@@ -176,7 +163,7 @@ def _cox(times: Floats, came: Floats, columns: Floats, groups: Any) -> tuple[Flo
     estimates = np.asarray(model.fit(disp=0).params)
     inverse = np.linalg.inv(model.hessian(estimates))
     if not -inverse.diagonal().min() <= LARGEST**2:  # several may share an infinite estimate
-        raise CannotFitError(SEPARATED)
+        raise models.CannotFitError(SEPARATED)
     summed = _by_participant(_residuals(model, estimates), groups, people)
     covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
     return -estimates, covariance
@@ -240,10 +227,7 @@ def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
 
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
     """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom;
-    NaN of scores that are NaN.
-
-    Raises:
-        CannotFitError: they do not vary.
+    NaN of scores that are NaN. Raises CannotFitError where they do not vary.
     """
     if np.isnan(scores).any():
         return math.nan, (math.nan, math.nan)
@@ -253,7 +237,7 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
     covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
     is_known = people > size + 1 and np.isfinite(covariance).all()
     if not is_known or np.linalg.matrix_rank(covariance) < size:
-        raise CannotFitError(NO_VARIANCE)
+        raise models.CannotFitError(NO_VARIANCE)
     factor = people * (people - size) / (size * (people - 1.0))
     f = float(mean @ np.linalg.solve(covariance, mean)) * factor
     return f, (float(size), float(people - size))
@@ -295,11 +279,11 @@ def _score_test(family: Family, sides: Sides, *, with_ratio: bool) -> Test:
     if family == "times" and not any(one.weight for one in outcomes):
         return Test(name, n, remark=NEVER)
     rows = [{"side": key} for key, side in sides.items() for _ in side]
-    design = design_of({"side": list(sides)}, ["side"], rows)
+    design = models.design_of({"side": list(sides)}, ["side"], rows)
     is_sized = with_ratio and len(sides) == 2
     try:
         found = fit_family(family, outcomes, design, ["side"], with_coefficients=is_sized)
-    except CannotFitError as error:
+    except models.CannotFitError as error:
         return Test(name, n, remark=str(error))
     (term,) = found.terms
     test, size = Test(name, n, term.f, term.df, term.p), term.difference

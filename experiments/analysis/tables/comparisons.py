@@ -6,16 +6,7 @@ from dataclasses import dataclass
 
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
 from experiments.analysis.statistics.descriptive import Spread, spread
-from experiments.analysis.tables.table import (
-    Row,
-    Table,
-    TableCell,
-    amount,
-    count,
-    number,
-    probability,
-    words,
-)
+from experiments.analysis.tables.table import Cells, Table, amount, count, number, probability
 
 REMARK = "Remark"
 DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
@@ -45,7 +36,6 @@ class ComparedSide:
 
 
 def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Return each participant's mean, from pairs of a participant and a value."""
     found: dict[str, list[float]] = {}
     for who, value in values:
         found.setdefault(who, []).append(value)
@@ -57,28 +47,28 @@ def head_of(keys: Sequence[str]) -> tuple[str, ...]:
     return (*(f"{key}: {part}" for key in keys for part in parts), *TESTED)
 
 
-def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: float) -> Row:
-    cells: list[TableCell] = []
+def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: float) -> Cells:
+    cells: list[object] = [label]
     for group in groups:
         about, ids = spread(list(group.values.values())), group.sessions
         if group.is_censored:
             about = Spread(about.n, median=group.median)
         cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
         cells += [number(about.median, 2, ids), number(about.iqr, 2)]
-    return words(label), *cells, *tested(test, corrected)
+    return *cells, *tested(test, corrected)
 
 
-def tested(test: Test, corrected: float) -> Row:
+def tested(test: Test, corrected: float) -> Cells:
     degrees = (*test.df, None, None)[:2]
     return (
-        *(words(test.name), count(test.n), number(test.statistic, 2)),
+        *(test.name, count(test.n), number(test.statistic, 2)),
         *(number(one, 0 if one is not None and one.is_integer() else 1) for one in degrees),
         *(probability(test.p), probability(corrected), *estimated(test.difference, 3)),
-        *(words(test.effect_name), *estimated(test.effect, 2), words(test.remark)),
+        *(test.effect_name, *estimated(test.effect, 2), test.remark),
     )
 
 
-def estimated(estimate: IntervalEstimate, decimals: int) -> Row:
+def estimated(estimate: IntervalEstimate, decimals: int) -> Cells:
     return tuple(number(one, decimals) for one in (estimate.value, estimate.low, estimate.high))
 
 

@@ -8,35 +8,21 @@ session.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from experiments.analysis.metrics.definitions import CENSORED, KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.statistics import conditions
+from experiments.analysis.statistics import conditions, models, regression
 from experiments.analysis.statistics.comparisons import Test, holm
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.mixed_models import fit
-from experiments.analysis.statistics.models import (
-    CannotFitError,
-    Coding,
-    FittedModel,
-    Row,
-    design_of,
-)
-from experiments.analysis.statistics.regression import (
-    SCORE,
-    DriveOutcome,
-    Family,
-    compare_drives,
-    fit_family,
-)
 from experiments.analysis.tables import comparisons, drive_outcomes
 from experiments.analysis.tables.comparisons import Compared
 from experiments.analysis.tables.measures import StudyMeasures
-from experiments.analysis.tables.response_selection import RULES
-from experiments.analysis.tables.table import Table, TableCell, number, probability
+from experiments.analysis.tables.scored_responses import RULES
+from experiments.analysis.tables.table import Cells, Table, TableCell, number, probability
 from experiments.dataset.records import Dataset
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
@@ -44,10 +30,10 @@ from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_con
 from experiments.definition.schema import StudyDefinition
 from surveys.documents import spoken
 
-Cells = tuple[object, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
+COEFFICIENTS = ("Measure", "Coefficient", "Estimate", "from", "to", "SE", "t", "df", "p")
 SIDES = ("first", "second")
-TESTS = {"mixed": "Wald F", **SCORE}
+TESTS = {"mixed": "Wald F", **regression.SCORE}
 MODELS = {
     "mixed": "Linear mixed model with an intercept for each participant, by REML. Tests: Wald, by"
     " the residuals of participants (CR2), with the degrees of freedom of Pustejovsky and Tipton"
@@ -99,19 +85,16 @@ def _plan_head(study: StudyDefinition) -> tuple[str, ...]:
 
 
 def _planned(
-    one: DeclaredAnalysis,
-    study: StudyDefinition,
-    measure: str,
-    *,
-    contrast: int | None = None,
-    effect: str = "",
+    one: DeclaredAnalysis, study: StudyDefinition, measure: str, **which: Any
 ) -> tuple[str, ...]:
-    """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
+    """Return the cell that names the hypotheses of a test, by its contrast or effect; none in a
+    study without hypotheses.
+    """
     if not is_confirmatory(study.plan):
         return ()
-    found = deciding_hypotheses(study.plan, one, measure, contrast=contrast, effect=effect)
+    found = deciding_hypotheses(study.plan, one, measure, **which)
     keys = ", ".join(it.key for it in found)
-    is_post_hoc = contrast is not None and not one.contrasts
+    is_post_hoc = "contrast" in which and not one.contrasts
     return (f"post hoc of {keys}" if found and is_post_hoc else keys or EXPLORATORY,)
 
 
@@ -169,7 +152,7 @@ def _test_sides(
         return Test("–", 0, remark=why), groups
     if one.test in FAMILIES:
         drives = {name: own for name, (own, _) in found.items()}
-        return compare_drives(KINDS[measure], drives), groups
+        return regression.compare_drives(KINDS[measure], drives), groups
     values = {name: group.values for name, (_, group) in found.items()}
     is_paired = any(
         all(set(together).intersection(keys) for keys in sides.values())
@@ -207,7 +190,7 @@ def contrasts_of(
 def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]:
     study = data.dataset.study
     fits = {measure: _model(one, data, measure) for measure in one.measures}
-    fitted = {key: model for key, model in fits.items() if isinstance(model, FittedModel)}
+    fitted = {key: model for key, model in fits.items() if isinstance(model, models.FittedModel)}
     n_effects = len(one.effects)  # a model's terms are its effects, then its covariates
     ps = [test.p for model in fitted.values() for test in model.terms[:n_effects]]
     corrected = iter(holm(ps))
@@ -227,40 +210,29 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
             if at < n_effects:
                 p = probability(next(corrected))
                 plan = _planned(one, study, measure, effect=test.name)
-            rows.append(
-                (
-                    *(measure, test.name, model.participants, model.observations),
-                    *(TESTS[one.test], number(test.f, 2), number(test.df[0], 0)),
-                    *(number(test.df[1], 1), probability(test.p), p),
-                    *(*comparisons.estimated(test.difference, 3), model.remark, *plan),
-                )
-            )
+            named = (measure, test.name, model.participants, model.observations, TESTS[one.test])
+            numbers = (number(test.f, 2), number(test.df[0], 0), number(test.df[1], 1))
+            tested = (*numbers, probability(test.p), p, *comparisons.estimated(test.difference, 3))
+            rows.append((*named, *tested, model.remark, *plan))
     about = (MODELS[one.test], *(() if one.test == "mixed" else (CLUSTERED,)))
     notes = (*about, IN_SUM_CODING, comparisons.family(len(ps)), *_about_metrics(one))
-    heads = (*head, *_plan_head(study))
-    return (
-        Table.of(name_of(one), f"{_title(one, data)}.", heads, rows, notes),
-        Table.of(
-            f"{name_of(one)}-coefficients",
-            f"{_title(one, data)}: coefficients.",
-            ("Measure", "Coefficient", "Estimate", "from", "to", "SE", "t", "df", "p"),
-            (row for measure, model in fitted.items() for row in _coefficients(measure, model)),
-            (CODED[one.coding], *about, SPREADS),
-        ),
-    )
+    name, title = name_of(one), _title(one, data)
+    effects = Table.of(name, f"{title}.", (*head, *_plan_head(study)), rows, notes)
+    estimates = (row for key, model in fitted.items() for row in _coefficients(key, model))
+    name, title = f"{name}-coefficients", f"{title}: coefficients."
+    about = (CODED[one.coding], *about, SPREADS)
+    return effects, Table.of(name, title, COEFFICIENTS, estimates, about)
 
 
-def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
+def _coefficients(measure: str, model: models.FittedModel) -> Iterator[Cells]:
     for it in model.coefficients:
-        yield (
-            *(measure, it.name, *comparisons.estimated(it.estimate, 3), number(it.error, 3)),
-            *(number(it.t, 2), number(it.df, 1), probability(it.p)),
-        )
+        estimate = (*comparisons.estimated(it.estimate, 3), number(it.error, 3))
+        yield measure, it.name, *estimate, number(it.t, 2), number(it.df, 1), probability(it.p)
     for name, value in model.spreads:
         yield measure, name, number(value, 3), *[""] * 6
 
 
-def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedModel | str:
+def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> models.FittedModel | str:
     """Return the model of a measure, or why there is none. Its terms are in sum coding, its
     coefficients in the declared one.
     """
@@ -271,23 +243,24 @@ def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedMo
         found = own.fit(one, "sum")
         if one.coding != "sum":
             found = replace(found, coefficients=own.fit(one, one.coding).coefficients)
-    except CannotFitError as error:
+    except models.CannotFitError as error:
         return str(error)
     return replace(found, remark="; ".join(filter(None, (found.remark, own.remark))))
 
 
 @dataclass(frozen=True)
 class ModelData:
-    observed: Sequence[DriveOutcome]
-    rows: Sequence[Row]
+    observed: Sequence[regression.DriveOutcome]
+    rows: Sequence[models.Row]
     levels: Mapping[str, Sequence[str]]
     remark: str
 
-    def fit(self, one: DeclaredAnalysis, coding: Coding) -> FittedModel:
+    def fit(self, one: DeclaredAnalysis, coding: models.Coding) -> models.FittedModel:
         terms = (*one.effects, *one.covariates)
-        design = design_of(self.levels, terms, self.rows, coding)
+        design = models.design_of(self.levels, terms, self.rows, coding)
         if one.test != "mixed":
-            return fit_family(cast("Family", one.test), self.observed, design, terms)
+            family = cast("regression.Family", one.test)
+            return regression.fit_family(family, self.observed, design, terms)
         values = np.array([one.value for one in self.observed])
         return fit(values, design, terms, [one.who for one in self.observed])
 
@@ -296,18 +269,15 @@ def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> M
     """Return the observations of a model; participants whose covariates are unknown have none."""
     orders = {person.id: person.cell for person in data.dataset.participants}
     covariates = {name: data.covariate(name) for name in one.covariates}
-    observed: list[DriveOutcome] = []
+    observed: list[regression.DriveOutcome] = []
     rows: list[dict[str, str | float]] = []
     lacking: set[str] = set()
     for condition in data.dataset.study.conditions:
         if one.conditions and condition.key not in one.conditions:
             continue
         for drive in data.drives(one.test, measure, condition.key):
-            given = {
-                name: values[drive.who]
-                for name, (values, _) in covariates.items()
-                if drive.who in values
-            }
+            known = ((name, own) for name, (own, _) in covariates.items() if drive.who in own)
+            given = {name: own[drive.who] for name, own in known}
             if len(given) < len(covariates):
                 lacking.add(drive.who)
                 continue
@@ -318,15 +288,14 @@ def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> M
             observed.append(drive)
             rows.append({**condition.levels, **own, **given})
     if not observed:
-        raise CannotFitError("fewer than three participants")
-    levels = levels_of(data.dataset.study, rows) | {
-        key: own for key, (_, own) in covariates.items()
-    }
+        raise models.CannotFitError("fewer than three participants")
+    levels = levels_of(data.dataset.study, rows)
+    levels |= {key: own for key, (_, own) in covariates.items()}
     remark = f"participants without a covariate: {len(lacking)}" if lacking else ""
     return ModelData(observed, rows, levels, remark)
 
 
-def levels_of(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
+def levels_of(study: StudyDefinition, rows: Sequence[models.Row]) -> dict[str, Sequence[str]]:
     """Return the levels of every factor that a model may name: of the study's own, those that it
     declares and that have data.
     """

@@ -67,9 +67,8 @@ def drive_side(
         (one.who, one.value / one.weight if family == "counts" else one.value) for one in drives
     )
     ids, is_censored = [one.session.id for one in measured], family == "times"
-    return drives, ComparedSide(
-        values, ids, is_censored, median_time(drives) if is_censored else None
-    )
+    median = median_time(drives) if is_censored else None
+    return drives, ComparedSide(values, ids, is_censored, median)
 
 
 def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterator[DriveOutcome]:

@@ -9,6 +9,7 @@ by Holm's method.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from itertools import pairwise, product
 
 import numpy as np
@@ -17,6 +18,7 @@ from experiments.analysis.metrics.definitions import label_of
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import correlation
 from experiments.analysis.statistics.descriptive import spread, wilson
+from experiments.analysis.tables import drive_outcomes
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     TESTED,
@@ -27,15 +29,8 @@ from experiments.analysis.tables.comparisons import (
     family,
     tested,
 )
-from experiments.analysis.tables.drive_outcomes import (
-    CENSORED_AT_END,
-    RATES,
-    UNMOVED,
-    comparable,
-    mean_side,
-    metric_test,
-)
 from experiments.analysis.tables.table import (
+    Cells,
     Table,
     number,
     people_in,
@@ -74,14 +69,15 @@ def compare_conditions(
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
     found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
     averaged = "A participant's sessions under a condition are averaged first."
-    notes = (averaged, CENSORED_AT_END, UNMOVED, RATES)
+    notes = (averaged, drive_outcomes.CENSORED_AT_END, drive_outcomes.UNMOVED, drive_outcomes.RATES)
     return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
 def _tested(
     names: Sequence[str], sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
 ) -> list[tuple[str, Compared]]:
-    return [(label_of(name), metric_test(name, sides, is_paired=is_paired)) for name in names]
+    test = partial(drive_outcomes.metric_test, sides=sides, is_paired=is_paired)
+    return [(label_of(name), test(name)) for name in names]
 
 
 def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
@@ -108,14 +104,14 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
     named = (name or "not ended" for name in outcomes)
     head = ("Condition", "Participants", "Sessions", *named, "% completed", "from", "to")
     note = "from, to: 95 % interval of the share (Wilson), sessions taken as independent."
-    return Table.of("outcomes", "Outcomes.", head, rows, (note, UNMOVED))
+    return Table.of("outcomes", "Outcomes.", head, rows, (note, drive_outcomes.UNMOVED))
 
 
 def against_network(measured: Sequence[Measured]) -> Table:
     """Return rank correlations of driving with the network, a participant one point."""
     pairs, found = list(product(CAUSES, OUTCOMES)), list[Compared]()
     for pair in pairs:
-        first, second = (mean_side(measured, name).values for name in pair)
+        first, second = (drive_outcomes.mean_side(measured, name).values for name in pair)
         shared = sorted(set(first) & set(second))
         sides = [ComparedSide({who: one[who] for who in shared}) for one in (first, second)]
         x, y = (np.array([*one.values.values()]) for one in sides)
@@ -142,10 +138,7 @@ def by_network(measured: Sequence[Measured]) -> Table:
     return Table.of("network-classes", title, ("Of the network", "Class", *OF_CLASS), rows)
 
 
-ClassRow = tuple[object, ...]
-
-
-def _classes(measured: Sequence[Measured], cause: str) -> Iterator[ClassRow]:
+def _classes(measured: Sequence[Measured], cause: str) -> Iterator[Cells]:
     for low, high in pairwise((-math.inf, *CAUSES[cause], math.inf)):
         label = f"{low:g} – {high:g}"
         if low == -math.inf:
@@ -155,12 +148,13 @@ def _classes(measured: Sequence[Measured], cause: str) -> Iterator[ClassRow]:
         yield _class_row(cause, label, [one for one in measured if low <= one.values[cause] < high])
 
 
-def _class_row(head: str, label: str, own: Sequence[Measured]) -> ClassRow:
+def _class_row(head: str, label: str, own: Sequence[Measured]) -> Cells:
     sessions = [one.session for one in own]
     ids = [one.id for one in sessions]
     done = [one.id for one in sessions if one.outcome == COMPLETED]
     medians = (
-        number(spread([comparable(one, name) for one in own]).median, 3, ids) for name in MEDIANS
+        number(spread([drive_outcomes.comparable(one, name) for one in own]).median, 3, ids)
+        for name in MEDIANS
     )
     return head, label, people_in(sessions), session_count(ids), percent_of(done, ids), *medians
 
@@ -190,11 +184,8 @@ def learnt(measured: Sequence[Measured]) -> Table:
         "first": [one for key, one in first.items() if key in second],
     }
     found = _tested(LEARNT, sides, is_paired=True)
-    notes = (
-        "Participants who came back, in the conditions that they drove on both visits.",
-        "Difference: second less first visit.",
-        CENSORED_AT_END,
-        RATES,
-    )
+    who = "Participants who came back, in the conditions that they drove on both visits."
+    less = "Difference: second less first visit."
+    notes = (who, less, drive_outcomes.CENSORED_AT_END, drive_outcomes.RATES)
     title = "Second against first visit."
     return comparison_table("learning-tests", title, "Metric", tuple(sides), found, notes)

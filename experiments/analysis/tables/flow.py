@@ -12,27 +12,14 @@ from collections.abc import Iterator, Sequence
 
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import (
-    Table,
-    amount,
-    number,
-    people_count,
-    session_count,
-    spoken,
-)
+from experiments.analysis.tables import table
 from experiments.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
 from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 
 FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")
 ARRIVED, ASSIGNED, EXPOSED, DROVE, ENDED, COUNTED, ANSWERED = range(len(FLOW))
 # Of participants who withdrew: the stage that is kept of them (levels.STAGES).
-OF_WITHDRAWN = {
-    "arrived": ARRIVED,
-    "assigned": ASSIGNED,
-    "exposed": EXPOSED,
-    "ended": ENDED,
-    "answered": ENDED,
-}
+OF_WITHDRAWN = {stage: min(n, ENDED) for n, stage in enumerate(FLOW)}
 STILL_THERE = "not continued (yet)"
 STAGES = (
     "exposed: the page showed the video of the task. drove: the participant moved the robot. ended:"
@@ -47,7 +34,7 @@ PLACED = (
 Rows = Iterator[tuple[object, ...]]
 
 
-def flow(dataset: Dataset) -> Table:
+def flow(dataset: Dataset) -> table.Table:
     """Return how many reached each stage, why the others did not, and how tasks ended."""
     found, people = _Flow(dataset), dataset.participants
     rows = list(found.rows(people, "all"))
@@ -56,7 +43,7 @@ def flow(dataset: Dataset) -> Table:
         rows += [*found.rows([one for one in people if _first_cell(one) == cell], cell)][1:]
     notes = (STAGES, PLACED, *_about_platform(dataset))
     head = ("Condition", "Stage", "Reason", "Participants")
-    return Table.of("flow", "Flow of participants.", head, rows, notes)
+    return table.Table.of("flow", "Flow of participants.", head, rows, notes)
 
 
 def _first_cell(one: ParticipantRecord) -> str:
@@ -67,8 +54,9 @@ def _first_cell(one: ParticipantRecord) -> str:
 def _about_platform(dataset: Dataset) -> Iterator[str]:
     reasons = Counter(one.fault for one in dataset.others if one.fault)
     for reason, n in sorted(reasons.items()):
+        sessions = table.amount(n, "session")
         yield (
-            f"Excluded by rule, because the platform ended them: {amount(n, 'session')} ({reason})."
+            f"Excluded by rule, because the platform ended them: {sessions} ({reason})."
             " They count in no other table or figure."
         )
 
@@ -83,11 +71,8 @@ class _Flow:
         for one in sorted(both, key=lambda one: (one.visit, one.round)):
             self.drives.setdefault(one.participant, []).append(one)
         statements = dataset.study.analysis.statements
-        self.answered = {
-            one.participant
-            for one in dataset.responses
-            if one.questionnaire == statements and one.finished
-        }
+        answers = (one for one in dataset.responses if one.questionnaire == statements)
+        self.answered = {one.participant for one in answers if one.finished}
         self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
 
     def stage(self, one: ParticipantRecord) -> int:
@@ -108,27 +93,27 @@ class _Flow:
 
     def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
         stages = {one.id: self.stage(one) for one in people}
-        for number_, stage in enumerate(FLOW):
+        for number, stage in enumerate(FLOW):
             lost: dict[str, list[str]] = {}
             for one in people:
-                if stages[one.id] == number_ - 1:
-                    lost.setdefault(self._reason(one, number_), []).append(one.id)
+                if stages[one.id] == number - 1:
+                    lost.setdefault(self._reason(one, number), []).append(one.id)
             for reason, ids in sorted(lost.items()):
-                yield cell, "", reason, people_count(self.dataset, ids)
-            left = [one for one in people if stages[one.id] >= number_]
-            yield cell, stage, "", people_count(self.dataset, [one.id for one in left])
-            if number_ == ASSIGNED:
+                yield cell, "", reason, table.people_count(self.dataset, ids)
+            left = [one for one in people if stages[one.id] >= number]
+            yield cell, stage, "", table.people_count(self.dataset, [one.id for one in left])
+            if number == ASSIGNED:
                 again = [one.id for one in left if one.draws > 1]
                 yield from self._among(cell, "drawn anew", again)
-            if number_ == EXPOSED:
+            if number == EXPOSED:
                 replaced = [one.id for one in left if one.place == REPLACED]
                 yield from self._among(cell, "replaced by another participant", replaced)
-            if number_ == ENDED:
+            if number == ENDED:
                 yield from self._outcomes(left, cell)
 
     def _among(self, cell: str, what: str, ids: Sequence[str]) -> Rows:
         if ids:
-            yield cell, "", f"among them: {what}", people_count(self.dataset, ids)
+            yield cell, "", f"among them: {what}", table.people_count(self.dataset, ids)
 
     def _reason(self, one: ParticipantRecord, stage: int) -> str:
         if one.withdrawn:
@@ -136,12 +121,12 @@ class _Flow:
         if stage == COUNTED:
             return self._uncounted(one)
         if one.left:
-            return f"left: {spoken(one.left)}"
+            return f"left: {table.spoken(one.left)}"
         if one.finished:
             return f"left: finished without {'answers' if stage == ANSWERED else 'a drive'}"
         drives = self.drives.get(one.id, [])
         lost = [it.outcome for it in drives if it.outcome not in {"", COMPLETED}]
-        return f"left: {spoken(lost[-1]) if lost and stage < ENDED else STILL_THERE}"
+        return f"left: {table.spoken(lost[-1]) if lost and stage < ENDED else STILL_THERE}"
 
     def _uncounted(self, one: ParticipantRecord) -> str:
         last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
@@ -159,10 +144,10 @@ class _Flow:
             for first in drives[:1]:
                 ended.setdefault(first.outcome, []).append(first.id)
         for outcome, ids in sorted(ended.items()):
-            yield cell, "", f"first task: {spoken(outcome)}", session_count(ids)
+            yield cell, "", f"first task: {table.spoken(outcome)}", table.session_count(ids)
 
 
-def orders(dataset: Dataset) -> Table:
+def orders(dataset: Dataset) -> table.Table:
     """Return how many participants had each order of conditions, a check of counterbalancing."""
     conditions: dict[str, set[str]] = {}
     for one in dataset.sessions:
@@ -172,19 +157,19 @@ def orders(dataset: Dataset) -> Table:
         own = [one.id for one in dataset.participants if one.cell == cell]
         some = [who for who in own if who in conditions]
         whole = [who for who in some if conditions[who] >= set(cell.split("-"))]
-        rows.append((cell, *(people_count(dataset, ids) for ids in (own, some, whole))))
+        rows.append((cell, *(table.people_count(dataset, ids) for ids in (own, some, whole))))
     head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
-    return Table.of("orders", "Participants by order of conditions.", head, rows)
+    return table.Table.of("orders", "Participants by order of conditions.", head, rows)
 
 
-def fault_sides(dataset: Dataset) -> Table:
+def fault_sides(dataset: Dataset) -> table.Table:
     """Return on which side the fault was for drives that were not completed, counted or not."""
     ended: dict[tuple[str, str], list[str]] = {}
     for one in (*dataset.sessions, *dataset.others):
         if one.outcome not in {"", COMPLETED}:
             ended.setdefault((one.outcome, one.fault_side), []).append(one.id)
     rows = (
-        (spoken(outcome), side or "nobody", session_count(ids))
+        (table.spoken(outcome), side or "nobody", table.session_count(ids))
         for (outcome, side), ids in sorted(ended.items())
     )
     note = (
@@ -194,13 +179,13 @@ def fault_sides(dataset: Dataset) -> Table:
     )
     head = ("Outcome", "Side", "Sessions")
     title = "Sessions that were not completed, by side."
-    return Table.of("fault-sides", title, head, rows, (note,))
+    return table.Table.of("fault-sides", title, head, rows, (note,))
 
 
 # --- the funnel -----------------------------------------------------------------------------------
 
 
-def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
+def funnel(dataset: Dataset, measured: Sequence[Measured]) -> table.Table:
     """Return how many reached and passed each page and milestone, and the median seconds.
     `measured` are all drives of the task, whether they count or not.
     """
@@ -213,14 +198,14 @@ def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
         *_milestone_rows(dataset, measured),
         *(_page_row(dataset, key) for key in steps[task:]),
     )
-    people = amount(len(dataset.participants), "participant")
+    people = table.amount(len(dataset.participants), "participant")
     note = (
-        f"{people}, {amount(len(measured), 'session')}. Pages are counted by participant,"
+        f"{people}, {table.amount(len(measured), 'session')}. Pages are counted by participant,"
         " milestones by session, with the sessions that do not count. Stopped: left, or is still"
         " there. The last page is reached by going on."
     )
     head = ("Page or milestone", "Came", "Went on", "Stopped", "Median (s)")
-    return Table.of("funnel", "Funnel.", head, rows, (note,))
+    return table.Table.of("funnel", "Funnel.", head, rows, (note,))
 
 
 def _page_row(dataset: Dataset, key: str) -> tuple[object, ...]:
@@ -230,8 +215,8 @@ def _page_row(dataset: Dataset, key: str) -> tuple[object, ...]:
     came = {page.participant for page in pages}
     went = {page.participant for page in pages if page.finished or is_end}
     seconds = spread([page.seconds for page in pages if page.finished]).median
-    cells = (people_count(dataset, ids) for ids in (came, went, came - went))
-    return dataset.say(step.title) if step else key, *cells, number(seconds, 1)
+    cells = (table.people_count(dataset, ids) for ids in (came, went, came - went))
+    return dataset.say(step.title) if step else key, *cells, table.number(seconds, 1)
 
 
 def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Rows:
@@ -248,5 +233,5 @@ def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Rows:
         went = [one for one in came if math.isfinite(times[one][at])]
         stopped = [one for one in came if not math.isfinite(times[one][at])]
         seconds = spread([times[one][at] - times[one][at - 1] for one in went]).median
-        yield name, *map(session_count, (came, went, stopped)), number(seconds, 1)
+        yield name, *map(table.session_count, (came, went, stopped)), table.number(seconds, 1)
         came = went

@@ -11,8 +11,7 @@ from experiments.analysis.statistics.regression import DriveOutcome
 from experiments.analysis.tables.comparisons import ComparedSide
 from experiments.analysis.tables.drive_outcomes import drive_side, mean_side, outcomes, sessions_of
 from experiments.analysis.tables.paper_tables import behind
-from experiments.analysis.tables.response_selection import counted
-from experiments.analysis.tables.scored_responses import coded, mean_scores
+from experiments.analysis.tables.scored_responses import coded, counted, mean_scores
 from experiments.dataset.records import Dataset
 from experiments.definition.analyses import AGE, FAMILIES
 from experiments.definition.factors import conditions_together
@@ -42,7 +41,6 @@ class StudyMeasures:
         return sessions_of(measure, own)
 
     def means(self, measure: str, condition: str) -> ComparedSide:
-        """Return each participant's mean of a measure in a condition."""
         questionnaire, point, item = measure.partition(".")
         if not point:
             own = self._sessions(condition, measure)
@@ -88,11 +86,9 @@ class StudyMeasures:
         if name == AGE:
             return {one.id: one.age for one in self.dataset.participants if one.age == one.age}, ()
         questionnaire, _, item = name.partition(".")
-        found = {
-            one.participant: one.values[item]
-            for one in coded(self.dataset, counted(self.dataset, questionnaire))
-            if one.values.get(item) is not None
-        }
+        responses = coded(self.dataset, counted(self.dataset, questionnaire))
+        known = (one for one in responses if one.values.get(item) is not None)
+        found = {one.participant: one.values[item] for one in known}
         if all(isinstance(value, int | float) for value in found.values()):
             return {who: float(value) for who, value in found.items()}, ()
         definition = self.dataset.questionnaire(questionnaire)

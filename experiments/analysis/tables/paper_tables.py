@@ -5,22 +5,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
-from experiments.analysis.tables.comparisons import (
-    ComparedSide,
-    comparison_table,
-    participant_means,
-)
-from experiments.analysis.tables.response_selection import RULES, counted, note
-from experiments.analysis.tables.scored_responses import coded
-from experiments.analysis.tables.table import (
-    Row,
-    Table,
-    amount,
-    count,
-    number,
-    session_count,
-    words,
-)
+from experiments.analysis.tables import comparisons
+from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES, coded, counted, note
+from experiments.analysis.tables.table import Cells, Table, amount, count, number, session_count
 from experiments.dataset.records import Dataset, ResponseRecord
 from sessions.devices import OTHER
 from surveys.answers import Missing
@@ -28,15 +15,6 @@ from surveys.likert import LikertRow, likert_table
 
 SYSTEMS = ("Windows", "Linux", "Mac OS", "Android", "iOS")
 BROWSERS = ("Chrome", "Firefox", "Chromium", "Opera")
-INTERVALS = {
-    "normal": (
-        "CI: half-width of the confidence interval of the mean by the normal distribution, c·SD/√n."
-    ),
-    "t": (
-        "CI: half-width of the confidence interval of the mean by Student's t distribution,"
-        " c·SD/√n."
-    ),
-}
 OVERALL = "Overall"
 REVERSED = "reversed: answers are counted from the other end of the scale, in all rows."
 
@@ -64,18 +42,11 @@ def table_3(dataset: Dataset) -> Table:
     found = [(one.os or OTHER, one.browser or OTHER, one.id) for one in dataset.sessions]
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))
-    rows = [
-        (
-            system or "all",
-            *(
-                session_count(
-                    [one for s, b, one in found if system in {s, None} and browser in {b, None}]
-                )
-                for browser in (*browsers, None)
-            ),
-        )
-        for system in (*systems, None)
-    ]
+    rows = []
+    for system in (*systems, None):
+        own = [(browser, one) for name, browser, one in found if system in {name, None}]
+        cells = [[one for name, one in own if name == browser] for browser in browsers]
+        rows.append((system or "all", *map(session_count, (*cells, [one for _, one in own]))))
     networks = len({one.network for one in dataset.sessions if one.network})
     people = len({one.participant for one in dataset.sessions})
     below = (
@@ -99,15 +70,11 @@ def table_4(dataset: Dataset) -> Table:
     if definition is None:
         return Table("table-4", title, head, ())
     topics = {key: dataset.say(topic.text) for topic in definition.topics for key in topic.items}
-    rows = (
-        (
-            topics.get(one.key, ""),
-            _statement(one.key, is_reversed=one.key in definition.reversed),
-            dataset.say(one.text),
-        )
-        for one in definition.questions()
-        if one.points
-    )
+    rows = []
+    for one in definition.questions():
+        if one.points:
+            name = _statement(one.key, is_reversed=one.key in definition.reversed)
+            rows.append((topics.get(one.key, ""), name, dataset.say(one.text)))
     labels = (f"{signed(value)}: {label}" for value, label in scale_of(dataset).items() if label)
     return Table.of("table-4", title, head, rows, (f"{'; '.join(labels)}.",))
 
@@ -144,10 +111,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     keys = {key for line in lines for key in line.statements}
     times = sum(one.missing.get(key) == Missing.NOT_APPLICABLE for one in responses for key in keys)
     below = (
-        note(dataset, responses),
-        *counted_in(responses),
-        INTERVALS[dataset.study.analysis.interval],
-        ROUNDED,
+        *notes_of(dataset, responses),
         *([REVERSED] if any(line.is_reversed for line in lines) else ()),
         *([f"Answers “Does not apply”: {times}; they count as missing."] if times else ()),
     )
@@ -158,8 +122,9 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     return Table.of(name, f"{title}.", head, rows, below)
 
 
-def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
-    """Yield sentences on n: it counts responses, of which a participant may have given several."""
+def notes_of(dataset: Dataset, responses: Sequence[ResponseRecord]) -> Iterator[str]:
+    """Yield what the numbers count (n: responses, several of a participant), and the interval."""
+    yield note(dataset, responses)
     several = len(responses) > len({one.participant for one in responses})
     yield (
         "n: responses that answer at least one of the row's statements, "
@@ -176,6 +141,12 @@ def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
             " are not, so this is no interval for participants; tests have one value a participant"
             " and condition."
         )
+    distribution = DISTRIBUTIONS[dataset.study.analysis.interval]
+    yield (
+        "CI: half-width of the confidence interval of the mean by"
+        f" {distribution} distribution, c·SD/√n."
+    )
+    yield ROUNDED
 
 
 def scale_of(dataset: Dataset) -> dict[int, str]:
@@ -185,24 +156,16 @@ def scale_of(dataset: Dataset) -> dict[int, str]:
     return {point.value: dataset.say(point.label) for point in next(iter(scales), ())}
 
 
-def behind(statements: Sequence[str], responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
-    """Return the sessions in which one of some statements was answered."""
-    return tuple(
-        one.session
-        for one in responses
-        if one.session and any(one.values.get(key) is not None for key in statements)
-    )
-
-
-def answering(
-    line: LikertRow, responses: Sequence[ResponseRecord], values: Sequence[int]
+def behind(
+    keys: Sequence[str], responses: Sequence[ResponseRecord], values: Sequence[int] | None = None
 ) -> tuple[str, ...]:
-    """Return the sessions in which a statement of a row was answered with one of some values."""
-    return tuple(
-        one.session
-        for one in responses
-        if one.session and any(one.values.get(key) in values for key in line.statements)
-    )
+    """Return the sessions in which a statement was answered, or answered with one of `values`."""
+    found = []
+    for one in responses:
+        given = [value for key in keys if (value := one.values.get(key)) is not None]
+        if one.session and any(values is None or value in values for value in given):
+            found.append(one.session)
+    return tuple(found)
 
 
 def label_of(line: LikertRow) -> str:
@@ -216,17 +179,16 @@ def _statement(key: str, *, is_reversed: bool) -> str:
     return f"{key.upper()} (reversed)" if is_reversed else key.upper()
 
 
-def _summary_row(line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]) -> Row:
+def _summary_row(
+    line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
+) -> Cells:
     found, about = line.summary, behind(line.statements, responses)
     parts = zip(shares(found.counts) or (None,) * len(scale), scale, strict=True)
     ranked = spread([score for _, score in _scores(responses, line.statements)])
     numbers = (found.mean, found.sd, found.ci95, found.ci99, ranked.median, ranked.iqr)
-    return (
-        words(label_of(line)),
-        *(number(part, 1, answering(line, responses, (value,))) for part, value in parts),
-        count(found.respondents, about),
-        *(number(value, 2, about) for value in numbers),
-    )
+    n, shown = count(found.respondents, about), (number(value, 2, about) for value in numbers)
+    cells = (number(part, 1, behind(line.statements, responses, (value,))) for part, value in parts)
+    return label_of(line), *cells, n, *shown
 
 
 def _scores(
@@ -254,15 +216,15 @@ def compare_answers(dataset: Dataset) -> Table:
     for line in lines:
         keys = line.statements
         groups = {
-            key: ComparedSide(participant_means(_scores(own, keys)), behind(keys, own))
+            key: comparisons.ComparedSide(
+                comparisons.participant_means(_scores(own, keys)), behind(keys, own)
+            )
             for key, (_, own) in found.items()
         }
         values = {key: group.values for key, group in groups.items()}
         rows.append((label_of(line), (compare(values, is_paired=is_paired), [*groups.values()])))
-    notes = (
-        RULES[dataset.study.analysis.counts],
-        "A participant's score is the mean of their answers. IQR: third less first quartile.",
-        "A topic of one statement is the same test as the statement.",
-    )
+    scores = "A participant's score is the mean of their answers. IQR: third less first quartile."
+    topics = "A topic of one statement is the same test as the statement."
+    notes = (RULES[dataset.study.analysis.counts], scores, topics)
     title = "Final questionnaire by condition."
-    return comparison_table("answers", title, "", [*found], rows, notes)
+    return comparisons.comparison_table("answers", title, "", [*found], rows, notes)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from experiments.analysis.statistics.descriptive import ROUNDED, spread
-from experiments.analysis.tables.response_selection import counted, note
+from experiments.analysis.tables.scored_responses import counted, note
 from experiments.analysis.tables.table import Table, amount, number, people_count
 from experiments.dataset.counting import visits_of
 from experiments.dataset.levels import KINDS, WITHHELD, Kind
@@ -53,10 +53,8 @@ def participants_table(dataset: Dataset) -> Table:
     visits = visits_of(dataset.sessions)
     returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
     groups = [("registered", registered), ("drove a robot", drivers), ("came back", returned)]
-    rows = [
-        *_group_rows(dataset, "Participants", groups, len(registered)),
-        *_age_rows(dataset, [one for one in people if one.id in registered]),
-    ]
+    rows = list(_group_rows(dataset, "Participants", groups, len(registered)))
+    rows += _age_rows(dataset, [one for one in people if one.id in registered])
     definition = dataset.questionnaire(dataset.registration)
     for question in definition.questions() if definition else ():
         if question.labelled_values and not question.item.takes_several:
@@ -100,13 +98,10 @@ def _question_rows(
     given = {one.participant: one.values.get(key) for one in responses}
     reasons = {one.participant: one.missing.get(key) for one in responses}
     unanswered = [who for who, answer in given.items() if answer is None]
-    groups: list[People] = [
-        (
-            dataset.say(label) or str(value),
-            [who for who, answer in given.items() if _has(question, answer, value)],
-        )
-        for value, label in question.labelled_values
-    ]
+    groups: list[People] = []
+    for value, label in question.labelled_values:
+        having = [who for who, answer in given.items() if _has(question, answer, value)]
+        groups.append((dataset.say(label) or str(value), having))
     if not groups:
         withheld = [who for who in unanswered if reasons[who] == WITHHELD]
         groups = [("answered", [*(who for who in given if who not in unanswered), *withheld])]

@@ -4,13 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from experiments.analysis.statistics import internal_consistency
 from experiments.analysis.statistics.comparisons import UNKNOWN, IntervalEstimate
-from experiments.analysis.statistics.internal_consistency import (
-    UndefinedCoefficientError,
-    against_the_rest,
-    cronbach,
-    mcdonald,
-)
 from experiments.analysis.tables.comparisons import REMARK, estimated
 from experiments.analysis.tables.scored_responses import (
     ScoredQuestionnaire,
@@ -94,17 +89,17 @@ def _coefficients(
     """Return alpha, omega, and remarks: why there is none, and which items look wrong."""
     omega, remarks = UNKNOWN, list[str]()
     try:
-        alpha = cronbach(items)
-    except UndefinedCoefficientError as error:
+        alpha = internal_consistency.cronbach(items)
+    except internal_consistency.UndefinedCoefficientError as error:
         return UNKNOWN, UNKNOWN, [f"no α, no ω: {error}"]
     try:
-        omega, at_bound = mcdonald(items)
+        omega, at_bound = internal_consistency.mcdonald(items)
         if at_bound:
             named = ", ".join(keys[place] for place in at_bound)
             remarks.append(f"no interval of ω: the factor explains all of {named}")
-    except UndefinedCoefficientError as error:
+    except internal_consistency.UndefinedCoefficientError as error:
         remarks.append(f"no ω: {error}")
-    for key, r in zip(keys, against_the_rest(items).tolist(), strict=True):
+    for key, r in zip(keys, internal_consistency.against_the_rest(items).tolist(), strict=True):
         if r < 0.0:
             remarks.append(f"{key} correlates {r:.2f}".replace("-", "−") + " with the others")
     return alpha, omega, remarks

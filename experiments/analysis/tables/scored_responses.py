@@ -1,16 +1,52 @@
-"""Responses as scores count them, by condition and robot; pooling needs a note."""
+"""Which responses count, by the rule of the study, and their scores by condition and robot."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from experiments.analysis.tables.comparisons import participant_means
-from experiments.analysis.tables.response_selection import counted
+from experiments.analysis.tables.table import amount
 from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.scoring import ScoredScale, parts_of, scales_of
 
+RULES = {
+    "first": "Of several responses of one participant the first counts.",
+    "last": "Of several responses of one participant the last counts.",
+    "all": "Every response counts, also several of one participant.",
+}
+# Of an interval, by its kind in a study.
+DISTRIBUTIONS = {"normal": "the normal", "t": "Student's t"}
 NO_DRIVE = "–"  # in place of condition and robot, of responses that are about no drive
+
+
+def counted(
+    dataset: Dataset, questionnaire: str, condition: str | None = None
+) -> list[ResponseRecord]:
+    """Return the finished responses that count to a questionnaire, in the order of their sessions.
+    With a condition, those about its sessions: a participant has one that counts in each condition.
+    """
+    sessions = [one.id for one in dataset.sessions if condition in {None, one.condition}]
+    order = {session: place for place, session in enumerate(sessions)}
+    own = [one for one in dataset.responses if one.questionnaire == questionnaire and one.finished]
+    finished = [one for one in own if condition is None or one.session in order]
+    finished.sort(key=lambda one: order.get(one.session, -1))
+    rule = dataset.study.analysis.counts
+    if rule == "all":
+        return finished
+    in_order = finished if rule == "last" else reversed(finished)
+    counting = {one.participant: one.id for one in in_order}
+    return [one for one in finished if counting[one.participant] == one.id]
+
+
+def note(dataset: Dataset, responses: Sequence[ResponseRecord]) -> str:
+    """Return the rule, and the numbers of participants and sessions that it leaves."""
+    people = len({one.participant for one in responses})
+    sessions = len({one.session for one in responses if one.session})
+    return (
+        f"{RULES[dataset.study.analysis.counts]} {amount(people, 'participant')},"
+        f" {amount(sessions, 'session')}, {amount(len(responses), 'response')}."
+    )
 
 
 def coded(dataset: Dataset, responses: Sequence[ResponseRecord]) -> list[ResponseRecord]:

@@ -12,9 +12,10 @@ from experiments.analysis.statistics.conditions import NO_TEST, compare
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.comparisons import Compared, ComparedSide, comparison_table
 from experiments.analysis.tables.paper_tables import OVERALL
-from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.scored_responses import (
+    DISTRIBUTIONS,
     NO_DRIVE,
+    RULES,
     ScoredQuestionnaire,
     ScoreGroup,
     mean_scores,
@@ -31,31 +32,19 @@ HEAD = (
     *("Least", "Greatest"),
 )
 RULE_NOTES = {
-    "sus": (
-        "SUS: 0 to 100 (Brooke, 1996); even statements count in reverse, and a response that lacks"
-        " an answer has no score."
-    ),
-    "tlx_raw": (
-        "Raw NASA-TLX: the mean of the six scales without weights (Hart, 2006), 0 to 100; a"
-        " response that lacks an answer has no mean."
-    ),
-    "likert": (
-        "A score is the mean of the answers that were given. Overall: all statements, which the"
-        " questionnaire declares to be one scale (likert)."
-    ),
-    "topics": (
-        "A score is the mean of the answers that were given. Each topic is a scale of its own; no"
-        " score pools them."
-    ),
+    "sus": "SUS: 0 to 100 (Brooke, 1996); even statements count in reverse, and a response that"
+    " lacks an answer has no score.",
+    "tlx_raw": "Raw NASA-TLX: the mean of the six scales without weights (Hart, 2006), 0 to 100; a"
+    " response that lacks an answer has no mean.",
+    "likert": "A score is the mean of the answers that were given. Overall: all statements, which"
+    " the questionnaire declares to be one scale (likert).",
+    "topics": "A score is the mean of the answers that were given. Each topic is a scale of its"
+    " own; no score pools them.",
 }
 COLUMNS = (
     "n: participants, whose responses about one condition are averaged. IQR: third less first"
     " quartile. Least, Greatest: what the score can be."
 )
-INTERVALS = {
-    "normal": "CI95: confidence interval of the mean by the normal distribution.",
-    "t": "CI95: confidence interval of the mean by Student's t distribution.",
-}
 
 
 def score_tables(dataset: Dataset) -> Iterator[Table]:
@@ -90,14 +79,10 @@ def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
         for scale in found.scales
         for group in found.groups
     )
-    notes = (
-        RULE_NOTES[definition.scoring],
-        *about_items(dataset, found),
-        RULES[analysis.counts],
-        COLUMNS,
-        INTERVALS[analysis.interval],
-        "Each row is for one condition and one robot.",
-    )
+    distribution = DISTRIBUTIONS[analysis.interval]
+    interval = f"CI95: confidence interval of the mean by {distribution} distribution."
+    items = (RULE_NOTES[definition.scoring], *about_items(dataset, found), RULES[analysis.counts])
+    notes = (*items, COLUMNS, interval, "Each row is for one condition and one robot.")
     title = f"Scores of {dataset.say(definition.title).removesuffix('.')} ({definition.slug})."
     return Table.of(f"scores-{definition.slug}", title, HEAD, rows, notes)
 
@@ -138,12 +123,8 @@ def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
         (label_of_scale(dataset, definition, scale), _tested(dataset, found, scale))
         for scale in found.scales
     ]
-    notes = (
-        RULE_NOTES[definition.scoring],
-        *about_items(dataset, found),
-        *_about_robots(found),
-        RULES[dataset.study.analysis.counts],
-    )
+    items = (RULE_NOTES[definition.scoring], *about_items(dataset, found))
+    notes = (*items, *_about_robots(found), RULES[dataset.study.analysis.counts])
     name = f"score-tests-{definition.slug}"
     title = f"Scores of {dataset.say(definition.title).removesuffix('.')} by condition."
     return comparison_table(name, title, "", found.conditions, rows, notes)

@@ -20,12 +20,8 @@ def versions() -> dict[str, str]:
     project = Path(__file__).parents[3] / "pyproject.toml"
     own = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
     libraries = {title: version(name) for title, name in LIBRARIES.items()}
-    return {
-        PROGRAM: own,
-        f"{PROGRAM}, definitions of the metrics": str(VERSION),
-        "Python": platform.python_version(),
-        **libraries,
-    }
+    ours = {PROGRAM: own, f"{PROGRAM}, definitions of the metrics": str(VERSION)}
+    return {**ours, "Python": platform.python_version(), **libraries}
 
 
 def software_table() -> Table:

@@ -6,13 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured, Values
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import (
-    Table,
-    amount,
-    number,
-    session_count,
-    words,
-)
+from experiments.analysis.tables.table import Table, amount, number, session_count, words
 from experiments.dataset.columns import Column
 from experiments.definition.schema import Quality
 
@@ -62,11 +56,8 @@ def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
 
 def metrics_table(measured: Sequence[Measured]) -> Table:
     own = {one.session.id: one.values for one in measured}
-    notes = (
-        f"{_amounts(measured)}; definitions of version {VERSION}.",
-        OF_SESSIONS,
-        *_about_paths(measured),
-    )
+    about = f"{_amounts(measured)}; definitions of version {VERSION}."
+    notes = (about, OF_SESSIONS, *_about_paths(measured))
     rows = (_spread_row(column, own) for column in METRICS)
     return Table.of("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, notes)
 
@@ -80,13 +71,10 @@ def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
             f"measurement noise in {amount(position, 'session')}. Path, speed and driving times "
             f"cover only the time that has states (seen: its share)."
         )
-    slipped = sum(one.values["slipped"] > 0.0 for one in measured)
-    if slipped:
-        yield (
-            f"Wheels slipped in {amount(slipped, 'session')}; there the path is from the position."
-        )
-    bounded = sum(one.values["efficiency_bounded"] > 0.0 for one in measured)
-    if bounded:
+    if slipped := sum(one.values["slipped"] > 0.0 for one in measured):
+        sessions = amount(slipped, "session")
+        yield f"Wheels slipped in {sessions}; there the path is from the position."
+    if bounded := sum(one.values["efficiency_bounded"] > 0.0 for one in measured):
         yield (
             f"In {amount(bounded, 'session')}, a shortest path was longer than the path driven, "
             f"which is measurement noise: efficiency counts as 1 there."

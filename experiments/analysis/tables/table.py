@@ -20,6 +20,7 @@ class TableCell:
 
 
 Row = tuple[TableCell, ...]
+Cells = tuple[object, ...]  # of a row, for Table.of
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,17 @@ class Table:
         rows: Iterable[Iterable[object]],
         notes: Iterable[str] = (),
     ) -> "Table":
-        """Return a table; texts in its rows become `words`, whole numbers `count`.
-
-        Raises:
-            TypeError: anything but these and cells is in a row.
+        """Return a table; texts in its rows become `words`, whole numbers `count`; other values but
+        cells raise a TypeError.
         """
         cells = tuple(tuple(map(_cell, row)) for row in rows)
         return cls(name, title, tuple(head), cells, tuple(notes))
+
+    @property
+    def are_numeric(self) -> list[bool]:
+        """Tell of each column whether it has numbers."""
+        values = ([row[at].value for row in self.rows] for at in range(len(self.head)))
+        return [any(value is not None for value in column) for column in values]
 
 
 class SessionSets:

@@ -18,9 +18,7 @@ _PIPED = re.compile(r"{{\s*([a-z][a-z0-9-]*)\.([a-z][a-z0-9_]*)\s*(?:\|([^{}|]*)
 
 
 def filled(text: str, answer: Callable[[str, str], str]) -> str:
-    """Return a text with its placeholders filled in by `answer(questionnaire, item)`, which returns
-    "" for no answer.
-    """
+    """Fill in the placeholders of a text by `answer(questionnaire, item)`; "" is no answer."""
 
     def found(match: re.Match[str]) -> str:
         default = (match[3] or NO_ANSWER).strip()
@@ -34,9 +32,7 @@ def has_piping(text: str) -> bool:
 
 
 def plain_line(text: str) -> str:
-    """Return a text as one line, without control and format characters: these could reverse or hide
-    the words around it.
-    """
+    """Return one line, without control and format characters that hide or reverse words."""
     seen = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
     line = " ".join(seen.split())
     return line if len(line) <= MOST_CHARACTERS else line[: MOST_CHARACTERS - 1] + "…"

@@ -1,7 +1,7 @@
 """Quality flags: signs that a participant did not take part as intended.
 
 A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
-experiments/analysis/quality/ finds them.
+experiments/analysis/quality.py finds them.
 """
 
 from dataclasses import dataclass
@@ -25,9 +25,7 @@ class Grade(IntEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """A flag of a participant, by code: what was found (`value`, in words and figures), and in
-    which session, if it is about a single one.
-    """
+    """What was found of a participant (by code), as `value`; `session` if in a single one."""
 
     participant: str
     name: QualityFlag

@@ -45,9 +45,7 @@ class Recruiting(DocumentPart, frozen=True, kw_only=True):
 
 
 class AnswerRule(DocumentPart, frozen=True, kw_only=True):
-    """A required answer: one of `answers`, or a number within bounds. Any other answer, or none,
-    screens the participant out.
-    """
+    """Any answer but one of `answers` or a number within bounds screens the participant out."""
 
     questionnaire: Slug
     item: Key
@@ -112,12 +110,8 @@ def screening_problems(
 
 
 def admits(rule: AnswerRule, value: Any) -> bool:
-    """Tell whether an answer meets a rule. No answer (None) meets none; of several choices one must
-    be named. Numbers compare as numbers.
-    """
-    if value is None:
-        return False
-    if rule.answers and not names_answer(rule.answers, value):
+    """Tell whether an answer (one of several choices) meets a rule; None, no answer, meets none."""
+    if value is None or (rule.answers and not names_answer(rule.answers, value)):
         return False
     if rule.at_least is None and rule.at_most is None:
         return True

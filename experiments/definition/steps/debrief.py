@@ -9,9 +9,7 @@ from surveys.documents import gettext_noop as _
 
 
 class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
-    """Thanks, and what the study was about; `operator` tells that a person drove the robot, in a
-    study with a hidden operator.
-    """
+    """Thanks, and what the study was about; `operator` tells of a hidden operator who drove."""
 
     may_repeat: ClassVar[bool] = False
     is_end: ClassVar[bool] = True

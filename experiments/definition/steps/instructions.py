@@ -25,9 +25,7 @@ class InstructionPage(DocumentPart, frozen=True, kw_only=True):
 
 
 class Instructions(Step, frozen=True, kw_only=True, tag="instructions"):
-    """Pages to read before driving. A participant who reaches a step with pages for some
-    conditions is assigned then.
-    """
+    """A participant is assigned on reaching a step with pages for some conditions."""
 
     leaves: tuple[InstructionPage, ...]
 

@@ -5,7 +5,7 @@ Coders go by their numbers. A session that is still being coded is left out, so 
 the events of another before their own coding is done.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -17,7 +17,7 @@ from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
-from experiments.dataset.columns import Column
+from experiments.dataset.columns import Column, Tables
 from experiments.dataset.records import Dataset
 from experiments.definition.coding import CodingScheme
 from experiments.export.format import ExportFormat, File
@@ -73,9 +73,7 @@ class CodingsFormat(ExportFormat):
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
-    def tables_of(
-        cls, _dataset: Dataset, drives: Sequence[Drive]
-    ) -> Mapping[str, tuple[Column, ...]]:
+    def tables_of(cls, _dataset: Dataset, drives: Sequence[Drive]) -> Tables:
         return cls.tables if _schemes(drives) else {}
 
     def of_study(self) -> Iterator[File]:
@@ -98,30 +96,23 @@ class CodingsFormat(ExportFormat):
         return self.source.release.names.session(coding.session_id)
 
     def _row(self, row: CodingSchemeVersion, coding: Coding) -> tuple[Any, ...]:
-        events = len(store.events_of(coding))
-        return self._name(coding), f"C{coding.number}", row.version, events
+        return self._name(coding), f"C{coding.number}", row.version, len(store.current(coding))
 
     def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
         """Return the events of a coding with the parts that an export may contain."""
         listed, origin = coded(scheme), Origin(0.0)
-        rows = (
-            kept(listed, msgspec.structs.asdict(event), self.source.release, origin)
-            for event in store.events_of(coding)
-        )
+        events = map(msgspec.structs.asdict, store.events_of(coding))
+        rows = (kept(listed, event, self.source.release, origin) for event in events)
         return [CodedEvent(**row) for row in rows if "code" in row and "begin" in row]
 
     def _events(self, row: CodingSchemeVersion, coding: Coding) -> Iterator[tuple[Any, ...]]:
         scheme = store.read_scheme(row)
         for event in self._released(scheme, coding):
             code = scheme.code(event.code)
-            yield (
-                *(self._name(coding), f"C{coding.number}", row.version, event.code),
-                code.kind if code is not None else "",
-                event.begin,
-                event.end,
-                msgspec.json.encode(event.modifiers, order="sorted").decode(),
-                event.comment,
-            )
+            kind = code.kind if code is not None else ""
+            modifiers = msgspec.json.encode(event.modifiers, order="sorted").decode()
+            about = (self._name(coding), f"C{coding.number}", row.version, event.code, kind)
+            yield *about, event.begin, event.end, modifiers, event.comment
 
     def _files(self, row: CodingSchemeVersion, codings: Iterable[Coding]) -> Iterator[File]:
         scheme, observations = store.read_scheme(row), {}

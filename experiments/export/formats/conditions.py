@@ -1,17 +1,16 @@
 """One line a participant and condition, so that a statistical test needs no merging of tables."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from statistics import fmean
 from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS
-from experiments.dataset.columns import Column, amount_of, flag, share
+from experiments.dataset.columns import Column, Tables, amount_of, flag, share
 from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
 from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
 from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
-from surveys.documents import spoken
 from surveys.scoring import ScoredScale, parts_of, scales_of
 
 ABOUT = (
@@ -35,9 +34,7 @@ class ConditionsFormat(ExportFormat):
     """
 
     @classmethod
-    def tables_of(
-        cls, dataset: Dataset, _drives: Sequence[Drive]
-    ) -> Mapping[str, tuple[Column, ...]]:
+    def tables_of(cls, dataset: Dataset, _drives: Sequence[Drive]) -> Tables:
         return {"conditions": condition_columns(dataset)}
 
     def at_last(self) -> Iterator[File]:
@@ -46,25 +43,15 @@ class ConditionsFormat(ExportFormat):
 
 def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
     """Return the columns: factors and scores are called as in the study's plan and measures."""
-    factors = (
-        Column(
-            f"factor_{one.key}",
-            "",
-            f"level of the factor: {dataset.say(one.title)}",
-            levels={level.key: dataset.say(level.title) for level in one.levels},
-        )
-        for one in dataset.study.factors
-    )
-    scores = (
-        Column(
-            f"{slug}.{scale.key}",
-            "",
-            f"score of: {spoken(scale.label, dataset.language) or slug} – {scale.formula}",
-            least=scale.bounds[0],
-            greatest=scale.bounds[1],
-        )
-        for slug, scale in _scales(dataset)
-    )
+    factors, scores = [], []
+    for one in dataset.study.factors:
+        levels = {level.key: dataset.say(level.title) for level in one.levels}
+        meaning = f"level of the factor: {dataset.say(one.title)}"
+        factors.append(Column(f"factor_{one.key}", "", meaning, levels=levels))
+    for slug, scale in _scales(dataset):
+        low, high = scale.bounds
+        meaning = f"score of: {dataset.say(scale.label) or slug} – {scale.formula}"
+        scores.append(Column(f"{slug}.{scale.key}", "", meaning, least=low, greatest=high))
     # the mean of a flag is a share
     means = (share(one.name, one.meaning) if one.levels else one for one in METRICS)
     return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *means)
@@ -106,17 +93,13 @@ def _row(
     condition = dataset.study.condition(key)
     levels = condition.levels if condition is not None else {}
     measured = [source.measured[one.id] for one in used]
+    of_last = (False, "not_driven", "", "")
+    if last is not None:
+        of_last = (last.counts, last.counts_why, last.id, last.outcome)
     return (
-        person.id,
-        person.kind,
-        key,
+        *(person.id, person.kind, key),
         *(levels.get(factor.key, "") for factor in dataset.study.factors),
-        order,
-        len(sessions),
-        last is not None and last.counts,
-        "not_driven" if last is None else last.counts_why,
-        last.id if last else "",
-        last.outcome if last else "",
+        *(order, len(sessions), *of_last),
         *_scores(dataset, person.id, {one.id for one in used}),
         *(_mean(one.values[column.name] for one in measured) for column in METRICS),
     )
@@ -124,11 +107,11 @@ def _row(
 
 def _scores(dataset: Dataset, person: str, sessions: set[str]) -> Iterator[float | None]:
     versions = {(one.slug, one.version): one for one in dataset.questionnaires}
+    responses = [one for one in dataset.responses if one.participant == person]
     own = [
         (one.questionnaire, version.coded(one.values))
-        for one in dataset.responses
-        if one.participant == person
-        and one.session in {"", *sessions}
+        for one in responses
+        if one.session in {"", *sessions}
         and (version := versions.get((one.questionnaire, one.version))) is not None
     ]
     for slug, scale in _scales(dataset):

@@ -42,18 +42,11 @@ class DrawsFormat(ExportFormat):
 
     def _row(self, draw: Draw, there: set[str]) -> Sequence[Any]:
         choice, code = self.source.release.choice, draw.participant.code
+        levels = {} if choice.public else draw.levels
         return (
-            draw.number,
-            code if code in there else "",
-            draw.kind,
-            draw.nth,
-            draw.reason,
-            draw.cell,
-            "|".join(draw.best),
-            json.dumps(draw.counts),
-            json.dumps(draw.scores),
-            json.dumps({} if choice.public else draw.levels),
-            draw.best_probability,
-            draw.seed,
+            *(draw.number, code if code in there else "", draw.kind, draw.nth),
+            *(draw.reason, draw.cell, "|".join(draw.best)),
+            *map(json.dumps, (draw.counts, draw.scores, levels)),
+            *(draw.best_probability, draw.seed),
             draw.at.isoformat() if draw.at is not None and choice.identified else "",
         )

@@ -37,17 +37,9 @@ class IdentitiesFormat(ExportFormat):
 
 def _identity(session: SessionRecord, drive: Drive) -> Sequence[Any]:
     user, visit, device = drive.participant.user, drive.session, drive.session.device or {}
-    recruitment = "&".join(
-        f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items())
-    )
+    parameters = sorted(drive.participant.recruitment.items())
+    recruitment = "&".join(f"{name}={value}" for name, value in parameters)
     who = ("", "", "") if user is None else (str(user.pk), user.username, user.email)
-    return (
-        drive.participant.code,
-        session.id,
-        *who,
-        str(visit.pk),
-        drive.granted_at.isoformat(),
-        device.get("network", ""),
-        device.get("user_agent", ""),
-        recruitment,
-    )
+    about = (device.get("network", ""), device.get("user_agent", ""), recruitment)
+    granted = drive.granted_at.isoformat()
+    return drive.participant.code, session.id, *who, str(visit.pk), granted, *about

@@ -109,9 +109,6 @@ def _coded(column: Column, values: Sequence[str | None]) -> Variable:
     return Variable(column, [NAN if one is None else codes[one] for one in values], labels)
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
 def written(table: Sequence[Variable], ending: str) -> bytes:
     """Return variables as a file of SPSS (`sav`) or Stata (`dta`)."""
     # Packages for analysis, which a robot's computer lacks.
@@ -124,13 +121,10 @@ def written(table: Sequence[Variable], ending: str) -> bytes:
     options: dict[str, Any] = {
         "column_labels": [_label(one.column, LABEL_BYTES[ending]) for one in table],
         "variable_value_labels": {
-            name: dict(
-                zip(
-                    _stored(own, ending),
-                    (_cut(one, VALUE_LABEL_BYTES) for one in own.values()),
-                    strict=True,
-                )
-            )
+            name: {
+                LETTERS.get(code, code) if ending == "dta" else code: _cut(text, VALUE_LABEL_BYTES)
+                for code, text in own.items()
+            }
             for name, one in named.items()
             if (own := one.labels | one.reasons)
         },
@@ -161,7 +155,6 @@ def _label(column: Column, most: int) -> str:
 
 
 def _cut(text: str, most: int) -> str:
-    """Return a text of at most so many bytes."""
     if len(text.encode()) <= most:
         return text
     return text.encode()[: most - 3].decode(errors="ignore") + "…"

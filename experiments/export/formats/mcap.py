@@ -57,12 +57,8 @@ def recording(
 ) -> bytes:
     """Return an MCAP file; `begin` is the grant in Unix seconds, or 0 to keep it secret."""
     states, network = dataset.states(session.id), dataset.network(session.id)
-    found = [
-        *_once(dataset, session, states),
-        *_of_states(states),
-        *_of_network(network),
-        *_of_events(events),
-    ]
+    found = [*_once(dataset, session, states), *_of_states(states)]
+    found += [*_of_network(network), *_of_events(events)]
     out = io.BytesIO()
     writer = Writer(out, compression=CompressionType.ZSTD)
     writer.start(profile="", library="telepresence")
@@ -71,16 +67,14 @@ def recording(
         schema = json.dumps(schemas[name]).encode()
         number = writer.register_schema(name, SchemaEncoding.JSONSchema, schema)
         channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, number)
-    about = {"session": session.id} | {
-        name: getattr(session, name) for name in ("participant", "robot", "condition", "outcome")
-    }
+    names = ("participant", "robot", "condition", "outcome")
+    about = {"session": session.id} | {name: getattr(session, name) for name in names}
     writer.add_metadata("session", about | {"study": dataset.study.slug})
     for number, (at, topic, body) in enumerate(sorted(found, key=lambda message: message[0])):
         nanoseconds = round(max(0.0, begin + at) * NANO)
         stamped = {"timestamp": {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}} | body
-        writer.add_message(
-            channels[topic], nanoseconds, msgspec.json.encode(stamped), nanoseconds, number
-        )
+        content = msgspec.json.encode(stamped)
+        writer.add_message(channels[topic], nanoseconds, content, nanoseconds, number)
     writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
 

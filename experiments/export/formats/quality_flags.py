@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator
 
-from experiments.analysis.quality.answers import answer_flags
-from experiments.analysis.quality.driving import driving_flags
-from experiments.analysis.quality.flags import network_flags
+from experiments.analysis.quality import answer_flags, driving_flags, network_flags
 from experiments.dataset.columns import Column
 from experiments.dataset.records import SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag

@@ -57,7 +57,6 @@ def _check_kinds(dataset: Dataset, kinds: Sequence[Kind]) -> None:
     """Refuse a report without participants where there are some of another kind."""
     there = sorted({one.kind for one in dataset.participants})
     if there and not set(there) & set(kinds):
-        raise CommandError(
-            f"The dataset has nobody of the kind {', '.join(kinds)}. Choose"
-            f" {' or '.join(f'--kind {kind}' for kind in there)}."
-        )
+        choice = " or ".join(f"--kind {kind}" for kind in there)
+        text = f"The dataset has nobody of the kind {', '.join(kinds)}. Choose {choice}."
+        raise CommandError(text)

@@ -48,22 +48,19 @@ class Command(BaseCommand):
         for path, events in zip(files, read, strict=True):
             with _naming(path):
                 codings.append(events_from(msgspec.to_builtins(events), codes, duration))
-        width, tolerance = options["bin"], options["tolerance"]
+        width, within = options["bin"], options["tolerance"]
+        keys, sessions = [code.code for code in codes], [(duration, codings)]
         try:
-            keys = [code.code for code in codes]
-            found = agreement.reliability(
-                [(duration, codings)], keys, width=width, tolerance=tolerance
-            )
+            found = agreement.reliability(sessions, keys, width=width, tolerance=within)
         except ValueError as error:
             raise CommandError(f"--bin: {error}.") from error
         self.stdout.write(
-            f"{duration:g} s in bins of {width:g} s; events match within {tolerance:g} s"
+            f"{duration:g} s in bins of {width:g} s; events match within {within:g} s"
         )
         names = [path.name for path in files]
-        for line in (line for one in found.codes for line in _code_lines(one, names)):
-            self.stdout.write(line)
-        for line in (line for pair in found.events for line in _event_lines(pair, names)):
-            self.stdout.write(line)
+        lines = [line for one in found.codes for line in _code_lines(one, names)]
+        lines += [line for pair in found.events for line in _event_lines(pair, names)]
+        self.stdout.write("\n".join(lines))
 
     def _read(self, path: Path, codes: tuple[Code, ...], observation: str) -> list[CodedEvent]:
         document = _bytes(path)

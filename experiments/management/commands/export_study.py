@@ -18,20 +18,13 @@ from experiments.models import Study
 
 
 class Command(BaseCommand):
-    """Writes the dataset of one version of a study, pseudonymous unless it is `identified`."""
-
     help = "Export everything recorded in a study as a Psych-DS folder, or as a ZIP archive of it."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         add, flag = parser.add_argument, "store_true"
         add("study", help="name of the study, or name:version: exploration, exploration:2")
-        add(
-            "--out",
-            type=Path,
-            required=True,
-            help="folder, which must be empty or not exist yet; with --zip the file,"
-            " - for standard output",
-        )
+        text = "folder, which must be empty or not exist yet; with --zip the file,"
+        add("--out", type=Path, required=True, help=f"{text} - for standard output")
         add("--zip", action=flag, help="write one ZIP archive")
         add("--identified", action=flag, help="with names, addresses, free text and photos")
         add("--free-text", action=flag, help="with the free text that people wrote")
@@ -44,13 +37,10 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
+        kinds = {name: options[name] for name in ("public", "identified", "free_text")}
+        formats = frozenset(name for name in ON_REQUEST if options[name])
         try:
-            choice = Selection(
-                public=options["public"],
-                identified=options["identified"],
-                free_text=options["free_text"],
-                formats=frozenset(name for name in ON_REQUEST if options[name]),
-            )
+            choice = Selection(**kinds, formats=formats)
         except ValueError as error:
             raise CommandError(f"{error}.") from error
         study = study_named(options["study"])

@@ -8,7 +8,7 @@ from django.contrib import messages
 from django.contrib.auth import logout
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
-from django.shortcuts import get_object_or_404, redirect, render
+from django.shortcuts import get_list_or_404, get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import get_language
@@ -128,10 +128,8 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
 @private
 @require_safe
 def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
-    rows = ConsentReceipt.objects.filter(participant=_own(request, code), step=step)
-    found = rows.select_related("participant__study").order_by("-version").first()
-    if found is None:
-        raise Http404
+    rows = ConsentReceipt.objects.select_related("participant__study").order_by("-version")
+    found = get_list_or_404(rows, participant=_own(request, code), step=step)[0]
     headers = {"Content-Disposition": f'attachment; filename="consent-{code}.txt"'}
     text = as_text(found)
     return HttpResponse(text, content_type="text/plain; charset=utf-8", headers=headers)

@@ -8,8 +8,8 @@ A living drive is ended at once. Until the session manager has informed its page
 record, the participant's row waits for it, without the user.
 """
 
-import datetime
 from collections.abc import Iterator
+from datetime import UTC, date, datetime, time, timedelta
 from hashlib import sha256
 from typing import Any
 
@@ -44,10 +44,10 @@ KEPT_OF_DRAWS = (
     "best_probability",
 )
 LEFT = "withdrawn:"  # prefix of the slot of a row that stays
-MAX_REQUEST = datetime.timedelta(minutes=1)  # duration of a withdrawal on a busy computer
+MAX_REQUEST = timedelta(minutes=1)  # duration of a withdrawal on a busy computer
 
 
-def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
+def withdraw(participant: Participant, now: datetime) -> Participant:
     """Withdraw a participant, at any time; return the row that stays. May be repeated."""
     if participant.slot.startswith(LEFT):
         return participant
@@ -57,7 +57,7 @@ def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
     return Participant.objects.get(slot__in=(str(participant.pk), _slot_after(participant)))
 
 
-def leave(participant: Participant, now: datetime.datetime) -> None:
+def leave(participant: Participant, now: datetime) -> None:
     """Withdraw a participant. A guest's account, of no other use, goes with the last study."""
     user = participant.user
     withdraw(participant, now)
@@ -69,7 +69,7 @@ def is_driving(user: Any) -> bool:
     return Session.objects.filter(visitor=user).exclude(state=Session.State.ENDED).exists()
 
 
-def delete_everything(user: Any, now: datetime.datetime) -> bool:
+def delete_everything(user: Any, now: datetime) -> bool:
     """Delete an account; False while the user drives, and for the site's administrators."""
     if is_driving(user) or user.is_staff:
         return False
@@ -93,7 +93,7 @@ def withdraw_everywhere(instance: Any, **_more: Any) -> None:
         audit.unlink([f"user:{instance.pk}"], person=instance)
 
 
-def _strip(participant: Participant, now: datetime.datetime) -> None:
+def _strip(participant: Participant, now: datetime) -> None:
     """Delete all that can be deleted at once; the slot marks that it is done."""
     _mark(participant, now)
     if participant.user is not None:
@@ -105,32 +105,25 @@ def _strip(participant: Participant, now: datetime.datetime) -> None:
     Contact.objects.filter(participant=participant).delete()
     for rows in (participant.consents, participant.step_visits, participant.appointments):
         rows.all().delete()
+    none = {"user": None, "age": None, "language": "", "recruitment": {}, "recruitment_id": ""}
     Participant.objects.filter(pk=participant.pk).update(
-        user=None,
         slot=str(participant.pk),
-        recruitment={},
-        recruitment_id="",
         recruited_as=not_drawn(),
-        age=None,
-        language="",
         seen_at=_begin_of(now.date()),
+        **none,
     )
 
 
-def _mark(participant: Participant, now: datetime.datetime) -> None:
+def _mark(participant: Participant, now: datetime) -> None:
     """Store the day, the step and the stage of the withdrawal, and release or fill the place. The
     completion stays: all with the same ending have the same code, and may still need it.
     """
     rows = Participant.objects.filter(pk=participant.pk)
-    marked = rows.exclude(status=Status.WITHDRAWN).update(
-        status=Status.WITHDRAWN,
-        seen_at=now,
-        finished_at=None,
-        withdrawn_at=now.date(),
-        withdrawn_step=participant.step,
-        withdrawn_stage=stages_of(participant.study, [participant])[participant.pk],
-    )
-    if marked:
+    stage = stages_of(participant.study, [participant])[participant.pk]
+    place = {"withdrawn_step": participant.step, "withdrawn_stage": stage}
+    times = {"seen_at": now, "finished_at": None, "withdrawn_at": now.date()}
+    staying = rows.exclude(status=Status.WITHDRAWN)
+    if staying.update(status=Status.WITHDRAWN, **times, **place):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
     was_exposed = participant.drives.filter(EXPOSED).exists()
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
@@ -140,8 +133,8 @@ def responses_of(participant: Participant) -> "QuerySet[Response]":
     return Response.objects.filter(context__startswith=questions.context_of_all(participant))
 
 
-def _begin_of(day: datetime.date) -> datetime.datetime:
-    return datetime.datetime.combine(day, datetime.time(), datetime.UTC)
+def _begin_of(day: date) -> datetime:
+    return datetime.combine(day, time(), UTC)
 
 
 def _unlink(participant: Participant) -> None:
@@ -157,22 +150,15 @@ def _unlink(participant: Participant) -> None:
 def _log_names(participant: Participant) -> Iterator[tuple[str, str]]:
     """Yield (model, key) of the participant's rows."""
     sessions = Session.objects.filter(drive__participant=participant)
-    querysets: tuple[QuerySet[Any], ...] = (
-        Participant.objects.filter(pk=participant.pk),
-        participant.drives.all(),
-        participant.links.all(),
-        responses_of(participant),
-        sessions,
-        Snapshot.objects.filter(session__in=sessions),
-    )
-    for rows in querysets:
+    own = Participant.objects.filter(pk=participant.pk)
+    snapshots = Snapshot.objects.filter(session__in=sessions)
+    linked = (participant.drives.all(), participant.links.all(), responses_of(participant))
+    for rows in (own, *linked, sessions, snapshots):
         name = str(rows.model._meta.model_name)
         yield from ((name, str(key)) for key in rows.values_list("pk", flat=True))
 
 
-def clear_settled(
-    *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: Any
-) -> None:
+def clear_settled(*, now: datetime, ownership: Ownership = EVERYTHING, **_more: Any) -> None:
     """Delete the drives of withdrawn participants, with all that was recorded, once their records
     are closed; then replace the participants' rows. Only the owner of the site does so. It finishes
     interrupted withdrawals, but leaves those alone that a request may still be working on: without

@@ -104,17 +104,16 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
     """Return the receipt of a withdrawal; call it before the deletion of what it counts."""
     user, study = participant.user, participant.study
     living = participant.drives.filter(Q(settled_at=None) | Q(session__closed_at=None))
+    about_study = {"study": study.slug, "version": study.version, "code": participant.code}
     return WithdrawalReceipt(
         title=progress.title_of(study, language),
-        study=study.slug,
-        version=study.version,
-        code=participant.code,
         day=now.date(),
         with_account=user is not None and user.is_guest and progress.of_user(user).count() == 1,
         waits=living.exists(),
         deleted=_counted(participant),
         exports=_exports(participant),
         completion_code=participant.completion_code,
+        **about_study,
     )
 
 
@@ -151,9 +150,8 @@ def _exports(participant: Participant) -> tuple[Export, ...]:
     if responses_of(participant).exists():
         about |= Q(act="answers_exported")
     rows = AuditEntry.objects.filter(about, at__gte=participant.created_at).order_by("at")
-    roles: dict[Any, str] = dict(
-        StudyMember.objects.filter(slug=study.slug).values_list("user_id", "role")
-    )
+    members = StudyMember.objects.filter(slug=study.slug)
+    roles: dict[Any, str] = dict(members.values_list("user_id", "role"))
     return tuple(Export(row.at, _what(row), _by(row.actor, roles)) for row in rows)
 
 
@@ -183,13 +181,8 @@ def leave(request: HttpRequest, participant: Participant, now: datetime.datetime
     deletion.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
-    context = {
-        "receipt": receipt,
-        "signed": signed(receipt),
-        "address": address,
-        "code": code if wants_code else "",
-        "is_finished": ending != LEFT,
-    }
+    shown = {"code": code if wants_code else "", "is_finished": ending != LEFT}
+    context = {"receipt": receipt, "signed": signed(receipt), "address": address, **shown}
     return render(request, "experiments/withdrawn.html", context)
 
 

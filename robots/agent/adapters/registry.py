@@ -24,31 +24,24 @@ from robots.api.adapter_names import (
 from robots.world.sites import SiteError, load_site
 
 
-def adapter_names() -> tuple[str, ...]:
-    """Return the names that `create` knows; AdapterError when two packages use one name."""
-    try:
-        return known_names()
-    except AmbiguousAdapterError as error:
-        raise AdapterError(str(error)) from error
-
-
 def create(
     adapter_name: str, profile_name: str, options: Mapping[str, Any] | None = None
 ) -> Adapter:
     """Return an adapter, not connected yet.
 
     Args:
-        adapter_name: one of `adapter_names()` (ours, and entry points of installed packages), the
-            path of a `.py` file, or the dotted name of a module.
+        adapter_name: one of ours, an entry point of an installed package, the path of a `.py` file,
+            or the dotted name of a module.
         profile_name: which robot, such as `giraff`.
-        options: the adapter's own; its module says which.
+        options: the adapter's own; its module lists them.
 
-    Raises:
-        AdapterError: no such adapter, profile or option, or what the adapter needs is not
-            installed; one sentence.
+    Raises AdapterError, one sentence: no such adapter, profile or option, a name that two packages
+    use, or a missing dependency of the adapter.
     """
     try:
         module = _module(adapter_name)
+    except AmbiguousAdapterError as error:
+        raise AdapterError(str(error)) from error
     except (ImportError, AttributeError, OSError, SyntaxError) as error:
         raise AdapterError(f"the adapter {adapter_name!r} cannot be loaded: {error}") from error
     if not hasattr(module, "create"):
@@ -69,9 +62,7 @@ def create(
 
 
 def version_of(adapter_name: str, own: str) -> str:
-    """Return an adapter's name with its version: of its package, or `own`, the agent's, for ours; a
-    file has none.
-    """
+    """Return an adapter's name with the version of its package, `own` for ours, none for a file."""
     if adapter_name in OURS:
         return f"{adapter_name} {own}"
     point = installed().get(adapter_name)
@@ -79,12 +70,16 @@ def version_of(adapter_name: str, own: str) -> str:
 
 
 def _module(name: str) -> ModuleType:
-    """Return an adapter's module: a file, ours, an installed package's, or a dotted name."""
     if name.endswith(".py"):
-        return _module_of_file(name)
+        spec = importlib.util.spec_from_file_location(Path(name).stem, name)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
     if name in OURS:
         return importlib.import_module(OURS[name])
-    names = adapter_names()
+    names = known_names()
     if name in names:
         return cast("ModuleType", installed()[name].load())
     if "." in name:
@@ -96,27 +91,13 @@ def _module(name: str) -> ModuleType:
     )
 
 
-def _module_of_file(path: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> Adapter:
     """Return the adapter with the localization and the navigation that it lacks, when it has a
     laser.
 
-    Args:
-        adapter: as `create` returned it.
-        plan: the site where the robot stands, a shipped name or a folder; without one it is what
-            the adapter knows, or the server says.
-        memory: the file that keeps where the robot stood.
-
-    Raises:
-        AdapterError: the site cannot be used; one sentence.
+    `plan` is the robot's site, a shipped name or a folder; the default is the adapter's, else the
+    server's. `memory` is the file of the robot's last pose. Raises AdapterError when the site
+    cannot be used.
     """
     name = plan or adapter.profile.plan
     try:

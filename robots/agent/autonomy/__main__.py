@@ -1,7 +1,7 @@
 """The navigation process: `python -m robots.agent.autonomy HOST:PORT`, with its token on stdin.
 
-A step of navigation takes milliseconds, now and then tens of them: a control loop cannot wait for
-that, nor share an interpreter with it. The process ends with its socket.
+A step of navigation takes milliseconds, sometimes tens of them: too long for a control loop or its
+interpreter. The process ends with its socket.
 """
 
 import logging
@@ -34,11 +34,8 @@ class Conversation:
         self._beams: LaserScan | None = None
 
     def take(self, messages: Sequence[wire.ToNode]) -> None:
-        """Do what was asked since the last time, in order; of several snapshots only the newest
-        counts.
-
-        Raises:
-            WireError: a message makes no sense.
+        """Handle messages in order, and only the newest snapshot. Raises WireError for an invalid
+        one.
         """
         newest: wire.Perceive | None = None
         for message in messages:

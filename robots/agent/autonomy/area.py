@@ -1,5 +1,5 @@
-"""The site that a robot finds its way in: the map, and the plan when there is one. It travels as
-the server's `floorplan` message.
+"""The site in which a robot navigates: its map, and its plan if there is one, as sent in the
+server's `floorplan` message.
 """
 
 import base64

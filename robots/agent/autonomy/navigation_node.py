@@ -1,10 +1,9 @@
 """Localization and navigation of one robot in one site.
 
-    snapshot ──► localizer ──► navigator ──► output: pose, the velocity that an action wants, news
-    of actions, the path
+    snapshot ──► localizer ──► navigator ──► output: pose, wanted velocity, news, path
 
-The localizer is ours, or the pose that a robot reports which localizes itself. Pure: it should get
-ten to twenty snapshots a second, and its clock is their stamps.
+The localizer is ours, or the pose that the robot reports. Pure: it expects ten to twenty snapshots
+a second, and its clock is their stamps.
 """
 
 import math
@@ -44,6 +43,7 @@ SETTLING = 1.0  # seconds after which a pose that was given is confirmed by the 
 DOCK_SPREAD, DOCK_TURN = 0.05, math.radians(4.0)
 DOCK_DOUBT = 0.25  # metres from its dock beyond which a docked robot's pose is corrected
 UNKNOWN_TURN = math.pi
+Result = dict[str, float | str | bool | None]
 
 
 class ActionError(ValueError):
@@ -100,10 +100,8 @@ class NavigationNode:
         self.navigator.forget()
 
     def begin(self, action: Action) -> None:
-        """Begin an action; a running one of the same kind is replaced.
-
-        Raises:
-            ActionError: it cannot be done, with the reason.
+        """Start an action; it replaces a running one of its kind. Raises ActionError with the
+        reason.
         """
         if isinstance(action, Relocalize):
             self._relocalize(action)
@@ -167,11 +165,9 @@ class NavigationNode:
         self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):
             self.localizer.report(snapshot.pose)
+        stamp, odometry, beams = snapshot.stamp, snapshot.odometry, snapshot.beams
         estimate = self.estimate = self.localizer.update(
-            snapshot.stamp,
-            snapshot.odometry,
-            snapshot.beams,
-            docked=snapshot.charger_contact,
+            stamp, odometry, beams, docked=snapshot.charger_contact
         )
         self._watch_search(estimate)
         wanted = self._drive(estimate, snapshot)
@@ -179,8 +175,8 @@ class NavigationNode:
         self._sent_path = self._path
         news, self._news = tuple(self._news), []
         return NavigationOutput(
-            stamp=snapshot.stamp,
-            odometry=snapshot.odometry,
+            stamp=stamp,
+            odometry=odometry,
             pose=estimate.pose,
             covariance=estimate.covariance,
             score=float(estimate.score),
@@ -220,11 +216,8 @@ class NavigationNode:
             self._path = tuple((x, y) for x, y in np.round(step.path, 3).tolist())
         if running.reason != step.reason or self._now - running.reported_at >= NEWS_PERIOD:
             running.reported_at, running.reason = self._now, step.reason
-            self._news.append(
-                ActionProgress(
-                    running.action_id, "RUNNING", step.reason, {"progress": round(step.progress, 3)}
-                )
-            )
+            progress: Result = {"progress": round(step.progress, 3)}
+            self._tell(running.action_id, "RUNNING", step.reason, progress)
         return step.velocity or ZERO
 
     def _watch_search(self, estimate: Estimate) -> None:
@@ -233,20 +226,11 @@ class NavigationNode:
         seconds = self._now - self._searching.since
         if estimate.localized and seconds >= SETTLING:
             self._end_searching(
-                "FINISHED",
-                "",
-                {
-                    "x": estimate.pose.x,
-                    "y": estimate.pose.y,
-                    "theta": estimate.pose.theta,
-                    "score": estimate.score,
-                },
+                "FINISHED", "", {**estimate.pose._asdict(), "score": estimate.score}
             )
         elif seconds >= SEARCH_TIME:
-            self._end_searching(
-                "FAILED",
-                "the robot has not found itself; drive it a little, or show it where it is",
-            )
+            reason = "the robot has not found itself; drive it a little, or show it where it is"
+            self._end_searching("FAILED", reason)
 
     # --- news -------------------------------------------------------------------------------------
 
@@ -256,20 +240,13 @@ class NavigationNode:
             self._driving, self._path = None, ()
 
     def _end_searching(
-        self,
-        status: ActionState,
-        reason: str,
-        result: dict[str, float | str | bool | None] | None = None,
+        self, status: ActionState, reason: str, result: Result | None = None
     ) -> None:
         if self._searching is not None:
             self._tell(self._searching.action_id, status, reason, result)
             self._searching = None
 
     def _tell(
-        self,
-        action_id: str,
-        status: ActionState,
-        reason: str = "",
-        result: dict[str, float | str | bool | None] | None = None,
+        self, action_id: str, status: ActionState, reason: str = "", result: Result | None = None
     ) -> None:
         self._news.append(ActionProgress(action_id, status, reason, result or {}))

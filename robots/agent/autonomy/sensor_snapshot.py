@@ -26,9 +26,9 @@ class Body:
 class SensorSnapshot:
     """One moment of a robot's own sensors.
 
-    `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest
-    sweep, `points` (n, 2) what stands about the robot as far as it was seen lately, in the robot's
-    frame, `pose` where a robot that localizes itself says that it is, in the map.
+    `stamp` is in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest
+    scan, `points` (n, 2) recent obstacles in the robot's frame, `pose` the reported one of a robot
+    that localizes itself, on the map.
     """
 
     stamp: float
@@ -44,8 +44,8 @@ class SensorSnapshot:
 class NavigationOutput:
     """The navigation node's answer to a snapshot.
 
-    `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action
-    moves the robot. `news` are of actions, `path` is what the robot follows, None when unchanged.
+    `pose` is on the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no
+    action moves the robot, `path` when unchanged. `news` are of actions.
     """
 
     stamp: float

@@ -1,11 +1,11 @@
-"""Asking the server where its broker is: `GET /api/v1/agent/` with the robot's credentials."""
+"""Requests the broker's addresses: `GET /api/v1/agent/` with the robot's credentials."""
 
 import json
 import ssl
 import urllib.error
 import urllib.request
-from collections.abc import Callable
-from http import HTTPStatus
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import structlog
 
@@ -17,7 +17,6 @@ log = structlog.stdlib.get_logger(__name__)
 PATH = "/api/v1/agent/"
 TIMEOUT = 10.0
 LARGEST_ANSWER = 1 << 16
-REFUSALS = (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
 
 
 class ServerAwayError(Exception):
@@ -27,18 +26,11 @@ class ServerAwayError(Exception):
 def broker_urls(
     config: AgentConfig, backoff: Backoff, pause: Callable[[float], bool]
 ) -> tuple[str, ...] | None:
-    """Return the broker's addresses, the best first, asking the server for ever if need be.
+    """Return the broker's addresses, the best first, or None when the agent is to end.
 
-    Args:
-        config: names the broker itself, or the server and the credentials.
-        backoff: how long to wait between two attempts.
-        pause: waits that many seconds and returns True when the agent is to end instead.
-
-    Returns:
-        The addresses, of which one is enough, or None when the agent is to end.
-
-    Raises:
-        ConfigError: the server refused the credentials, or this is not such a server.
+    `config` has the addresses, or the server, which is then asked until it answers, after pauses of
+    `backoff`. `pause` waits that many seconds and returns True when the agent is to end. Raises
+    ConfigError when the server refuses the credentials, or is not such a server.
     """
     if config.mqtt_url:
         return tuple(url.strip() for url in config.mqtt_url.split(","))
@@ -46,59 +38,23 @@ def broker_urls(
         try:
             return ask(config)
         except ServerAwayError as error:
-            wait = backoff.failed()
-            log.warning(
-                "server_away",
-                server=config.server,
-                reason=str(error),
-                again_in=round(wait, 1),
-            )
+            wait, why = backoff.failed(), str(error)
+            log.warning("server_away", server=config.server, reason=why, again_in=round(wait, 1))
             if pause(wait):
                 return None
 
 
 def ask(config: AgentConfig) -> tuple[str, ...]:
-    """Ask once; blocks up to TIMEOUT seconds.
-
-    Raises:
-        ServerAwayError: no answer, or one that may be another next time.
-        ConfigError: asking again is of no use.
-    """
-    request = urllib.request.Request(
-        f"{config.server}{PATH}",
-        headers={
-            "Authorization": f"Bearer {config.robot}:{config.token}",
-            "Accept": "application/json",
-        },
-    )
+    """Ask once; raises ServerAwayError when it may succeed later, ConfigError when it cannot."""
+    refused = f"the server refused the credentials of {config.robot!r}: create new ones in its"
+    refused += " administration"
+    absent = f"{config.server} is not a telepresence server: it has no {PATH}"
+    reasons = {401: refused, 403: refused, 404: absent, 421: ""}
+    bearer = {"Authorization": f"Bearer {config.robot}:{config.token}"}
+    content = request_json(f"{config.server}{PATH}", bearer, config.ca, reasons)
     try:
-        with urllib.request.urlopen(
-            request, timeout=TIMEOUT, context=trust(str(config.server), config.ca)
-        ) as response:
-            answer = response.read(LARGEST_ANSWER)
-    except urllib.error.HTTPError as error:
-        if error.code in REFUSALS:
-            raise ConfigError(
-                f"the server refused the credentials of {config.robot!r}: create new "
-                "ones in its administration"
-            ) from error
-        if error.code == HTTPStatus.MISDIRECTED_REQUEST:
-            raise ConfigError(f"the server refused the request: {reason_of(error)}") from error
-        if error.code == HTTPStatus.NOT_FOUND:
-            raise ConfigError(
-                f"{config.server} is not a telepresence server: it has no {PATH}"
-            ) from error
-        raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
-    except (OSError, ValueError) as error:
-        raise ServerAwayError(str(getattr(error, "reason", error))) from error
-    return _urls_in(answer, config)
-
-
-def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
-    try:
-        content = json.loads(answer)
         robot, urls = content["robot"], content.get("mqttUrls") or [content["mqttUrl"]]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except KeyError as error:
         raise ServerAwayError("its answer is invalid") from error
     if robot != config.robot:
         raise ConfigError(f"these credentials are for {robot!r}, not for {config.robot!r}")
@@ -110,25 +66,45 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
     return tuple(urls)
 
 
-def reason_of(error: urllib.error.HTTPError) -> str:
-    """Return the server's own reason for its refusal."""
-    try:
-        content = json.loads(error.read(LARGEST_ANSWER))
-        return str(content["detail"])[:300]
-    except (OSError, ValueError, KeyError, TypeError):
-        return f"it answered {error.code}"
+def request_json(
+    url: str,
+    headers: Mapping[str, str],
+    ca: str | None,
+    reasons: Mapping[int, str],
+    content: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Return the object that the server answers to a GET, or to a POST with `content`; blocks up to
+    TIMEOUT seconds.
 
-
-def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
-    """Return whose certificates are believed: the system's, and those in the file `ca`; None for
-    plain HTTP.
-
-    Raises:
-        ConfigError: the file cannot be read.
+    `reasons` has the sentences for HTTP statuses that a later request cannot change, "" for the
+    server's own; they raise ConfigError. All other failures raise ServerAwayError.
     """
-    if not server.startswith("https://"):
-        return None
-    return believed(ca)
+    data = None if content is None else json.dumps(content).encode()
+    types = {"Accept": "application/json"} | ({"Content-Type": "application/json"} if data else {})
+    request = urllib.request.Request(url, data, {**types, **headers})
+    context = believed(ca) if url.startswith("https://") else None
+    try:
+        with urllib.request.urlopen(request, timeout=TIMEOUT, context=context) as response:
+            answer = json.loads(response.read(LARGEST_ANSWER))
+    except urllib.error.HTTPError as error:
+        if error.code in reasons:
+            raise ConfigError(reasons[error.code] or _refusal_of(error)) from error
+        raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ServerAwayError("its answer is invalid") from error
+    except (OSError, ValueError) as error:
+        raise ServerAwayError(str(getattr(error, "reason", error))) from error
+    if not isinstance(answer, dict):
+        raise ServerAwayError("its answer is invalid")
+    return answer
+
+
+def _refusal_of(error: urllib.error.HTTPError) -> str:
+    try:
+        reason = str(json.loads(error.read(LARGEST_ANSWER))["detail"])[:300]
+    except (OSError, ValueError, KeyError, TypeError):
+        reason = f"it answered {error.code}"
+    return f"the server refused the request: {reason}"
 
 
 def believed(ca: str | None) -> ssl.SSLContext:

@@ -1,28 +1,18 @@
-"""How an agent gets its credentials: by its owner's one-time token, and later by renewal.
+"""An agent's credentials: by its owner's one-time token, and later by renewal.
 
-Both are a POST to the server, over HTTPS; unencrypted only to this very machine.
+Both are a POST to the server, over HTTPS; unencrypted only to this computer.
 """
 
 import ipaddress
-import json
 import os
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Mapping
-from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import structlog
 
-from robots.agent.broker_link.broker_discovery import (
-    LARGEST_ANSWER,
-    TIMEOUT,
-    ServerAwayError,
-    reason_of,
-    trust,
-)
+from robots.agent.broker_link.broker_discovery import ServerAwayError, request_json
 from robots.agent.config import AgentConfig, ConfigError, credentials_path, load
 from robots.api import credentials_file
 from robots.api.private_files import write_private
@@ -30,16 +20,9 @@ from robots.api.private_files import write_private
 log = structlog.stdlib.get_logger(__name__)
 
 ENROL_PATH, RENEW_PATH = "/api/v1/agent/enrol/", "/api/v1/agent/renew/"
-RENEW_EVERY = 1800.0  # s between two questions whether new credentials are wanted
+RENEW_EVERY = 1800.0  # s between two requests for new credentials
 KEPT = ("robot", "user", "token")
-REFUSALS = (
-    HTTPStatus.BAD_REQUEST,
-    HTTPStatus.UNAUTHORIZED,
-    HTTPStatus.FORBIDDEN,
-    HTTPStatus.NOT_FOUND,
-    HTTPStatus.GONE,
-    HTTPStatus.MISDIRECTED_REQUEST,
-)
+REFUSALS = dict.fromkeys((400, 401, 403, 404, 410, 421), "")  # with the server's own reason
 
 
 def enrol_if_asked(
@@ -51,14 +34,9 @@ def enrol_if_asked(
     """Enrol when the command line, or TELEPRESENCE_ENROL, has a one-time token; everything else is
     checked before it is spent.
 
-    Args:
-        arguments: what `config.add_arguments` parsed.
-        environment: the process's own by default.
-        check: raises ConfigError when the agent could not start like this with the credentials that
-            come.
-
-    Raises:
-        ConfigError: as `enrol`, `config.load` and `check`, or no server is named.
+    `arguments` are those of `config.add_arguments`, `environment` is the process's own by default.
+    `check` raises ConfigError when the agent could not start with this configuration. Raises
+    ConfigError as `enrol` and `config.load` too, and without a server.
     """
     environment = os.environ if environment is None else environment
     token = arguments.get("enrol") or environment.get(f"{credentials_file.ENVIRONMENT}ENROL")
@@ -75,22 +53,17 @@ def enrol_if_asked(
 
 
 def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None) -> None:
-    """Exchange a one-time token for credentials and keep them in a file, which is tried before the
-    token is spent.
-
-    Raises:
-        ConfigError: the server does not know the token (any more), is not reached, or the file
-            cannot be written.
+    """Exchange a one-time token for credentials and save them in a file, which is tested before the
+    token is spent. Raises ConfigError when the server does not accept the token or is not reached,
+    or the file cannot be written.
     """
     check_private(server)
+    server = server.rstrip("/")
+    request = {"robot": robot, "token": token}
     try:
-        credentials_file.rehearse(path)
-        answer = _post(
-            f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca
-        )
-        write_private(
-            path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")})
-        )
+        credentials_file.check_writable(path)
+        answer = request_json(f"{server}{ENROL_PATH}", {}, ca, REFUSALS, request)
+        write_private(path, credentials_file.toml(_lines(answer, robot) | {"server": server}))
     except ServerAwayError as error:
         raise ConfigError(f"the request to {server} failed: {error}") from error
     except OSError as error:
@@ -101,16 +74,12 @@ def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None
 
 
 def renew(config: AgentConfig) -> dict[str, str] | None:
-    """Ask for new credentials when the server wants that, and keep them in the file that the
-    present ones came from.
+    """Request new credentials and save them in the file of the present ones. Return `robot`, `user`
+    and `token`, or None when nothing changed: the server offers none, or the present ones are not
+    in a writable file.
 
-    Returns:
-        `robot`, `user` and `token` as they are now, or None when nothing changed: not wanted, or
-            not kept in a file that can be written.
-
-    Raises:
-        ServerAwayError: no answer; the present ones still hold.
-        ConfigError: the server refused the present ones, or the new ones cannot be kept.
+    Raises ServerAwayError without an answer, when the present ones remain valid, and ConfigError
+    when the server refuses the present ones, or the new ones cannot be saved.
     """
     if (
         not config.server
@@ -121,7 +90,7 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
         return None
     check_private(config.server)
     bearer = {"Authorization": f"Bearer {config.robot}:{config.token}"}
-    answer = _post(f"{config.server}{RENEW_PATH}", {}, bearer, config.ca)
+    answer = request_json(f"{config.server}{RENEW_PATH}", bearer, config.ca, REFUSALS, {})
     if not answer.get("token"):
         return None
     lines = _lines(answer, config.robot)
@@ -141,7 +110,9 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
 def keep_renewing(
     config: AgentConfig, renewed: Callable[[dict[str, str]], None], pause: Callable[[float], bool]
 ) -> None:
-    """Ask now and then until `pause` returns True; hand new credentials to `renewed`."""
+    """Renew every RENEW_EVERY seconds until `pause` returns True or new credentials arrive, which
+    are passed to `renewed`.
+    """
     while not pause(RENEW_EVERY):
         try:
             fresh = renew(config)
@@ -150,24 +121,18 @@ def keep_renewing(
             continue
         if fresh is not None:
             renewed(fresh)
-            return  # `config` is old by now; the next renewal follows the next start
+            return  # `config` is outdated; the next renewal follows the next start
 
 
 def check_private(server: str) -> None:
-    """Refuse, by ConfigError, to send credentials over a network in the clear."""
+    """Raise ConfigError for a server to which credentials would cross a network unencrypted."""
     parts = urlsplit(server)
-    if parts.scheme == "https" or (
-        parts.scheme == "http" and _is_this_machine(parts.hostname or "")
-    ):
-        return
-    raise ConfigError(f"credentials are sent over https:// only, not to {server!r}")
-
-
-def _is_this_machine(host: str) -> bool:
     try:
-        return ipaddress.ip_address(host).is_loopback
+        is_here = ipaddress.ip_address(parts.hostname or "").is_loopback
     except ValueError:
-        return host == "localhost"
+        is_here = parts.hostname == "localhost"
+    if parts.scheme != "https" and not (parts.scheme == "http" and is_here):
+        raise ConfigError(f"credentials are sent over https:// only, not to {server!r}")
 
 
 def _lines(answer: Mapping[str, Any], robot: str) -> dict[str, str]:
@@ -175,26 +140,3 @@ def _lines(answer: Mapping[str, Any], robot: str) -> dict[str, str]:
     if lines.get("robot") != robot or not lines.get("token"):
         raise ServerAwayError("its answer is invalid")
     return lines
-
-
-def _post(
-    url: str, content: Mapping[str, str], headers: Mapping[str, str], ca: str | None
-) -> dict[str, Any]:
-    request = urllib.request.Request(
-        url,
-        data=json.dumps(content).encode(),
-        headers={"Content-Type": "application/json", "Accept": "application/json", **headers},
-        method="POST",
-    )
-    try:
-        with urllib.request.urlopen(request, timeout=TIMEOUT, context=trust(url, ca)) as response:
-            answer = json.loads(response.read(LARGEST_ANSWER))
-    except urllib.error.HTTPError as error:
-        if error.code in REFUSALS:
-            raise ConfigError(f"the server refused the request: {reason_of(error)}") from error
-        raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
-    except (OSError, ValueError) as error:
-        raise ServerAwayError(str(getattr(error, "reason", error))) from error
-    if not isinstance(answer, dict):
-        raise ServerAwayError("its answer is invalid")
-    return answer

@@ -1,19 +1,19 @@
-"""The agent's one connection to the broker: made again for ever, and the same after each time.
+"""The agent's one connection to the broker, which reconnects without end.
 
-The agent dials out only, over TCP, TLS or WebSocket. It says ONLINE and its factsheet on every
-connection (a broker that was restarted has lost them), leaves a will that says CONNECTIONBROKEN,
-and watches its own presence: the will of a connection that died half open arrives seconds after the
-next one is up, and is then answered with ONLINE.
+The agent only connects out, over TCP, TLS or WebSocket. On each connection it publishes ONLINE and
+its factsheet (a restarted broker has lost them) and leaves a will, CONNECTIONBROKEN. It subscribes
+to its own presence: the will of a connection that died half open arrives seconds after the next one
+is up, and is then answered with ONLINE.
 """
 
 import asyncio
-import math
+import contextlib
 import random
 import re
 import secrets
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 from urllib.parse import unquote, urlsplit
@@ -40,16 +40,16 @@ FAREWELL = 2.0
 IN_FLIGHT = 20
 INCOMING = 5000
 REFUSALS = {134, 135}  # MQTT 5's reason codes: bad user name or password, not authorized
-TAKES_OVER = 5.0  # s that a site may need until its broker knows a password that is new
+TAKES_OVER = 5.0  # s that a site may need until its broker accepts a new password
 SUBSCRIPTION_REFUSED = 0x80
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 
 
 class LinkInbox(Protocol):
-    """Where what arrives goes. Called on the link's loop; must return at once."""
+    """Receives the link's messages and events. Called on the link's loop; must not block."""
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
-        """Take a message; None for an empty one, which takes a retained message back."""
+        """Take a message; None for an empty one, which deletes a retained message."""
 
     def rejected(self, reason: str) -> None:
         """Count a message that could not be decoded."""
@@ -58,7 +58,7 @@ class LinkInbox(Protocol):
         """The broker was reached, or lost."""
 
     def rival(self, boot: str | None) -> None:
-        """Another agent says that it is this robot (its boot), or has gone (None)."""
+        """Another agent claims to be this robot (its boot), or has stopped (None)."""
 
     def is_needed(self) -> bool:
         """Whether the robot is in use: a lost connection is then retried at once."""
@@ -66,7 +66,7 @@ class LinkInbox(Protocol):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where the broker is, and who we are to it."""
+    """The broker's address and our credentials."""
 
     host: str
     port: int
@@ -85,10 +85,8 @@ class Endpoint:
         ca: str | None = None,
     ) -> "Endpoint":
         """Read `mqtt://`, `mqtts://`, `ws://` or `wss://host:port/path`; `ca` is a file of
-        certificates to trust besides the system's.
-
-        Raises:
-            ValueError: not such an address, or the file cannot be read; one sentence.
+        certificates to trust besides the system's. Raises ValueError for another address or an
+        unreadable file.
         """
         if fault := _fault_in(url):
             without_password = re.sub(r"//.*@", "//…@", url)
@@ -106,6 +104,20 @@ class Endpoint:
             path=(parts.path or "/mqtt") if web else None,
             username=username or (unquote(parts.username) if parts.username else None),
             password=password or (unquote(parts.password) if parts.password else None),
+        )
+
+    def client(self, **options: Any) -> Client:
+        """Return a client with a clean session; `options` are more of its arguments."""
+        return Client(
+            self.host,
+            self.port,
+            username=self.username,
+            password=self.password,
+            transport=self.transport,
+            websocket_path=self.path,
+            tls_context=self.tls,
+            clean_session=True,
+            **options,
         )
 
 
@@ -126,29 +138,28 @@ def _fault_in(url: str) -> str:
         return "the port must be from 1 to 65535"
 
 
-async def subscribe(client: Client, wanted: list[tuple[str, int]]) -> None:
-    """Subscribe to all of (filter, QoS).
+async def subscribe(client: Client, filters: Sequence[str]) -> None:
+    """Subscribe to filters at QoS 0.
 
     Raises:
-        MqttError: no connection, or the broker refused one, which it says in its answer and not by
-            an error.
+        MqttError: there is no connection, or the broker refused one, which aiomqtt ignores.
     """
-    granted = await client.subscribe(wanted)
+    granted = await client.subscribe([(filter_, 0) for filter_ in filters])
     codes = [code.value if isinstance(code, ReasonCode) else code for code in granted]
     refused = [
-        name for (name, _), code in zip(wanted, codes, strict=True) if code >= SUBSCRIPTION_REFUSED
+        name for name, code in zip(filters, codes, strict=True) if code >= SUBSCRIPTION_REFUSED
     ]
     if refused:
         raise MqttError(f"the broker does not allow this robot to read {', '.join(refused)}")
 
 
 class MqttLink:
-    """Connects for ever, keeps what must not be lost, and hands what arrives to an inbox.
+    """Reconnects without end, queues records in its outbox, and passes messages to an inbox.
 
     Args:
-        endpoint: where the broker is. `others` are the same broker by other transports, or other
-            nodes of it, tried in turn where one leads nowhere.
-        factsheet: says who we are; said again on each connection.
+        endpoint: the broker. `others` are the same broker by other transports, or other nodes of
+            it, tried in turn when one cannot be reached.
+        factsheet: identifies this robot; published on each connection.
         rng: spreads the attempts of many robots.
     """
 
@@ -178,7 +189,7 @@ class MqttLink:
         )
 
     def publish(self, suffix: str, payload: bytes) -> None:
-        """Send, now or (what must not be lost) when the broker is back."""
+        """Send now, or a record also when the broker is reached again."""
         self.outbox.put(outbound(suffix, payload), connected=self.connected)
         self._wake.set()
 
@@ -188,20 +199,22 @@ class MqttLink:
             try:
                 await self._connection(inbox)
             except* (MqttError, OSError) as errors:
+                place = {"host": self._endpoint.host, "port": self._endpoint.port}
                 reasons = "; ".join(sorted({self._reason(error) for error in _leaves(errors)}))
-                log.warning(
-                    "broker_unreachable",
-                    host=self._endpoint.host,
-                    port=self._endpoint.port,
-                    reason=reasons,
-                )
-            held = time.monotonic() - began if self.connected else 0.0
+                log.warning("broker_unreachable", **place, reason=reasons)
+            was_connected, self.connected = self.connected, False
+            held = time.monotonic() - began if was_connected else 0.0
             if inbox.is_needed():
                 self._reconnection.needed(time.monotonic())
-            if not self.connected or self._has_nodes:
+            if not was_connected or self._has_nodes:
                 self._endpoints = (*self._endpoints[1:], self._endpoints[0])
-            self._lost(inbox)
-            await self._pause(self._reconnection.pause(held, time.monotonic()))
+            self.outbox.disconnected()
+            if was_connected:
+                inbox.link_changed(up=False)
+            pause = self._reconnection.pause(held, time.monotonic())
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(pause):
+                    await self._closing.wait()
 
     @property
     def _endpoint(self) -> Endpoint:
@@ -230,37 +243,27 @@ class MqttLink:
                 inbox.link_changed(up=True)
                 self._refused_since = None
                 await self._send(client, tasks)
-                await self._farewell(client)
+                topic, state = self._topic("connection"), self._presence("OFFLINE")
+                await client.publish(topic, state, qos=1, retain=True, timeout=FAREWELL)
                 receiving.cancel()
 
     def _client(self) -> Client:
-        place = self._endpoint
-        return Client(
-            place.host,
-            place.port,
-            username=place.username,
-            password=place.password,
+        broken = self._presence("CONNECTIONBROKEN")
+        return self._endpoint.client(
             identifier=self._client_id,
-            transport=place.transport,
-            websocket_path=place.path,
-            tls_context=place.tls,
             keepalive=KEEPALIVE_OF_NODES if self._has_nodes else KEEPALIVE,
             timeout=TIMEOUT,
-            clean_session=True,
-            will=Will(
-                self._topic("connection"), self._presence("CONNECTIONBROKEN"), qos=1, retain=True
-            ),
+            will=Will(self._topic("connection"), broken, qos=1, retain=True),
             max_queued_incoming_messages=INCOMING,
         )
 
     async def _greet(self, client: Client) -> None:
-        await subscribe(client, [(each, 0) for each in topics.subscriptions(self._factsheet.name)])
-        await client.publish(
-            self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True
-        )
-        await client.publish(
-            self._topic("connection"), self._presence("ONLINE"), qos=1, retain=True
-        )
+        await subscribe(client, topics.subscriptions(self._factsheet.name))
+        for suffix, payload in (
+            ("factsheet", codec.encode(self._factsheet)),
+            ("connection", self._presence("ONLINE")),
+        ):
+            await client.publish(self._topic(suffix), payload, qos=1, retain=True)
 
     async def _send(self, client: Client, tasks: asyncio.TaskGroup) -> None:
         """Send the outbox in order, IN_FLIGHT at a time, until closed and acknowledged."""
@@ -279,15 +282,6 @@ class MqttLink:
         self.outbox.acknowledged(message)
         self._wake.set()
 
-    async def _farewell(self, client: Client) -> None:
-        await client.publish(
-            self._topic("connection"),
-            self._presence("OFFLINE"),
-            qos=1,
-            retain=True,
-            timeout=FAREWELL,
-        )
-
     async def _receive(self, client: Client, inbox: LinkInbox) -> None:
         async for delivery in client.messages:
             self._take(delivery, inbox)
@@ -300,30 +294,24 @@ class MqttLink:
             return
         suffix = parsed[1]
         try:
-            if suffix == "connection":
-                self._watch_presence(
-                    codec.decode(suffix, payload), inbox, retained=bool(delivery.retain)
-                )
-            else:
+            if suffix != "connection":
                 message = codec.decode(suffix, payload, "to_robot") if payload else None
                 inbox.arrived(suffix, message, retained=bool(delivery.retain))
+                return
+            presence = codec.decode(suffix, payload)
+            if not delivery.retain and not self._closing.is_set():
+                self._watch_presence(presence, inbox)
         except Rejection as rejection:
-            log.warning(
-                "message_rejected",
-                suffix=suffix[:80],
-                reason=rejection.reason,
-                detail=rejection.detail[:200],
-            )
-            inbox.rejected(rejection.reason)
+            reason, detail = rejection.reason, rejection.detail[:200]
+            log.warning("message_rejected", suffix=suffix[:80], reason=reason, detail=detail)
+            inbox.rejected(reason)
 
-    def _watch_presence(self, presence: Connection, inbox: LinkInbox, *, retained: bool) -> None:
-        """Answer a will that came late, and notice another agent that says it is this robot.
+    def _watch_presence(self, presence: Connection, inbox: LinkInbox) -> None:
+        """Answer a late will, and detect another agent that claims to be this robot.
 
-        Boots sort by the time of their start, so of two agents exactly one, the older, finds that
-        it has a rival and yields.
+        Boots sort by the time of their start, so of two agents only the older one finds a rival and
+        yields.
         """
-        if retained or self._closing.is_set():
-            return
         own = self._factsheet.boot
         if presence.state == "ONLINE" and presence.boot > own and presence.boot != self._rival:
             self._rival = presence.boot
@@ -334,21 +322,6 @@ class MqttLink:
                 self._rival = None
                 inbox.rival(None)
 
-    # --- between connections ----------------------------------------------------------------------
-
-    def _lost(self, inbox: LinkInbox) -> None:
-        was_connected, self.connected = self.connected, False
-        self.outbox.disconnected()
-        if was_connected:
-            inbox.link_changed(up=False)
-
-    async def _pause(self, seconds: float) -> None:
-        try:
-            async with asyncio.timeout(seconds if seconds < math.inf else None):
-                await self._closing.wait()
-        except TimeoutError:
-            log.debug("broker_again", after=round(seconds, 1))
-
     def _reason(self, error: BaseException) -> str:
         """Return why there is no connection, and what the owner can do about it."""
         if getattr(getattr(error, "rc", None), "value", None) not in REFUSALS:
@@ -357,7 +330,7 @@ class MqttLink:
         self._refused_since = self._refused_since or now
         if now - self._refused_since < TAKES_OVER:
             return "the site does not accept this robot's password yet"
-        # no colon behind "password": what follows one is struck out of logs
+        # no colon after "password": logs redact the text after one
         return (
             "the site does not accept this robot's password. On the site's machine run"
             f" `manage.py enrol {self._factsheet.name} --server https://ADDRESS-OF-THE-SITE`, then"

@@ -1,7 +1,7 @@
-"""The agent's MQTT messages, in order, also while the broker is away.
+"""The agent's MQTT messages, in order, also without a connection.
 
-Records (states, events, answers, photos) are kept until the broker has acknowledged them, so that
-a restart of the broker loses nothing of a drive. The rest is dropped while disconnected.
+Records (states, events, answers, photos) are queued until the broker has acknowledged them, so that
+a restart of the broker loses no part of a drive. Other messages are dropped while disconnected.
 """
 
 from collections import deque
@@ -12,14 +12,11 @@ from robots.api import topics
 KEPT = ("state", "event", "action", "photo")
 MESSAGES = 6000
 BYTES = 32 << 20
-# at most one waits or is sent: a network that does not take one does not take two
-ONE_AT_A_TIME = frozenset({"picture"})
+ONE_AT_A_TIME = frozenset({"picture"})  # more would only wait behind it on a slow network
 
 
 @dataclass(frozen=True, eq=False)
 class OutboundMessage:
-    """One message: its suffix, its payload, and how the broker is to treat it."""
-
     suffix: str
     payload: bytes
     qos: int
@@ -53,11 +50,10 @@ class Outbox:
 
     def put(self, message: OutboundMessage, *, connected: bool) -> None:
         """Queue a message; one that is not a record only when `connected`."""
-        if not connected and message.suffix.partition("/")[0] not in KEPT:
+        kind = message.suffix.partition("/")[0]
+        if not connected and kind not in KEPT:
             return
-        if message.suffix.partition("/")[0] in ONE_AT_A_TIME and not self._make_room(
-            message.suffix
-        ):
+        if kind in ONE_AT_A_TIME and not self._make_room(message.suffix):
             self.lost += 1
             return
         self._waiting.append(message)

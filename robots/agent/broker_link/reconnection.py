@@ -1,4 +1,4 @@
-"""When an agent that lost its broker tries again: pure.
+"""When an agent that lost its broker reconnects: pure.
 
 Exponential back-off with full jitter (Brooker, "Exponential Backoff And Jitter", AWS Architecture
 Blog, 2015): each pause is drawn between zero and a bound that doubles. The first one counts most:
@@ -14,15 +14,14 @@ from robots.agent.timing import Backoff
 
 @dataclass(frozen=True)
 class SpreadParams:
-    """Bounds of the pauses of a robot that is not in use, in seconds; with a failed attempt well
-    below the minute in which all robots must be back.
+    """Bounds of the pauses of a robot that is not in use, in seconds; with one failed attempt well
+    below the minute in which all robots must be online again.
     """
 
     first: float = 10.0
     longest: float = 20.0
-    settled: float = 10.0  # a connection that held shorter counts as another failure
-    # since its last use, for which a robot counts as in use: it cannot learn of a new one while
-    # disconnected
+    settled: float = 10.0  # a shorter connection counts as another failure
+    # that a robot counts as in use after its last use: a disconnected one cannot learn of a new one
     needed_for: float = 120.0
 
 
@@ -34,7 +33,7 @@ class Reconnection:
 
     def __init__(self, rng: random.Random, params: SpreadParams = SPREAD) -> None:
         self._rng, self._params = rng, params
-        # well below the time of a lease, which a restart of the broker must not end
+        # much shorter than a lease, which a restart of the broker must not end
         self._at_once = Backoff(rng, longest=1.0)
         self._bound = params.first
         self._needed_at = float("-inf")

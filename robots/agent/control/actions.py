@@ -1,5 +1,5 @@
-"""Everything a robot can be asked besides velocities: permitted by the kernel, begun once, and
-reported until it ends.
+"""Actions, which are all requests to a robot besides velocities: the kernel permits each, it starts
+once, and is reported until it ends.
 """
 
 import asyncio
@@ -15,14 +15,9 @@ from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
-from robots.agent.control.supervised_adapter import AdapterLink, its_fault
+from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
 from robots.agent.media.photos import develop
-from robots.agent.robot_interface import (
-    ActionProgress,
-    ActionRefusedError,
-    AdapterError,
-    Frame,
-)
+from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import MOTION, MOVING, CommandSender, role_of
 from robots.agent.timing import Cadence, TimeSource
@@ -60,11 +55,10 @@ class ActionHistory:
         self._statuses: OrderedDict[str, ActionStatus] = OrderedDict()
 
     def of(self, action_id: str) -> ActionStatus | None:
-        """Return the last status of an action that was begun, or None."""
         return self._statuses.get(action_id)
 
     def record(self, status: ActionStatus) -> bool:
-        """Take a status; return False when the action had ended before, and this is nothing new."""
+        """Store a status; return False when the action had already ended."""
         last = self._statuses.get(status.action_id)
         if last is not None and last.status in ENDED:
             return False
@@ -74,15 +68,13 @@ class ActionHistory:
         return True
 
     def runs(self, action_id: str) -> bool:
-        """Tell whether an action was begun and has not ended."""
         last = self._statuses.get(action_id)
         return last is not None and last.status not in ENDED
 
 
 log = structlog.stdlib.get_logger(__name__)
 
-# s between two answers to what was refused: a flood of nonsense earns no flood of answers
-REFUSALS_ANSWERED = 0.05
+REFUSALS_ANSWERED = 0.05  # s between two answers to refused actions, so that no flood is answered
 PHOTOS_AT_ONCE = 4
 RESENT_AT_ONCE = 100
 RESEND_PAUSE = 0.05
@@ -94,19 +86,10 @@ Result = dict[str, float | str | bool | None]
 
 
 class Actions:
-    """One handler an action.
+    """One handler for each kind of action.
 
-    Args:
-        kernel: permits, stops, latches.
-        adapter: begins what the RCA does.
-        reports: states and events.
-        out: where answers go.
-        snapshot: returns the newest frame; may block.
-        latch_changed: remembers the latch, now; returns when the disk has it.
-        turn_wheels: lets the kernel's decision reach the base at once.
-        spawn: runs a coroutine beside the loop.
-        calls: who is let through to the people at the robot.
-        media: whether a knock would be heard, and the robot's own bell.
+    `latch_changed` returns when the latch is on the disk. `send_velocity` sends the kernel's
+    decision to the base at once. `spawn` runs a coroutine in the background.
     """
 
     def __init__(
@@ -116,22 +99,16 @@ class Actions:
         reports: Reports,
         out: Publisher,
         *,
-        snapshot: Callable[[], Frame | None],
         latch_changed: Callable[[], Coroutine[Any, Any, None]],
-        turn_wheels: Callable[[], None],
+        send_velocity: Callable[[], None],
         spawn: Spawn,
         times: TimeSource,
         calls: CallControl,
         media: Media,
     ) -> None:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
-        self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = (
-            snapshot,
-            latch_changed,
-            turn_wheels,
-            spawn,
-            times,
-        )
+        self._latch_changed, self._send_velocity = latch_changed, send_velocity
+        self._spawn, self._times = spawn, times
         self._calls, self._media = calls, media
         self._history = ActionHistory()
         self._receipts = Receipts()
@@ -143,14 +120,14 @@ class Actions:
         self._owned = OwnedActions(adapter, spawn, self._ends_changed)
 
     def tick(self) -> None:
-        """Begin what waited for the robot to be at rest, and report what has ended by now."""
+        """Start the action that waited for the robot to be at rest, and report those that have
+        ended.
+        """
         self._begin_waiting()
-        kernel, now = self._kernel, self._times.now()
-        if (
-            self._final
-            and not kernel.is_end_unconfirmed
-            and (kernel.is_at_rest or kernel.braking(now) is None)
-        ):
+        kernel = self._kernel
+        if not self._final or kernel.is_end_unconfirmed:
+            return
+        if kernel.is_at_rest or kernel.braking(self._times.now()) is None:
             final, self._final = self._final, {}
             for status in final.values():
                 self._end(status)
@@ -168,16 +145,15 @@ class Actions:
         elif self._kernel.is_end_unconfirmed and self._times.now() - running.since > START_TIMEOUT:
             self._waiting = None
             self._kernel.navigation_ended(waiting.action_id)
-            self._say(self._status(waiting, "FAILED", "navigation_does_not_end"))
+            self._answer(waiting, "FAILED", "navigation_does_not_end")
 
     def cancel_all(self) -> None:
-        """Cancel every action that moves the robot or its head: the connection to the RCA was lost,
-        or the robot was stopped.
+        """Cancel every action that moves the robot or its head: it was stopped, or the RCA was
+        lost.
         """
         self._owned.cancel_all()
 
     def _ends_changed(self, reason: str) -> None:
-        """Take whether the RCA still has to confirm the end of an action."""
         self._kernel.is_end_unconfirmed = self._owned.is_end_unconfirmed
         if not self._kernel.is_end_unconfirmed:
             self._reports.errors.pop(CANCEL, None)
@@ -185,10 +161,10 @@ class Actions:
             is_new = CANCEL not in self._reports.errors
             self._reports.errors[CANCEL] = f"{CANCEL}: {reason}"[:300]
             if is_new:
-                self._reports.hurry()
+                self._reports.send_soon()
 
     def take(self, action: Action, sender: CommandSender) -> None:
-        """Do what is asked, or say why not."""
+        """Perform an action or report why it is refused."""
         action = self._stamped(action, sender)
         if isinstance(action, Stop):
             self._stop(action, sender)
@@ -196,7 +172,7 @@ class Actions:
             self._estop(action, sender)
         elif (before := self._history.of(action.action_id)) is not None:
             self._out.send("action", before)
-            self._say_receipt(action.action_id)
+            self._send_receipt(action.action_id)
         elif reason := self._kernel.permit(
             action, sender, now=self._times.now(), unix=self._times.unix()
         ):
@@ -208,28 +184,26 @@ class Actions:
 
     def progressed(self, progress: ActionProgress) -> None:
         """Take the adapter's news of an action."""
+        if progress.status in ENDED:
+            self._owned.ended(progress.action_id)
         before = self._history.of(progress.action_id)
-        kind = before.type if before else ""
-        status = ActionStatus(
-            action_id=progress.action_id,
+        if before is None or progress.action_id in self._final:
+            return
+        status = msgspec.structs.replace(
+            before,
             status=progress.status,
             stamp=self._times.unix(),
-            type=kind,
             reason=progress.reason[:300],
             result=progress.result,
         )
-        if progress.status in ENDED:
-            self._owned.ended(progress.action_id)
-        if before is None or progress.action_id in self._final:
-            return
         if progress.status in ENDED and self._kernel.navigation_ended(progress.action_id):
             self._final[progress.action_id] = status
         else:
             self._end(status)
 
     def cancelled(self, action_id: str, reason: str) -> None:
-        """The kernel has ended an action that moves the robot: cancel it at the adapter, and report
-        it when the robot is at rest. One that was not begun ends at once.
+        """Cancel at the adapter what the kernel has ended, and report it when the robot is at rest.
+        An action that has not started ends at once.
         """
         status = self._ended_by(action_id, reason)
         if self._waiting is not None and self._waiting.action_id == action_id:
@@ -250,41 +224,33 @@ class Actions:
         )
 
     def _end(self, status: ActionStatus) -> None:
-        """Say how far an action is, and what that means for its goal."""
+        """Report a status, and the event of its goal."""
         status = msgspec.structs.replace(status, stamp=self._times.unix())
-        if (
-            self._say(status)
-            and status.type in {"goto", "follow"}
-            and status.status in {"FINISHED", "FAILED"}
-        ):
-            event = "goal_reached" if status.status == "FINISHED" else "goal_blocked"
+        event = {"FINISHED": "goal_reached", "FAILED": "goal_blocked"}.get(status.status)
+        if self._send(status) and event and status.type in {"goto", "follow"}:
             self._reports.event(event, action_id=status.action_id, detail=status.reason)
 
     def button_pressed(self) -> None:
-        """The robot's own e-stop was pressed."""
         self.cancel_all()
         self._latched("button", None)
 
     def _stamped(self, action: Action, sender: CommandSender) -> Action:
-        """Return the action with the role and user that count; on a data channel the page's own are
-        discarded.
+        """Return the action with the role and user that count. A page's own claims on a data
+        channel are discarded.
         """
         if sender.way == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
         role = role_of(action, sender, lease)
         is_known = lease is not None and role in {"driver", "visitor"}
-        return msgspec.structs.replace(
-            action,
-            role=role if is_known else "observer",
-            user=lease.who if lease is not None and is_known else "",
-        )
+        user = lease.who if lease is not None and is_known else ""
+        return msgspec.structs.replace(action, role=role if is_known else "observer", user=user)
 
     # --- stop -------------------------------------------------------------------------------------
 
     def _stop(self, action: Stop, sender: CommandSender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
-        self._turn_wheels()
+        self._send_velocity()
         if obeyed:  # a late copy does not end what its driver has begun since
             self.cancel_all()
         self._stopped(action, obeyed=obeyed)
@@ -292,19 +258,19 @@ class Actions:
     def _estop(self, action: EStop, sender: CommandSender) -> None:
         watches = role_of(action, sender, self._kernel.leases.live(self._times.now())) == "observer"
         obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
-        self._turn_wheels()
+        self._send_velocity()
         self.cancel_all()
         if watches:
             self._stopped(action, obeyed=obeyed)
         elif obeyed:
             self._latched(action.detail, action)
         else:
-            self._reports.hurry()
+            self._reports.send_soon()
 
     def _stopped(self, action: Stop | EStop, *, obeyed: bool) -> None:
         if obeyed:
             self._reports.event("stopped", action_id=action.action_id, detail=action.role)
-        self._reports.hurry()
+        self._reports.send_soon()
         self._out.send("action", self._status(action, "FINISHED"))
 
     def _latched(self, detail: str, action: EStop | None) -> None:
@@ -316,7 +282,7 @@ class Actions:
             action_id=action.action_id if action else None,
             detail=f"{source} {detail}".strip(),
         )
-        self._reports.hurry()
+        self._reports.send_soon()
         self._spawn(self._keep_latch(action))
 
     async def _keep_latch(self, action: Action | None) -> None:
@@ -337,7 +303,7 @@ class Actions:
             case ResendStates():
                 self._resend(action)
             case Say():
-                self._say_words(action)
+                self._send_words(action)
             case ConfirmWords():
                 self._confirm_words(action)
             case Call() | AnswerCall():
@@ -352,16 +318,15 @@ class Actions:
         self._kernel.clear_estop(self._times.now())
         self._history.record(self._status(action, "RUNNING"))
         if was is not None:
-            log.warning("estop_cleared", by=f"{action.role}:{action.user}", was=was.label)
-            self._reports.event(
-                "estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}"
-            )
-        self._reports.hurry()
+            by = f"{action.role}:{action.user}"
+            log.warning("estop_cleared", by=by, was=was.label)
+            self._reports.event("estop_cleared", action_id=action.action_id, detail=by)
+        self._reports.send_soon()
         self._spawn(self._cleared(action))
 
     async def _cleared(self, action: ClearEStop) -> None:
         await self._latch_changed()
-        self._say(self._status(action, "FINISHED"))
+        self._answer(action, "FINISHED")
 
     def _cancel(self, action: Cancel) -> None:
         if self._kernel.cancel(action.target) is not None:
@@ -371,23 +336,22 @@ class Actions:
         elif action.target in self._final:
             self._cancel_later(action)
         elif action.target is not None and self._history.runs(action.target):
-            self._say(self._ended_by(action.target, "cancelled"))
+            self._send(self._ended_by(action.target, "cancelled"))
             self._owned.cancel(action.target)
-            self._say(self._status(action, "FINISHED"))
+            self._answer(action, "FINISHED")
         else:
-            self._say(self._status(action, "FAILED", "nothing_runs"))
+            self._answer(action, "FAILED", "nothing_runs")
 
     def _cancel_later(self, action: Cancel) -> None:
-        """Report a cancel as done with the action that it has ended."""
-        self._say(self._status(action, "RUNNING"))
-        finished = self._status(action, "FINISHED")
+        """Report a cancel as done together with the action that it ends."""
+        self._answer(action, "RUNNING")
         if self._final:
-            self._final[action.action_id] = finished
+            self._final[action.action_id] = self._status(action, "FINISHED")
         else:
-            self._say(finished)
+            self._answer(action, "FINISHED")
 
     def _hand_over(self, action: Action) -> None:
-        self._say(self._status(action, "WAITING"))
+        self._answer(action, "WAITING")
         if isinstance(action, MOTION):
             self._kernel.navigate(
                 action.action_id,
@@ -416,26 +380,26 @@ class Actions:
             if action_id not in self._final:
                 self._not_started(action, str(error))
         except AdapterError as error:
-            if is_owned:  # it may run all the same
+            if is_owned:  # it may run despite the error
                 self._owned.cancel(action_id)
             self._not_started(action, str(error))
 
     def _not_started(self, action: Action, reason: str) -> None:
         self._kernel.navigation_ended(action.action_id)
-        self._say(self._status(action, "FAILED", reason))
+        self._answer(action, "FAILED", reason)
 
     def _photo(self, action: Photo) -> None:
         if self._photos >= PHOTOS_AT_ONCE:
-            self._say(self._status(action, "FAILED", "busy"))
+            self._answer(action, "FAILED", "busy")
             return
         self._photos += 1
-        self._say(self._status(action, "RUNNING"))
+        self._answer(action, "RUNNING")
         self._spawn(self._take_photo(action))
 
     async def _take_photo(self, action: Photo) -> None:
         try:
-            with its_fault():  # the camera may be the adapter's own
-                frame = await asyncio.to_thread(self._snapshot)
+            with adapter_errors():  # the camera may be the adapter's own
+                frame = await asyncio.to_thread(self._media.snapshot)
                 photo = await asyncio.to_thread(develop, frame) if frame is not None else None
         except AdapterError as error:
             log.warning("photo_failed", reason=str(error))
@@ -443,40 +407,26 @@ class Actions:
         finally:
             self._photos -= 1
         if photo is None:
-            self._say(
-                self._status(action, "FAILED", "no_picture" if frame is None else "too_large")
-            )
+            self._answer(action, "FAILED", "no_picture" if frame is None else "too_large")
             return
         self._out.record(f"photo/{action.action_id}", photo.jpeg)
         self._reports.event("photo", action_id=action.action_id, sha256=photo.sha256)
-        self._say(
-            self._status(
-                action,
-                "FINISHED",
-                result={
-                    "sha256": photo.sha256,
-                    "bytes": float(len(photo.jpeg)),
-                    "stamp": photo.stamp,
-                },
-            )
-        )
+        size = float(len(photo.jpeg))
+        result: Result = {"sha256": photo.sha256, "bytes": size, "stamp": photo.stamp}
+        self._answer(action, "FINISHED", result=result)
 
     def _resend(self, action: ResendStates) -> None:
-        if action.boot != self._reports.boot or action.last < action.first:
-            self._say(
-                self._status(
-                    action,
-                    "FAILED",
-                    "unknown_boot" if action.boot != self._reports.boot else "empty_range",
-                )
-            )
-            return
-        self._say(self._status(action, "RUNNING"))
-        self._spawn(self._say_again(action))
+        if action.boot != self._reports.boot:
+            self._answer(action, "FAILED", "unknown_boot")
+        elif action.last < action.first:
+            self._answer(action, "FAILED", "empty_range")
+        else:
+            self._answer(action, "RUNNING")
+            self._spawn(self._resend_states(action))
 
-    async def _say_again(self, action: ResendStates) -> None:
-        """Send kept states, a hundred at a time, so that ten minutes of the past do not stand in
-        the way of the present.
+    async def _resend_states(self, action: ResendStates) -> None:
+        """Send stored states, a hundred at a time, so that ten minutes of them do not delay new
+        ones.
         """
         states = self._reports.kept(action.first, action.last)
         for start in range(0, len(states), RESENT_AT_ONCE):
@@ -484,19 +434,16 @@ class Actions:
                 self._out.record("state", payload)
             await asyncio.sleep(RESEND_PAUSE)
         missing = action.last - action.first + 1 - len(states)
-        self._say(
-            self._status(
-                action, "FINISHED", result={"sent": float(len(states)), "missing": float(missing)}
-            )
-        )
+        result: Result = {"sent": float(len(states)), "missing": float(missing)}
+        self._answer(action, "FINISHED", result=result)
 
-    def _say_words(self, action: Say) -> None:
-        """Bring words over to the other side; those of somebody at the robot need a visitor to hear
+    def _send_words(self, action: Say) -> None:
+        """Send words to the other side. Words from the robot's screen need a visitor who receives
         them.
         """
         lease = self._kernel.leases.live(self._times.now())
         if lease is None:
-            self._say(self._status(action, "FAILED", "nobody_there"))
+            self._answer(action, "FAILED", "nobody_there")
             return
         here = action.role == "screen"
         words = Words(
@@ -511,30 +458,25 @@ class Actions:
             receipts=not here,
         )
         if not here:
-            self._receipts.said(action.action_id, lease.session)
+            self._receipts.sent(action.action_id, lease.session)
         self._out.send("words", words)
-        self._say(self._status(action, "FINISHED"))
+        self._answer(action, "FINISHED")
 
     def _confirm_words(self, action: ConfirmWords) -> None:
         lease = self._kernel.leases.live(self._times.now())
-        reason, is_news = self._receipts.confirm(
-            action.target, action.state, lease.session if lease else None
-        )
+        session = lease.session if lease else None
+        reason, is_news = self._receipts.confirm(action.target, action.state, session)
         if is_news:
-            self._say_receipt(action.target)
-        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason))
+            self._send_receipt(action.target)
+        self._answer_with(action, reason)
 
-    def _say_receipt(self, action_id: str) -> None:
-        """Tell the driver what became of their words, if anything is known of them."""
-        found = self._receipts.of(action_id)
-        if found is not None:
+    def _send_receipt(self, action_id: str) -> None:
+        """Report to the driver how far their words came, if a display has confirmed them."""
+        if found := self._receipts.of(action_id):
             session, state = found
-            self._out.send(
-                "receipt",
-                Receipt(
-                    stamp=self._times.unix(), action_id=action_id, session=session, state=state
-                ),
-            )
+            stamp = self._times.unix()
+            receipt = Receipt(stamp=stamp, action_id=action_id, session=session, state=state)
+            self._out.send("receipt", receipt)
 
     def _call(self, action: Call | AnswerCall) -> None:
         now = self._times.now()
@@ -548,18 +490,17 @@ class Actions:
             reason = self._calls.answer(accept=action.accept, lease=lease, now=now)
         elif lease is not None:
             self._calls.ask(action, lease, now)
-        self._reports.hurry()
-        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
+        self._reports.send_soon()
+        self._answer_with(action, reason)
 
     def _knock(self, action: Knock) -> None:
         now = self._times.now()
-        reason = self._calls.knock(
-            action.action_id, self._kernel.leases.live(now), now, audible=self._media.audible
-        )
+        lease, audible = self._kernel.leases.live(now), self._media.audible
+        reason = self._calls.knock(action.action_id, lease, now, audible=audible)
         if reason is None:
             self._media.ring()
-        self._reports.hurry()
-        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
+        self._reports.send_soon()
+        self._answer_with(action, reason)
 
     def _status(
         self, action: Action, status: ActionState, reason: str = "", result: Result | None = None
@@ -573,7 +514,17 @@ class Actions:
             result=result or {},
         )
 
-    def _say(self, status: ActionStatus) -> bool:
+    def _answer(
+        self, action: Action, status: ActionState, reason: str = "", result: Result | None = None
+    ) -> None:
+        self._send(self._status(action, status, reason, result))
+
+    def _answer_with(self, action: Action, reason: str | None) -> None:
+        """Report an action as failed for a reason, or as finished without one."""
+        self._answer(action, "FAILED" if reason else "FINISHED", reason or "")
+
+    def _send(self, status: ActionStatus) -> bool:
+        """Publish a status and return True, unless the action had already ended."""
         if not self._history.record(status):
             return False
         self._out.send("action", status)
@@ -581,7 +532,7 @@ class Actions:
 
 
 def kind_of(action: Action) -> str:
-    """Return an action's type as it stands on the wire."""
+    """Return an action's type on the wire."""
     return str(type(action).__struct_config__.tag)
 
 
@@ -590,5 +541,5 @@ def _mode_of(action: Action) -> Mode:
 
 
 def _voice_of(action: Say, lease: Lease) -> str:
-    """Return who says a line: the visitor, or the robot itself for a hidden operator."""
+    """Return who speaks: the visitor, or "" (the robot itself) for a hidden operator."""
     return "" if lease.kind == "wizard" and action.role == "driver" else lease.who

@@ -1,12 +1,12 @@
-"""How far a visitor is let through to the people at the robot: decisions only.
+"""Which of a visitor's media reach the people at the robot. Pure.
 
-A visitor who wants to be heard or seen rings. Where the owner's rule is `accept` the visitor is
-through at once; where it is `ask` somebody at the robot's screen decides, and until then nothing of
-the visitor's voice and face leaves the agent. An answer holds for the rest of the session; what the
-page sends must be said anew by each page that takes the session, because a page begins in silence.
+A visitor who wants to speak or be seen rings. With the owner's rule `accept` the visitor is
+accepted at once; with `ask` a person at the robot's screen decides, and until then no voice or
+video leaves the agent. An answer holds for the rest of the session. Each page that takes over the
+session must send its call again, because a page starts silent.
 
-A knock sends nothing. It rings at the robot so that somebody comes, at most every ten seconds, and
-not once somebody has answered with "not now": until the end of the session the robot stays quiet.
+A knock sends no media. It rings at the robot, at most every ten seconds, and not again in a session
+after the answer "not now".
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from typing import Literal
 
 from robots.api.messages import Call, CallState, KnockState, Lease
 
-RINGS = 45.0  # s until somebody who could answer is taken not to be there
+RINGS = 45.0  # s after which a call counts as unanswered
 
-KNOCK_RINGS = 30.0  # s that a knock is shown and can be answered
-KNOCK_TOLD = 60.0  # s after which nobody is told of it any more
-KNOCK_PAUSE = 10.0  # s between two knocks, whoever drives
+KNOCK_RINGS = 30.0  # s for which a knock rings
+KNOCK_REPORTED = 60.0  # s for which a knock is reported and can be answered
+KNOCK_PAUSE = 10.0  # s between two knocks, of one driver or of two
 
 Rule = Literal["accept", "ask"]
 Status = Literal["ringing", "accepted", "declined", "unanswered"]
@@ -26,7 +26,7 @@ Status = Literal["ringing", "accepted", "declined", "unanswered"]
 
 @dataclass(frozen=True)
 class Passing:
-    """What of the driver's media is let through now, and how loud, as a share."""
+    """The driver's media that are let through now; `volume` is a share."""
 
     audio: bool = False
     video: bool = False
@@ -38,7 +38,7 @@ NOTHING = Passing()
 
 @dataclass
 class _Knock:
-    """A knock that was heard; `answer` is what somebody at the screen made of it."""
+    """A knock that rang, and its answer at the screen."""
 
     action_id: str
     session: str
@@ -47,10 +47,8 @@ class _Knock:
 
 
 class CallControl:
-    """The call and the knock of whoever drives. `now` is monotonic seconds, `lease` the live one.
-
-    Args:
-        knock_pause: seconds between two knocks.
+    """The call and the knock of the driver. `now` is monotonic seconds, `lease` the live one,
+    `knock_pause` seconds between two knocks. A returned reason is one word.
     """
 
     def __init__(self, knock_pause: float = KNOCK_PAUSE) -> None:
@@ -66,13 +64,8 @@ class CallControl:
     def knock(
         self, action_id: str, lease: Lease | None, now: float, *, audible: bool
     ) -> str | None:
-        """Take a knock; return in one word why nobody hears it, or None.
-
-        Args:
-            action_id: that of the knock.
-            lease: the live one.
-            now: monotonic seconds.
-            audible: whether a display is connected or the robot has a loudspeaker.
+        """Take a knock; return why it does not ring, or None. It is `audible` with a connected
+        display or a loudspeaker.
         """
         if lease is None or not audible:
             return "nobody_there"
@@ -84,53 +77,45 @@ class CallControl:
         return None
 
     def knockable(self, lease: Lease | None, *, audible: bool) -> bool:
-        """Tell whether the driver may knock, but for the pause between two knocks."""
+        """Tell whether the driver may knock, apart from the pause between two knocks."""
         return lease is not None and audible and not self._is_quiet(lease)
 
     def answer_knock(
         self, action_id: str, *, accept: bool, lease: Lease | None, now: float
     ) -> str | None:
-        """Take the answer of somebody at the screen to a knock; return in one word why there is
-        nothing to answer, or None.
-        """
+        """Take the screen's answer to a knock; return why there is none to answer, or None."""
         knock = self._knock_of(lease, now)
         if knock is None or knock.action_id != action_id or lease is None:
             return "nobody_knocks"
         knock.answer = "answered" if accept else "declined"
         if accept:
-            self._turn_to(lease)
+            self._follow_lease(lease)
             self._status = "accepted"
         return None
 
     def knocking(self, lease: Lease | None, now: float) -> KnockState | None:
-        """Return how the newest knock of this session stands; None when there is none to tell."""
+        """Return the newest knock of this session, None when there is none to report."""
         knock = self._knock_of(lease, now)
         if knock is None:
             return None
-        rings = now - knock.at <= KNOCK_RINGS
-        return KnockState(
-            action_id=knock.action_id,
-            status=knock.answer or ("ringing" if rings else "unanswered"),
+        unanswered: Literal["ringing", "unanswered"] = (
+            "ringing" if now - knock.at <= KNOCK_RINGS else "unanswered"
         )
+        return KnockState(action_id=knock.action_id, status=knock.answer or unanswered)
 
     def _knock_of(self, lease: Lease | None, now: float) -> _Knock | None:
         knock = self._knock
-        return (
-            knock
-            if knock is not None
-            and lease is not None
-            and knock.session == lease.session
-            and now - knock.at <= KNOCK_TOLD
-            else None
-        )
+        if knock is None or lease is None or knock.session != lease.session:
+            return None
+        return knock if now - knock.at <= KNOCK_REPORTED else None
 
     def _is_quiet(self, lease: Lease) -> bool:
         knock = self._knock
         return knock is not None and knock.session == lease.session and knock.answer == "declined"
 
     def ask(self, call: Call, lease: Lease, now: float) -> None:
-        """Take what the driver wants; one who was declined must hang up before ringing again."""
-        self._turn_to(lease)
+        """Take the driver's call; after a refusal it must end before it can ring again."""
+        self._follow_lease(lease)
         if not call.ringing:
             self._call = None
             self._status = self._status if self._status == "accepted" else None
@@ -140,31 +125,24 @@ class CallControl:
         self._call = call
 
     def answer(self, *, accept: bool, lease: Lease | None, now: float) -> str | None:
-        """Take the answer of somebody at the screen; return in one word why there is nothing to
-        answer, or None.
-
-        Whoever was let through may be declined later: that is how somebody at the robot hangs up.
+        """Take the screen's answer; return why there is no call, or None. An accepted call can be
+        declined later: that is how the people at the robot hang up.
         """
-        state = self.state(lease, now)
-        if state is None:
+        if self.state(lease, now) is None:
             return "nobody_calls"
         self._status = "accepted" if accept else "declined"
         return None
 
     def state(self, lease: Lease | None, now: float) -> CallState | None:
-        """Return how the call stands; None when nobody calls."""
+        """Return the state of the call, None without one."""
         call = self._of(lease)
         if call is None or self._status is None:
             return None
         status = self._status
-        if status == "ringing":
-            status = (
-                "accepted"
-                if self.rule == "accept"
-                else "unanswered"
-                if now - self._since > RINGS
-                else "ringing"
-            )
+        if status == "ringing" and self.rule == "accept":
+            status = "accepted"
+        elif status == "ringing" and now - self._since > RINGS:
+            status = "unanswered"
         return CallState(
             status=status,
             audio=call.audio,
@@ -174,29 +152,24 @@ class CallControl:
         )
 
     def passing(self, lease: Lease | None, now: float) -> Passing:
-        """Return what is let through."""
         state = self.state(lease, now)
-        return (
-            Passing(state.audio, state.video, state.volume)
-            if state is not None and state.status == "accepted"
-            else NOTHING
-        )
+        if state is None or state.status != "accepted":
+            return NOTHING
+        return Passing(state.audio, state.video, state.volume)
 
     def shows_screen(self, lease: Lease | None, now: float) -> bool:
-        """Tell whether the people at the robot see a screen that the visitor shares, and may point
-        at what is on it.
+        """Tell whether the people at the robot see the visitor's shared screen, and may point at
+        it.
         """
         state = self.state(lease, now)
         return state is not None and state.status == "accepted" and state.video and state.shares
 
     def _of(self, lease: Lease | None) -> Call | None:
-        return (
-            self._call
-            if lease is not None and (lease.session, lease.epoch) == (self._session, self._epoch)
-            else None
-        )
+        if lease is None or (lease.session, lease.epoch) != (self._session, self._epoch):
+            return None
+        return self._call
 
-    def _turn_to(self, lease: Lease) -> None:
+    def _follow_lease(self, lease: Lease) -> None:
         if lease.session != self._session:
             self._status = None
         if (lease.session, lease.epoch) != (self._session, self._epoch):

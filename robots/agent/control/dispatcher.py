@@ -1,15 +1,14 @@
-"""Where everything that a robot hears meets the safety kernel: one handler a message, all of them
-on the control loop.
+"""Connects every message that a robot receives to the safety kernel: one handler a message, all on
+the control loop.
 
-The dispatcher decides nothing that matters for safety: it asks the kernel, tells the wheels, and
-reports.
+The dispatcher makes no safety decisions: it asks the kernel, sends its velocity and reports.
 """
 
 import asyncio
 import contextlib
 import functools
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -17,7 +16,6 @@ import structlog
 
 from robots.agent.autonomy.area import dock_of
 from robots.agent.control.actions import Actions
-from robots.agent.control.attention import Attention, Needs
 from robots.agent.control.calls import NOTHING, CallControl
 from robots.agent.control.publisher import AgentLink, Media, Publisher
 from robots.agent.control.remote_pointer import Pointing
@@ -37,7 +35,7 @@ from robots.agent.store import Store
 from robots.agent.timing import Cadence, TimeSource
 from robots.api import codec
 from robots.api.floorplan import ChargingDock as Station
-from robots.api.idle import WATCHER
+from robots.api.idle import INTEREST_SECONDS, WATCHER
 from robots.api.messages import (
     Action,
     AppliedCommand,
@@ -47,7 +45,6 @@ from robots.api.messages import (
     CommandHeartbeat,
     Config,
     FloorPlanUpdate,
-    LabReport,
     Lease,
     PictureRequest,
     PointCommand,
@@ -68,92 +65,72 @@ ADAPTER_LOST, ADAPTER_STARTING = "adapter_lost", "adapter_starting"
 RIVAL = "rival"
 CLOSING = "closing"
 STORE = "store"
-RUNS_ON, SETTLING = "runs_on", "settling"
-
-
-@dataclass(frozen=True)
-class DispatcherParts:
-    """What a dispatcher is made of."""
-
-    kernel: Kernel
-    adapter: AdapterLink
-    link: AgentLink
-    media: Media
-    store: Store
-    times: TimeSource
-    boot: str
-    networks: Networks = CLEAN
-    monitor: CollisionMonitor | None = None
+RUNS_ON = "runs_on"
+SETTLING = "settling"
 
 
 class CommandDispatcher:
-    """The handlers. `spawn` runs a coroutine beside the loop."""
+    """The handlers. `spawn` runs a coroutine in the background."""
 
     def __init__(
-        self, parts: DispatcherParts, spawn: Callable[[Coroutine[Any, Any, None]], None]
+        self,
+        kernel: Kernel,
+        adapter: AdapterLink,
+        link: AgentLink,
+        media: Media,
+        store: Store,
+        *,
+        times: TimeSource,
+        boot: str,
+        spawn: Callable[[Coroutine[Any, Any, None]], None],
+        networks: Networks = CLEAN,
+        monitor: CollisionMonitor | None = None,
     ) -> None:
-        self._kernel, self._adapter = parts.kernel, parts.adapter
-        self._media, self._monitor = parts.media, parts.monitor
-        self._store, self._times, self._spawn = parts.store, parts.times, spawn
-        self._attention = Attention(
-            Needs(
-                has_lease=lambda: parts.kernel.leases.announced(parts.times.now()) is not None,
-                moves=lambda: parts.kernel.navigation is not None or self.reports.is_moving,
-                pages=lambda: parts.media.connected,
-            ),
-            parts.times.now(),
-        )
-        self.out = Publisher(parts.link, parts.media, self.is_needed)
+        self._kernel, self._adapter, self._media, self._store = kernel, adapter, media, store
+        self._times, self._spawn, self._monitor = times, spawn, monitor
+        self._needed_until = times.now() + INTEREST_SECONDS
+        self.out = Publisher(link, media, self.is_needed)
         self._calls, self._passing, self._pointing = CallControl(), NOTHING, Pointing()
-        self._own_networks, self._networks = parts.networks, CLEAN
+        self._own_networks, self._networks = networks, CLEAN
         self._line: TimedLine | None = None
         self.reports = Reports(
-            parts.boot,
-            parts.kernel,
+            boot,
+            kernel,
             self.out.send,
-            lambda: parts.media.connected,
-            parts.times,
-            screens=lambda: parts.media.screens,
-            call=lambda: self._calls.state(self._driver(), self._times.now()),
-            knock=lambda: (
-                self._calls.knockable(self._driver(), audible=parts.media.audible),
-                self._calls.knocking(self._driver(), self._times.now()),
-            ),
-            networks=self._networks_told,
-            devices=lambda: (parts.media.camera_status, (*parts.media.errors, *self._shortage)),
+            media,
+            times,
+            calls=self._calls,
+            control_network=lambda: self._line.report() if self._line is not None else None,
             is_needed=self.is_needed,
         )
         self.actions = Actions(
-            parts.kernel,
-            parts.adapter,
+            kernel,
+            adapter,
             self.reports,
             self.out,
-            snapshot=parts.media.snapshot,
             latch_changed=self._keep_latch,
-            turn_wheels=self.turn_wheels,
+            send_velocity=self.send_velocity,
             spawn=spawn,
-            times=parts.times,
+            times=times,
             calls=self._calls,
-            media=parts.media,
+            media=media,
         )
-        self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
-        self._disk_due = Cadence(DISK_PERIOD)
-        self._shortage: tuple[str, ...] = ()
+        self._heartbeat_due, self._disk_due = Cadence(HEARTBEAT_PERIOD), Cadence(DISK_PERIOD)
         self._unreported: AppliedCommand | None = None  # its velocity has not been sent yet
-        self._looks_at_disk = False
+        self._is_checking_disk = False
         self._dock: Station | None = None  # this robot's own, on the server's map
-        self._writing = asyncio.Lock()  # one after the other
-        self._kept_latch = parts.kernel.latch  # as the disk has it
+        self._writing = asyncio.Lock()  # one write at a time
+        self._stored_latch = kernel.latch
         self._faults: dict[str, str] = {}
         self._config: Config | None = None
         self._was_up = False
         self._set_fault(ADAPTER_STARTING, "the agent is connecting to the robot")
 
-    # --- from the broker (mqtt.Inbox) -------------------------------------------------------------
+    # --- from the broker (LinkInbox) --------------------------------------------------------------
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         """Take a message of the server."""
-        with self._surviving(suffix):
+        with self._brake_on_error(suffix):
             if not retained and _shows_need(message):
                 self._attract()
             self._arrived(suffix, message, retained=retained)
@@ -162,7 +139,7 @@ class CommandDispatcher:
         sender = CommandSender("mqtt", retained=retained)
         match message:
             case VelocityCommand() | Action():
-                self._travel(message, sender)
+                self._deliver(message, sender)
             case CommandHeartbeat(peer=peer) if not retained and peer != WATCHER:
                 self._heartbeat(peer, message, sender)
             case Lease():
@@ -183,10 +160,8 @@ class CommandDispatcher:
                 self._lease(None, retained=retained)
 
     @contextlib.contextmanager
-    def _surviving(self, suffix: str) -> Iterator[None]:
-        """Brake for a message that could not be dealt with, whichever way it came, and go on: the
-        next one may be a stop.
-        """
+    def _brake_on_error(self, suffix: str) -> Iterator[None]:
+        """Brake for a message whose handling failed, and continue: the next one may be a stop."""
         try:
             yield
         except Exception:
@@ -195,23 +170,34 @@ class CommandDispatcher:
             self._kernel.brake(self._times.now())
 
     def rejected(self, reason: str, count: int = 1) -> None:
-        """Count what could not be decoded."""
+        """Count messages that could not be decoded."""
         self._kernel.refused[reason] += count
 
     def link_changed(self, *, up: bool) -> None:
-        """The broker was reached, or lost: neither stops a drive, the lease's own time does."""
+        """Note the state of the broker link. A lost link does not stop a drive; the lease's expiry
+        does.
+        """
         log.info("link_changed", up=up)
         if up:
-            self.reports.say_again()
+            self.reports.republish()
 
     def is_needed(self) -> bool:
-        """Tell whether somebody drives, watches or is about to."""
-        return self._attention.is_needed(self._times.now())
+        """Tell whether the robot reports at its full rate (robots/api/idle.py). It does so for
+        INTEREST_SECONDS after its start and after the last need, so that the end of a drive is
+        seen.
+        """
+        kernel, now = self._kernel, self._times.now()
+        if (
+            kernel.leases.announced(now) is not None
+            or self._media.connected > 0
+            or kernel.navigation is not None
+            or self.reports.is_moving
+        ):
+            self._needed_until = now + INTEREST_SECONDS
+        return now < self._needed_until
 
     def rival(self, boot: str | None) -> None:
-        """Another, newer agent is this robot: yield to it, for two of them on one base cannot be
-        safe.
-        """
+        """Yield to another, newer agent of this robot: two agents on one base cannot be safe."""
         self._kernel.yields = boot is not None
         if boot is None:
             self._clear_fault(RIVAL)
@@ -221,17 +207,17 @@ class CommandDispatcher:
 
     # --- from the data channels -------------------------------------------------------------------
 
-    def heard(self, said: Iterable[tuple[str, Role, Command]], rejected: Mapping[str, int]) -> None:
-        """Take what pages have said. Who may drive is said by the lease, so every peer's commands
-        come here.
-        """
+    def take_commands(
+        self, commands: Iterable[tuple[str, Role, Command]], rejected: Mapping[str, int]
+    ) -> None:
+        """Take commands of all pages; the lease decides which of them drives."""
         for reason, count in rejected.items():
             self.rejected(reason, count)
-        for peer, role, command in said:
-            with self._surviving("data channel"):
-                self._heard(peer, role, command)
+        for peer, role, command in commands:
+            with self._brake_on_error("data channel"):
+                self._take_command(peer, role, command)
 
-    def _heard(self, peer: str, role: Role, command: Command) -> None:
+    def _take_command(self, peer: str, role: Role, command: Command) -> None:
         sender = CommandSender("datachannel", peer, role=role)
         match command:
             case CommandHeartbeat():
@@ -239,53 +225,47 @@ class CommandDispatcher:
             case PointCommand():
                 self._point(peer, command, sender)
             case _:
-                self._travel(command, sender)
+                self._deliver(command, sender)
 
-    # --- from the adapter (adapter_link.Listener) -------------------------------------------------
+    # --- from the adapter (AdapterListener) -------------------------------------------------------
 
     def reading(self, reading: RcaState) -> None:
-        """Take what the RCA reports, and say what has changed."""
+        """Take a reading of the RCA and report what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
         if reading.is_measured:
             self._kernel.measured(reading.velocity, self._times.now())
         if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):
-            self.turn_wheels()
+            self.send_velocity()
             self.actions.button_pressed()
         reading = self._perceived(reading)
         self._kernel.assist.clearance = reading.clearance
         self.reports.take(reading)
         if before.stamp > 0.0:
-            self._say_changes(before, reading)
+            self._report_changes(before, reading)
             if self.reports.docked != was_docked:
                 self.reports.event("docked" if self.reports.docked else "undocked")
 
     def _perceived(self, reading: RcaState) -> RcaState:
-        """Return a reading with what the collision monitor and the agent's own navigation make of
-        it.
-        """
+        """Return a reading with what the collision monitor and the agent's own navigation add."""
         monitor, now = self._monitor, self._times.now()
         if monitor is None:
             return self._adapter.located(reading, NO_POINTS)
         monitor.sense(reading, now)
         reading = self._adapter.located(reading, monitor.points())
         monitor.dock = seen_from(reading.pose, self._adapter.dock or self._dock)
-        reading = replace(
-            reading,
-            clearance=monitor.clearance() if reading.clearance is None else reading.clearance,
-        )
+        if reading.clearance is None:
+            reading = replace(reading, clearance=monitor.clearance())
         if self._kernel.monitor is None:
             return reading
         why, point = monitor.why(now)
         return replace(reading, assist_why=why, assist_point=point)
 
     def progressed(self, progress: ActionProgress) -> None:
-        """Take news of an action."""
         self.actions.progressed(progress)
 
     def adapter_changed(self, *, up: bool, reason: str = "") -> None:
-        """The RCA was reached, or lost."""
         if not up:
             if ADAPTER_LOST not in self._faults and self._was_up:
                 self.reports.event("adapter_lost", detail=reason)
@@ -304,29 +284,28 @@ class CommandDispatcher:
     # --- time -------------------------------------------------------------------------------------
 
     def tick(self) -> None:
-        """Fifty times a second: the lease's end, the wheels, and what is due to be said."""
+        """Run the work of one tick, 50 times a second: velocities first, then reports."""
+        self.send_velocity()
         self._lapse()
-        self.turn_wheels()
         self._report_applied()
         self.actions.tick()
         self._adapter.set_lock(locked=self._kernel.is_stopped)
         if self._kernel.navigation:
             self._adapter.limit_speed(self._kernel.caps(self._times.now()).linear)
-        self._look_after_standstill()
-        self._look_after_call()
+        self._check_standstill()
+        self._update_call()
         if self._heartbeat_due.due(self._times.now()):
             self._beat()
-        if self._disk_due.due(self._times.now()) and not self._looks_at_disk:
-            self._looks_at_disk = True
-            self._spawn(self._look_at_disk())
+        if self._disk_due.due(self._times.now()) and not self._is_checking_disk:
+            self._is_checking_disk = True
+            self._spawn(self._check_disk())
         self.reports.tick()
 
     def deadline(self) -> float | None:
-        """Return the moment of the deadman, when that is sooner than the next tick may be."""
         return self._kernel.deadline()
 
-    def turn_wheels(self) -> None:
-        """Let the kernel's decision reach the base."""
+    def send_velocity(self) -> None:
+        """Send the kernel's decision to the base."""
         wanted = self._adapter.wanted() if self._kernel.navigation else None
         decision = self._kernel.tick(self._times.now(), wanted)
         for action_id, reason in self._kernel.drain_cancelled():
@@ -338,31 +317,27 @@ class CommandDispatcher:
             self._kernel.applied(applied)
 
     def brake(self) -> None:
-        """The agent is about to end: from now on nothing moves the robot."""
+        """Stop for good before the agent ends."""
         self._set_fault(CLOSING, "the agent ends")
 
     @property
     def is_at_rest(self) -> bool:
-        """Tell whether the robot is at rest and every action has ended, or cannot be reached."""
+        """Tell whether the robot is at rest and every action has ended, or the RCA is lost."""
         kernel = self._kernel
         return not self._adapter.up or (kernel.is_at_rest and not kernel.is_end_unconfirmed)
 
     # --- handlers ---------------------------------------------------------------------------------
 
-    def _travel(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
-        """Take a command at once, or when the network that a study has put on its driver's commands
-        lets it through.
-        """
+    def _deliver(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+        """Handle a command at once, or after the delay of the network that a study emulates."""
         if self._line is not None and is_held(message, sender, self._driver()):
-            self._line.offer(
-                len(codec.encode(message)), functools.partial(self._delayed, message, sender)
-            )
+            command = functools.partial(self._delayed, message, sender)
+            self._line.offer(len(codec.encode(message)), command)
         else:
             self._command(message, sender)
 
     def _delayed(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
-        """Take a command that the network lab has held, outside of the message that brought it."""
-        with self._surviving("network lab"):
+        with self._brake_on_error("network lab"):
             self._command(message, sender)
 
     def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
@@ -377,9 +352,9 @@ class CommandDispatcher:
         )
         if verdict.reason is not None:
             return
-        self.turn_wheels()
+        self.send_velocity()
         self._report_applied()
-        applied = AppliedCommand(
+        self._unreported = AppliedCommand(
             seq=command.seq,
             stamp=command.stamp,
             method=command.method,
@@ -392,13 +367,12 @@ class CommandDispatcher:
             allowed=verdict.allowed,
             share=verdict.share,
         )
-        self._unreported = applied
         if not self._kernel.is_waiting:
             self._report_applied()
 
     def _report_applied(self) -> None:
-        """Report the newest command with the velocity that the base was really sent. Where the
-        adapter holds a velocity back, that is known at the next tick.
+        """Report the newest command with the velocity that was really sent. Where the adapter holds
+        a velocity back, it is known at the next tick.
         """
         applied, sent = self._unreported, self._kernel.commanded
         self._unreported = None
@@ -408,8 +382,10 @@ class CommandDispatcher:
             )
 
     def _attract(self) -> None:
-        """Note that somebody needs the robot; one that was idle speaks at once."""
-        if self._attention.attract(self._times.now()):
+        """Note that the robot is needed; an idle one reports at once."""
+        was_idle = not self.is_needed()
+        self._needed_until = self._times.now() + INTEREST_SECONDS
+        if was_idle:
             self.reports.state()
             self._beat()
 
@@ -425,7 +401,6 @@ class CommandDispatcher:
         self._kernel.heartbeat(peer, sender.way, now)
 
     def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
-        """Pass on where one side points; neither the kernel nor the record has to do with it."""
         lease, now = self._driver(), self._times.now()
         by = self._pointing.take(
             peer, command, sender, lease, shown=self._calls.shows_screen(lease, now), now=now
@@ -444,7 +419,7 @@ class CommandDispatcher:
                 renewal=lease.renewal if lease else None,
             )
             return
-        self.turn_wheels()
+        self.send_velocity()
         self._set_assist()
         after = kernel.leases.announced(now)
         if announced is not None and (after is None or after.session != announced.session):
@@ -479,33 +454,26 @@ class CommandDispatcher:
     def _driver(self) -> Lease | None:
         return self._kernel.leases.live(self._times.now())
 
-    def _look_after_standstill(self) -> None:
-        """Report a robot that moves although it has to be at rest, or is never measured so."""
+    def _check_standstill(self) -> None:
+        """Report a robot that moves although it must be at rest, or is never measured at rest."""
         kernel, now = self._kernel, self._times.now()
-        self._report(
-            RUNS_ON,
-            "the robot keeps moving although it was told to stop",
-            holds=self._adapter.up and kernel.moves_despite_stop(now),
-        )
-        self._report(
-            SETTLING,
-            "the robot is never measured at rest; set its standstill thresholds",
-            holds=self._adapter.up and kernel.settles_too_long(now),
-        )
+        up = self._adapter.up
+        runs_on = "the robot keeps moving although it was told to stop"
+        self._report(RUNS_ON, runs_on, holds=up and kernel.moves_despite_stop(now))
+        settling = "the robot is never measured at rest; set its standstill thresholds"
+        self._report(SETTLING, settling, holds=up and kernel.settles_too_long(now))
 
     def _report(self, name: str, text: str, *, holds: bool) -> None:
-        """Report an error for as long as it holds, at once when it begins."""
+        """Report an error for as long as it holds, at once when it starts."""
         if not holds:
             self.reports.errors.pop(name, None)
         elif name not in self.reports.errors:
             log.error(name, velocity=self.reports.reading.velocity)
             self.reports.errors[name] = f"{name}: {text}"
-            self.reports.hurry()
+            self.reports.send_soon()
 
-    def _look_after_call(self) -> None:
-        """Tell the media side, when it has changed, what of the driver's voice and face is let
-        through.
-        """
+    def _update_call(self) -> None:
+        """Tell the media side when the let-through media of the driver have changed."""
         passing = self._calls.passing(self._driver(), self._times.now())
         if passing != self._passing:
             self._passing = passing
@@ -513,7 +481,7 @@ class CommandDispatcher:
             self._media.let_through(audio=passing.audio, video=passing.video, volume=passing.volume)
 
     def _close_session(self, lease: Lease) -> None:
-        """Say the last state of a session, and that it was the last."""
+        """Send the last state of a session and close it."""
         self._report_applied()
         last = self.reports.state(lease)
         self.reports.event("session_closed", lease, last_seq=last)
@@ -536,20 +504,16 @@ class CommandDispatcher:
 
     def _set_assist(self) -> None:
         lease = self._kernel.leases.announced(self._times.now())
-        asked: AssistLevel = self._config.assist if self._config else "off"
+        level: AssistLevel = self._config.assist if self._config else "off"
         if lease is not None and lease.assist is not None:
-            asked = lease.assist
-        # Steering needs to see obstacles; a robot that sees none is slowed down instead, and says
-        # so.
-        level: AssistLevel = (
-            "slow" if asked == "steer" and "assist" not in self._kernel.capabilities else asked
-        )
+            level = lease.assist
+        # a robot without a sensor for obstacles cannot steer around them, so it is slowed down
+        if level == "steer" and "assist" not in self._kernel.capabilities:
+            level = "slow"
         self._kernel.assist.level = level
 
     def _set_networks(self) -> None:
-        """Give the driver the network that is theirs. What is still on its way is lost with the old
-        one.
-        """
+        """Apply the network emulated for the driver. What the old one still holds is lost."""
         networks = in_force(self._driver(), self._config, self._own_networks)
         if networks == self._networks:
             return
@@ -559,39 +523,33 @@ class CommandDispatcher:
         )
         if self._line is not None:
             self._line.close()
-        self._line = (
-            TimedLine(networks.control, self._times.now) if networks.control is not None else None
-        )
+        control = networks.control
+        self._line = None if control is None else TimedLine(control, self._times.now)
         self._media.impair(networks.video)
 
-    def _networks_told(self) -> tuple[LabReport | None, LabReport | None]:
-        return self._line.report() if self._line is not None else None, self._media.network
-
-    def _say_changes(self, before: RcaState, after: RcaState) -> None:
+    def _report_changes(self, before: RcaState, after: RcaState) -> None:
         if after.battery.charging and not before.battery.charging:
             self.reports.event("charging")
-        self._feel(before, after)
-        if after.pose.localized != before.pose.localized:
-            self.reports.event(
-                "localization_found" if after.pose.localized else "localization_lost"
-            )
+        self._handle_contacts(before, after)
+        if (localized := after.pose.localized) != before.pose.localized:
+            self.reports.event("localization_found" if localized else "localization_lost")
 
-    def _feel(self, before: RcaState, after: RcaState) -> None:
-        """Stop for a contact that begins, and go no further towards one that lasts."""
+    def _handle_contacts(self, before: RcaState, after: RcaState) -> None:
+        """Stop for a new contact, and allow no motion towards one that lasts."""
         felt = sides_of(after.bumper or ())
         if after.contacts > before.contacts or felt - sides_of(before.bumper or ()):
             self._kernel.touched(felt)
-            self.turn_wheels()
+            self.send_velocity()
             self.reports.event("collision", detail=" ".join(side for side in SIDES if side in felt))
         self._kernel.contacts.felt(felt)
 
-    # --- faults and what is remembered ------------------------------------------------------------
+    # --- faults and storage -----------------------------------------------------------------------
 
     def _set_fault(self, name: str, text: str) -> None:
         self._faults[name] = text
         self.reports.errors[name] = f"{name}: {text}"[:300]
         self._kernel.set_fault(name)
-        self.turn_wheels()
+        self.send_velocity()
 
     def _clear_fault(self, name: str) -> None:
         if self._faults.pop(name, None) is None:
@@ -600,20 +558,19 @@ class CommandDispatcher:
         if not self._faults:
             self._kernel.clear_fault(self._times.now())
 
-    async def _look_at_disk(self) -> None:
-        """Ask for the space that is left off the loop, which a disk that hangs must not hold up."""
+    async def _check_disk(self) -> None:
         try:
-            self._shortage = await asyncio.to_thread(self._store.shortage)
+            self.reports.shortage = await asyncio.to_thread(self._store.shortage)
         finally:
-            self._looks_at_disk = False
+            self._is_checking_disk = False
 
     async def _keep_latch(self) -> None:
         async with self._writing:
             latch = self._kernel.latch
-            if latch != self._kept_latch and await self._write(
-                lambda: self._store.keep_latch(latch)
-            ):
-                self._kept_latch = latch
+            if latch == self._stored_latch:
+                return
+            if await self._write(lambda: self._store.keep_latch(latch)):
+                self._stored_latch = latch
 
     async def _keep_lease(self) -> None:
         async with self._writing:
@@ -622,8 +579,8 @@ class CommandDispatcher:
                 await self._write(lambda: self._store.keep_lease(newest))
 
     async def _write(self, write: Callable[[], None]) -> bool:
-        """Write off the loop and tell whether it was done; a full disk is reported, and the robot
-        keeps what it has in memory.
+        """Write in a thread; report a failure, such as a full disk, and return whether it
+        succeeded.
         """
         try:
             await asyncio.to_thread(write)
@@ -636,7 +593,7 @@ class CommandDispatcher:
 
 
 def _shows_need(message: Any) -> bool:
-    """Tell whether a message of the server is from somebody who needs the robot."""
+    """Tell whether a message of the server shows that the robot is needed."""
     match message:
         case VelocityCommand() | Action() | Lease() | PictureRequest():
             return True

@@ -1,10 +1,9 @@
-"""What pages have said and the control loop has not heard yet: a bounded place for each of them, so
-that nobody waits behind another.
+"""Commands of pages that wait for the control loop, in bounded space for each page, so that no page
+delays another.
 
-A page has one slot for each kind of message of which only the newest counts, and a small queue of
-actions. However much it says while the loop is held up, what is heard afterwards is the newest, and
-every page's stop comes before everything else. What the same page said before its stop, and what
-would move the robot, is void.
+A page has one slot for each kind of message of which only the newest counts, and a short queue of
+actions. After a delay of the loop each page's newest message is handled, and the stops of all pages
+first. A stop voids what the same page sent before it and what would move the robot.
 """
 
 import threading
@@ -24,73 +23,60 @@ from robots.api.messages import (
     VelocityCommand,
 )
 
+Slots = dict[type | str, tuple[Role, Command]]
 ACTIONS_WAITING = 16  # of one page
 NEWEST_COUNTS = (Stop, EStop, VelocityCommand, CommandHeartbeat, PointCommand)
 
 
 class Ingress:
-    """Filled from any thread, emptied by the control loop, which is woken by `wake` when there is
-    something.
-    """
+    """Filled from any thread, drained by the control loop, which `wake` wakes."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
         self._lock = threading.Lock()
-        self._said: dict[str, dict[type | str, tuple[Role, Command]]] = {}
+        self._waiting: dict[str, Slots] = {}  # by peer
         self._rejected: Counter[str] = Counter()
         self._woken = False
 
-    def put(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
-        """Take what a page has said, or count why it could not be read."""
+    def put(self, peer: str, role: Role, received: ReceivedPacket) -> None:
+        """Take a packet of a page, or count why it could not be read."""
         with self._lock:
-            if isinstance(heard, Rejection):
-                self._rejected[heard.reason] += 1
+            if isinstance(received, Rejection):
+                self._rejected[received.reason] += 1
             else:
-                self._keep(self._said.setdefault(peer, {}), role, heard)
+                self._keep(self._waiting.setdefault(peer, {}), role, received)
             woken, self._woken = self._woken, True
         if not woken:
             self._wake()
 
-    def _keep(
-        self, slots: "dict[type | str, tuple[Role, Command]]", role: Role, command: Command
-    ) -> None:
+    def _keep(self, slots: Slots, role: Role, command: Command) -> None:
         if isinstance(command, Stop | EStop):
-            void = [
-                each
-                for each, (_, said) in slots.items()
-                if isinstance(said, (VelocityCommand, *MOVING))
-            ]
-            for each in void:
-                del slots[each]
-                self._rejected["stopped"] += 1
+            for slot, (_, earlier) in list(slots.items()):
+                if isinstance(earlier, (VelocityCommand, *MOVING)):
+                    del slots[slot]
+                    self._rejected["stopped"] += 1
         if isinstance(command, VelocityCommand) and command.linear == command.angular == 0.0:
-            # to let go is said once, and must not be lost to the key pressed next
-            slot: type | str = Velocity
+            # a release is sent once, and the next key press must not replace it
+            slot = Velocity
         elif isinstance(command, NEWEST_COUNTS):
             slot = type(command)
         else:
             slot = command.action_id
-            if (
-                slot not in slots
-                and sum(isinstance(name, str) for name in slots) >= ACTIONS_WAITING
-            ):
+            actions = sum(isinstance(name, str) for name in slots)
+            if slot not in slots and actions >= ACTIONS_WAITING:
                 self._rejected["too_many"] += 1
                 return
         if slots.pop(slot, None) is not None and isinstance(command, VelocityCommand):
             self._rejected["replaced"] += 1
-        slots[slot] = role, command  # the newest comes after what was said before it
+        slots[slot] = role, command  # the newest is the last
 
     def drain(self) -> tuple[list[tuple[str, Role, Command]], Counter[str]]:
-        """Return (peer, role, command) of all that waits, stops first, and how many could not be
-        read or kept for which reason.
+        """Return (peer, role, command) of all that waits, stops first, and counts of rejections by
+        reason.
         """
         with self._lock:
-            said, self._said = self._said, {}
+            waiting, self._waiting = self._waiting, {}
             rejected, self._rejected = self._rejected, Counter()
             self._woken = False
-        waiting = [
-            (peer, role, command)
-            for peer, slots in said.items()
-            for role, command in slots.values()
-        ]
-        return sorted(waiting, key=lambda each: not isinstance(each[2], Stop | EStop)), rejected
+        commands = [(peer, *kept) for peer, slots in waiting.items() for kept in slots.values()]
+        return sorted(commands, key=lambda each: not isinstance(each[2], Stop | EStop)), rejected

@@ -1,8 +1,8 @@
-"""The control loop: a thread of its own, because it must run when nothing else does.
+"""The control loop, in a thread of its own so that nothing else can delay it.
 
-Adapter, safety and the broker's connection share one selector loop that no picture and no disk can
-hold up; the wheels turn at 50 Hz of monotonic time, and once more for every command that arrives.
-When the thread itself is stuck, the base's own watchdog stops it, and the agent ends its process
+Adapter, safety and broker link share one selector loop, which no image and no disk can block.
+Velocities are sent at 50 Hz of monotonic time, and once more for every command that arrives. When
+the thread itself hangs, the base's own watchdog stops the robot and the agent ends its process
 (robots/agent/watchdog.py).
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 
 import structlog
 
-from robots.agent.control.dispatcher import CommandDispatcher, DispatcherParts
+from robots.agent.control.dispatcher import CommandDispatcher
 from robots.agent.control.ingress import Ingress
 from robots.agent.control.publisher import AgentLink, Media
 from robots.agent.control.supervised_adapter import AdapterLink
@@ -44,18 +44,10 @@ CLOSE_TIME = 20.0
 
 
 class ControlLoop:
-    """One robot's control. `start`, `close`, `receive`, `reply` and `publish` may be called from
-    any thread.
+    """Controls one robot. `start`, `close`, `receive`, `reply` and `publish` are thread-safe.
 
-    Args:
-        adapter: the robot control architecture.
-        capabilities: what the robot can do: the adapter's, and what the agent adds.
-        link: the broker.
-        store: what is remembered across restarts.
-        boot: the id of this run.
-        rng: spreads attempts to connect.
-        times: the clocks.
-        networks: what is put on the network of drivers of whom the server says nothing.
+    `capabilities` are the adapter's and the agent's, `boot` identifies this run, `rng` spreads
+    attempts to connect, and `networks` are emulated for drivers unless the server says otherwise.
     """
 
     def __init__(
@@ -84,15 +76,11 @@ class ControlLoop:
             monitor=shaper,
             standstill=profile.standstill,
         )
-        # until it has ended as it was asked to; threading.excepthook logs why it did not
+        # until it has ended as requested; threading.excepthook logs an error
         self.failed = True
-        self.ticks = 0  # from which the agent notices a thread that hangs
-        self._adapter, self._link, self._store, self._boot = (
-            AdapterLink(adapter, rng=rng),
-            link,
-            store,
-            boot,
-        )
+        self.ticks = 0  # shows the agent whether the thread hangs
+        self._adapter = AdapterLink(adapter, rng=rng)
+        self._link, self._store, self._boot = link, store, boot
         self._times, self._networks = times or TimeSource(), networks
         self.thread = threading.Thread()
         self._calls = LoopCalls("control")
@@ -100,40 +88,35 @@ class ControlLoop:
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
         self._background: set[asyncio.Task[None]] = set()
-        # it wakes the loop once until that has drained it, so that wake must not be dropped
-        self._ingress = Ingress(lambda: self._calls.post(self._hear, most=math.inf))
+        # it wakes the loop only once until it is drained, so that call must not be dropped
+        self._ingress = Ingress(lambda: self._calls.post(self._drain, most=math.inf))
 
     # --- any thread -------------------------------------------------------------------------------
 
     def start(self, media: Media) -> None:
-        """Start the thread; `media` hears signals, leases and telemetry, and takes pictures."""
         self.thread = threading.Thread(target=self._run, args=(media,), name="control", daemon=True)
         self.thread.start()
         self._ready.wait()
 
-    def receive(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
-        """Take what came on a data channel. The lease says whether `peer` drives; `role` is what
-        signalling makes of that.
+    def receive(self, peer: str, role: Role, received: ReceivedPacket) -> None:
+        """Take a packet of a data channel. The lease decides whether `peer` drives; `role` is from
+        signalling.
         """
-        self._ingress.put(peer, role, heard)
+        self._ingress.put(peer, role, received)
 
     def reply(self, peer: str, message: SignalReply) -> None:
-        """Answer a page's signal."""
         self.publish(f"signal/{peer}/reply", message)
 
     def publish(self, suffix: str, message: Message) -> None:
-        """Send a message of the robot."""
         self._calls.post(self._send, suffix, message)
 
     def publish_picture(self, payload: bytes, peer: str | None = None) -> None:
-        """Send a picture for pages that WebRTC does not reach, or for the page of
-        one peer alone.
-        """
+        """Send an image to pages that WebRTC does not reach, or to one peer's page."""
         self._calls.post(self._send_picture, payload, peer, most=MOST_FRAMES)
 
     def close(self) -> None:
-        """Brake, say goodbye, let go of the robot; returns when that is done, after `CLOSE_TIME`
-        at most. A thread that hangs until then ends the process. Idempotent.
+        """Brake, say goodbye and release the robot, within `CLOSE_TIME`; then a hanging thread ends
+        the process. Idempotent.
         """
         self._closing.set()
         if self.thread.is_alive():
@@ -142,37 +125,34 @@ class ControlLoop:
                 end_process(self.thread, "closing")
 
     def wait(self, timeout: float) -> bool:
-        """Return whether the thread has ended, after at most `timeout` seconds; `failed` tells
-        whether it ended by itself.
+        """Return whether the thread ends within `timeout` seconds; `failed` tells whether by an
+        error.
         """
         return self._ended.wait(timeout)
 
     # --- the thread -------------------------------------------------------------------------------
 
     async def run(self, media: Media) -> None:
-        """Control the robot on the caller's own event loop until `close` was called; `start` gives
-        it a thread of its own.
-        """
+        """Control the robot on the caller's event loop until `close`; `start` uses a thread."""
         loop = self._calls.loop = asyncio.get_running_loop()
-        # What is done beside the loop (disks, pictures, a simulator that is started) has no
-        # business to go first.
+        # background work (disks, images, the start of a simulator) gets an ordinary priority
         loop.set_default_executor(
             ThreadPoolExecutor(
                 thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)
             )
         )
-        parts = DispatcherParts(
+        dispatcher = self._dispatcher = CommandDispatcher(
             self.kernel,
             self._adapter,
             self._link,
             media,
             self._store,
-            self._times,
-            self._boot,
-            self._networks,
-            self._monitor,
+            times=self._times,
+            boot=self._boot,
+            spawn=self._spawn,
+            networks=self._networks,
+            monitor=self._monitor,
         )
-        dispatcher = self._dispatcher = CommandDispatcher(parts, self._spawn)
         adapter = asyncio.create_task(self._adapter.run(dispatcher), name="adapter")
         link = asyncio.create_task(self._link.run(dispatcher), name="broker link")
         self._ready.set()
@@ -189,8 +169,7 @@ class ControlLoop:
     def _run(self, media: Media) -> None:
         set_nice(FIRST)
         try:
-            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its
-            # own, which MQTT needs.
+            # not asyncio.run: on Windows its default loop cannot watch the sockets of MQTT
             with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
                 runner.run(self.run(media))
             self.failed = False
@@ -202,9 +181,7 @@ class ControlLoop:
     async def _until_closing(
         self, dispatcher: CommandDispatcher, vital: set[asyncio.Task[None]]
     ) -> None:
-        """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one
-        of `vital` has ended.
-        """
+        """Tick at 50 Hz and at the deadman until `close` or the end of a `vital` task."""
         next_tick = self._times.now()
         while not self._closing.is_set():
             for task in vital:
@@ -222,7 +199,7 @@ class ControlLoop:
             await asyncio.sleep(max(0.0, wake - self._times.now()))
 
     async def _bring_to_rest(self, dispatcher: CommandDispatcher) -> None:
-        """Brake and end what the RCA does by itself, whether control was closed or has failed."""
+        """Brake and end the RCA's actions, after `close` or a failure."""
         until = self._times.now() + BRAKING_TIME
         try:
             dispatcher.brake()
@@ -242,15 +219,15 @@ class ControlLoop:
         task.add_done_callback(self._done)
 
     def _done(self, task: asyncio.Task[None]) -> None:
-        """Log why a task beside the loop failed; control goes on without it."""
+        """Log a failed background task; control continues without it."""
         self._background.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             log.error("background_task_failed", task=task.get_name(), exc_info=error)
 
-    def _hear(self) -> None:
-        said, rejected = self._ingress.drain()
+    def _drain(self) -> None:
+        commands, rejected = self._ingress.drain()
         if self._dispatcher is not None:
-            self._dispatcher.heard(said, rejected)
+            self._dispatcher.take_commands(commands, rejected)
 
     def _send(self, suffix: str, message: Message) -> None:
         if self._dispatcher is not None:

@@ -1,13 +1,12 @@
-"""Determines what stops the robot's own navigation when the agent is lost: part of
-`run_robot NAME --check`.
+"""Determines what stops the robot's own navigation when the agent is lost: part of `run_robot NAME
+--check`.
 
-The robot gets a goal a little ahead. While it drives there, the connection is cut without a
-goodbye, as by a crash of the agent, and no zero is sent. Some seconds later the agent connects
-again, and the odometry tells whether the robot was at rest by then and how far it had driven. A
-guard, or a base that obeys only the agent, stops it within the distance that it needs for its
-reaction and for braking; nothing else stops it before its goal. The goal is far enough away to tell
-the two apart. The distance decides, because connecting cancels the goal, so that the first reading
-may already be one of a robot at rest.
+The robot gets a goal ahead. While it drives there, the connection is cut as by a crash of the
+agent, and no zero is sent. Seconds later the agent reconnects, and the odometry shows whether the
+robot was at rest and how far it had driven. A guard, or a base that obeys only the agent, stops it
+within its distance for reaction and braking; otherwise it stops only at its goal, which is far
+enough away to tell the two apart. The distance decides, because connecting cancels the goal, so
+that the first reading may already be one of a robot at rest.
 """
 
 import asyncio
@@ -37,8 +36,6 @@ ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 @dataclass(frozen=True)
 class NavigationCheckParams:
-    """How the robot's own navigation is tried."""
-
     beyond: float = 0.5  # m from the stopping distance to the goal
     tolerance: float = 0.25  # m from its goal at which a planner may have arrived
     setting_out: float = 20.0  # s from the goal to the first motion
@@ -57,9 +54,8 @@ class NavigationCheckParams:
 
 @dataclass(frozen=True)
 class CutResult:
-    """How far the robot drove after the cut, in metres, until the first reading so many `seconds`
-    later, and whether it was still moving. `allowed` are the metres within which a guard, or the
-    base's watchdog, would have stopped it.
+    """The metres driven between the cut and the first reading, `seconds` later, and whether the
+    robot still moved. A guard or the base's watchdog would have stopped it within `allowed` metres.
     """
 
     metres: float
@@ -69,7 +65,6 @@ class CutResult:
 
     @property
     def stopped(self) -> bool:
-        """Whether something stopped the robot before its goal."""
         return not self.moves and self.metres <= self.allowed
 
 
@@ -87,9 +82,7 @@ def stopping_distance(
 
 
 def verdict(result: CutResult, stated: NavigationControl | None) -> tuple[bool, str]:
-    """Return whether the navigation is controlled as its adapter states, and a sentence that says
-    how it is, with what to change.
-    """
+    """Return whether navigation is controlled as the adapter states, and a sentence with advice."""
     if result.stopped:
         found = {
             "agent": "Navigation passes through the agent",
@@ -118,7 +111,7 @@ def verdict(result: CutResult, stated: NavigationControl | None) -> tuple[bool, 
 
 
 def untestable(adapter: Adapter, state: RcaState | None) -> str:
-    """Return in a sentence why the robot's own navigation cannot be tried, "" when it can be."""
+    """Return in a sentence why the robot's own navigation cannot be tested, "" when it can."""
     if not isinstance(adapter, Severable):
         return "the adapter cannot cut its connection (sever)"
     if state is None or not state.pose.localized:
@@ -129,7 +122,7 @@ def untestable(adapter: Adapter, state: RcaState | None) -> str:
 
 
 class NavigationCheck:
-    """One trial of the robot's own navigation. `say` prints a line for the owner."""
+    """One test of the robot's own navigation. `say` prints a line for the owner."""
 
     def __init__(
         self,
@@ -142,14 +135,11 @@ class NavigationCheck:
         adapter = robot.adapter
         is_passed_on = adapter.profile.navigation_control == "agent"
         self._planner = adapter if is_passed_on and isinstance(adapter, PassesVelocities) else None
-        self._passed_on_from = math.inf  # monotonic: from then on its velocities are passed on
+        self._passed_on_from = math.inf  # monotonic time from which its velocities are passed on
 
     async def run(self) -> bool:
-        """Send the robot to a point ahead, cut the connection, and return whether what is stated
-        stops it.
-
-        Raises:
-            AdapterError: the robot was lost, or cannot be reached again.
+        """Navigate ahead, cut the connection, and return whether the robot stops as stated. Raises
+        AdapterError when it is lost or cannot be reached again.
         """
         adapter, profile = self._robot.adapter, self._robot.adapter.profile
         if "goto" not in profile.capabilities:
@@ -173,8 +163,8 @@ class NavigationCheck:
             await self._end()
 
     async def _set_out(self, distance: float) -> Observed | None:
-        """Send the goal and return the reading in which the robot drives to it; None, with a line
-        for the owner, when nothing can be measured.
+        """Send the goal and return the reading in which the robot drives to it, or print why not
+        and return None.
         """
         self._say(f"Navigating {distance:.1f} m ahead…")
         goal = self._goal(distance)
@@ -197,7 +187,7 @@ class NavigationCheck:
         return None
 
     def _why_not(self, *, is_passed_on: bool) -> str:
-        """Return in a sentence why nothing can be measured, "" while the goal may still do it."""
+        """Return in a sentence why nothing can be measured, "" while the goal may still succeed."""
         newest = self._robot.newest
         if newest is not None and not is_passed_on and not self._robot.is_at_rest(newest):
             return (
@@ -232,8 +222,8 @@ class NavigationCheck:
         return _speed(driving[-1]) >= params.cut_speed or driven_for >= params.cut_after
 
     def _acceleration(self) -> float:
-        """Return how fast the robot may accelerate after the cut, in m/s²: at most by its limit,
-        and not much more than it did before.
+        """Return the largest acceleration after the cut, m/s²: at most the robot's limit, and twice
+        what was measured before.
         """
         params, newest = self._params, self._robot.readings[-1]
         earlier = [each for each in self._robot.readings if newest.at - each.at >= params.trend]
@@ -246,7 +236,7 @@ class NavigationCheck:
 
     def _pass_on(self) -> bool:
         """Pass on the planner's velocity, slowly, once it has been withheld for a moment; return
-        whether the robot may drive: also when its planner drives it by itself.
+        whether the robot may drive, which also holds when its planner drives it directly.
         """
         if self._planner is None:
             return True
@@ -263,9 +253,7 @@ class NavigationCheck:
         return True
 
     async def _cut(self, before: Observed, arrived: float) -> CutResult:
-        """Cut the connection and connect again; `arrived` are the metres after which the robot may
-        have arrived at its goal.
-        """
+        """Cut the connection and reconnect; after `arrived` metres the robot may be at its goal."""
         robot, params = self._robot, self._params
         profile = robot.adapter.profile
         allowed = stopping_distance(profile, params, _speed(before), self._acceleration())
@@ -285,7 +273,6 @@ class NavigationCheck:
         )
 
     async def _end(self) -> None:
-        """Cancel the goal, until the robot has confirmed it."""
         with contextlib.suppress(AdapterError):
             if await self._robot.cancel(ACTION_ID, self._params.cancelling):
                 return
@@ -300,6 +287,6 @@ def _speed(reading: Observed) -> float:
 
 
 def _place(state: RcaState) -> Pose2D:
-    """Return where the robot is by its odometry, or by its pose when it has none."""
+    """Return the robot's odometry, or its pose when it has none."""
     pose = state.pose
     return state.odometry or Pose2D(pose.x, pose.y, pose.theta)

@@ -1,6 +1,4 @@
-"""A robot connected without a site, for `run_robot NAME --check`: its readings, and how to leave
-it.
-"""
+"""A robot connected without a site, for `run_robot NAME --check`."""
 
 import asyncio
 import contextlib
@@ -12,8 +10,6 @@ from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, 
 
 @dataclass(frozen=True)
 class ObserverParams:
-    """Times of the connection, in seconds."""
-
     connecting: float = 30.0
     first_reading: float = 5.0
     period: float = 0.05  # between two velocities
@@ -30,8 +26,8 @@ class Observed:
 
 
 class ObservedRobot:
-    """One adapter. `readings` are those since `forget` or the last connection, `progress` that of
-    its actions, by id.
+    """One adapter, its `readings` since the connection or `forget`, and the `progress` of its
+    actions by id. Every wait raises AdapterError when the robot is lost.
     """
 
     def __init__(self, adapter: Adapter, params: ObserverParams | None = None) -> None:
@@ -41,11 +37,7 @@ class ObservedRobot:
         self._tasks: list[asyncio.Task[None]] = []
 
     async def connect(self) -> None:
-        """Connect, or connect again after `sever`.
-
-        Raises:
-            AdapterError: it cannot be reached; one sentence.
-        """
+        """Connect, or reconnect after `sever`. Raises AdapterError with one sentence."""
         try:
             async with asyncio.timeout(self.params.connecting):
                 await self.adapter.connect()
@@ -58,12 +50,10 @@ class ObservedRobot:
         ]
 
     def forget(self) -> None:
-        """Drop the readings so far."""
         self.readings.clear()
 
     @property
     def newest(self) -> RcaState | None:
-        """The last reading, None before the first."""
         return self.readings[-1].state if self.readings else None
 
     def is_at_rest(self, state: RcaState) -> bool:
@@ -71,11 +61,7 @@ class ObservedRobot:
         return is_within(state.velocity, self.adapter.profile.standstill)
 
     async def wait(self, seconds: float) -> None:
-        """Let time pass, as long as the robot reports.
-
-        Raises:
-            AdapterError: it was lost.
-        """
+        """Wait while the robot reports."""
         reading = self._tasks[0]
         done, _ = await asyncio.wait({reading}, timeout=seconds)
         if done:
@@ -83,11 +69,7 @@ class ObservedRobot:
             raise AdapterError("the robot stopped reporting")
 
     async def first_reading(self) -> Observed:
-        """Return the first reading of this connection.
-
-        Raises:
-            AdapterError: none came.
-        """
+        """Return the first reading of this connection, or raise AdapterError."""
         ends = now() + self.params.first_reading
         while not self.readings:
             if now() > ends:
@@ -102,12 +84,7 @@ class ObservedRobot:
         await self._end_tasks()
 
     async def cancel(self, action_id: str, seconds: float) -> bool:
-        """Cancel an action again and again until its end is confirmed; False when it was not within
-        so many seconds.
-
-        Raises:
-            AdapterError: the robot was lost.
-        """
+        """Cancel an action repeatedly; return whether its end was confirmed within `seconds`."""
         ends = now() + seconds
         if not self._tasks:
             raise AdapterError("not connected")
@@ -118,7 +95,7 @@ class ObservedRobot:
         return True
 
     async def leave(self) -> None:
-        """Brake and disconnect; also after a failure."""
+        """Brake and disconnect, also after a failure."""
         if self._tasks:
             with contextlib.suppress(AdapterError):
                 await self._brake()

@@ -1,5 +1,5 @@
-"""Actions that may move the robot: each is ours from its start until the RCA has confirmed that it
-ended. A cancel is repeated until then, whatever happens to the connection in between.
+"""Actions that may move the robot: the agent owns each from its start until the RCA has confirmed
+its end. A cancel is repeated until then, even if the connection is lost in between.
 """
 
 import asyncio
@@ -19,13 +19,10 @@ UNCONFIRMED = "the robot's navigation has not confirmed that it ended"
 
 
 class OwnedActions:
-    """The actions that run, and those whose end is to be confirmed.
+    """Running actions, and those whose end is unconfirmed.
 
-    Args:
-        adapter: where they run.
-        spawn: runs a coroutine beside the loop.
-        changed: called when an end became unconfirmed or was confirmed, with the reason why the
-            latest attempt to cancel did not succeed ("" for none).
+    `spawn` runs a coroutine in the background. `changed` is called when an end becomes unconfirmed
+    or confirmed, with the reason why the last cancel failed ("" for none).
     """
 
     def __init__(
@@ -41,21 +38,18 @@ class OwnedActions:
 
     @property
     def is_end_unconfirmed(self) -> bool:
-        """Tell whether an action that was cancelled may still run."""
         return bool(self._ending)
 
     def begin(self, action_id: str) -> None:
-        """Own an action from now on."""
         self._running.add(action_id)
 
     def is_wanted(self, action_id: str) -> bool:
-        """Tell whether an action was begun and has not been cancelled."""
         return action_id in self._running
 
     @contextlib.contextmanager
     def starting(self, action_id: str) -> Iterator[None]:
-        """Believe no confirmation that an action has ended while it is being started: an adapter
-        may not know it yet.
+        """Ignore confirmations of an action's end while it is being started: the adapter may not
+        know it yet.
         """
         self._starting.add(action_id)
         try:
@@ -64,7 +58,7 @@ class OwnedActions:
             self._starting.discard(action_id)
 
     def ended(self, action_id: str) -> None:
-        """Take that an action has ended, or was certainly never begun."""
+        """Note that an action has ended, or certainly never started."""
         self._running.discard(action_id)
         if action_id in self._ending:
             self._ending.discard(action_id)
@@ -79,7 +73,6 @@ class OwnedActions:
             self._spawn(self._cancel(action_id))
 
     def cancel_all(self) -> None:
-        """Cancel everything that runs."""
         for action_id in sorted(self._running):
             self.cancel(action_id)
 

@@ -1,6 +1,4 @@
-"""Every way out of a robot: records and presence to the broker, and what a page shows to the data
-channels as well.
-"""
+"""Everything that a robot sends: to the broker, and to pages over their data channels."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -20,7 +18,7 @@ from robots.api.messages import (
 
 
 class AgentLink(Protocol):
-    """The way to the broker (mqtt.MqttLink); all of it on the control loop."""
+    """The connection to the broker (mqtt.MqttLink), used on the control loop only."""
 
     connected: bool
 
@@ -35,62 +33,59 @@ class AgentLink(Protocol):
 
 
 class Media(Protocol):
-    """The media side (media.MediaSide); all of it thread-safe. `ended`: its loop runs no more."""
+    """The media side (media.MediaSide), thread-safe. `ended`: its loop has stopped."""
 
     ended: bool
 
-    def start(self) -> None:
-        """Begin to take signals."""
+    def start(self) -> None: ...
 
     def close(self) -> None:
-        """Hang up on everybody."""
+        """Close every connection."""
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
+        """Take a page's offer, candidate or bye, or the server's permission to stay."""
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """The lease names this peer now, or nobody."""
+        """Take the peer that the lease names, None without a driver."""
 
     def let_through(self, *, audio: bool, video: bool, volume: float) -> None:
-        """Let the driver's voice and face through to the people at the robot from now on, or not;
-        `volume` is a share.
+        """Let the driver's voice and video through to the people at the robot, or not; `volume` is
+        a share.
         """
 
     def impair(self, lab: NetworkLab | None) -> None:
-        """Put this on the driver's picture and sound from now on, or nothing."""
+        """Emulate this network for the driver's video and sound, None for none."""
 
     def telemetry(self, suffix: str, message: Message) -> None:
-        """Send a message to every page that is connected."""
+        """Send a message to every connected page."""
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the pages of the other that are connected."""
+        """Send where one side points to the connected pages of the other."""
 
     def picture_wanted(self, request: PictureRequest) -> None:
-        """Send one more picture through the server."""
+        """Send one more image through the server."""
 
     def snapshot(self) -> Frame | None:
         """Return a fresh frame of the camera; may block."""
 
     @property
     def connected(self) -> int:
-        """How many pages are connected."""
+        """Number of connected pages."""
 
     @property
     def screens(self) -> int:
-        """How many of the robot's own displays are connected."""
+        """Number of the robot's own displays that are connected."""
 
     @property
     def audible(self) -> bool:
-        """Whether somebody at the robot may hear a knock: a display is connected, or the robot has
-        a loudspeaker.
-        """
+        """Whether a knock rings: a display is connected, or there is a loudspeaker."""
 
     def ring(self) -> None:
-        """Ring with the robot's own loudspeaker, if no display is connected that does."""
+        """Ring with the robot's loudspeaker unless a connected display rings."""
 
     @property
     def camera_status(self) -> CameraStatus | None:
-        """How the camera is while it is wanted and gives no video."""
+        """State of the camera while it is wanted and gives no video."""
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -98,7 +93,7 @@ class Media(Protocol):
 
     @property
     def network(self) -> LabReport | None:
-        """What is put on the driver's picture and sound."""
+        """The network emulated for the driver's video and sound."""
 
 
 # of their moment: the broker gets none of them from an idle robot
@@ -106,13 +101,8 @@ OF_THE_MOMENT = frozenset({"heartbeat", "pose", "path", "scan"})
 
 
 class Publisher:
-    """Sends a message on all the ways that its topic travels on.
-
-    Args:
-        link: the broker.
-        media: the pages.
-        is_needed: whether somebody needs the robot; what is of its moment goes to the broker only
-            then.
+    """Sends each message on all transports of its topic. While the robot is not needed, the broker
+    gets no messages of the moment.
     """
 
     def __init__(
@@ -121,23 +111,20 @@ class Publisher:
         self._link, self._media, self._is_needed = link, media, is_needed
 
     def send(self, suffix: str, message: Any) -> None:
-        """Send a message of the robot."""
         if suffix not in OF_THE_MOMENT or self._is_needed():
             self._link.publish(suffix, codec.encode(message))
         if suffix in topics.TO_PAGE:
             self._media.telemetry(suffix, message)
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the other: to the server, which knows who that is, and to
-        its pages that are connected.
-        """
+        """Send where one side points to the server and to the other side's connected pages."""
         self._link.publish("pointer", codec.encode(pointer))
         self._media.point(pointer)
 
     def record(self, suffix: str, payload: bytes) -> None:
-        """Send what only the broker takes: a state said again, a photo."""
+        """Send what only the broker takes: a repeated state, a photo."""
         self._link.publish(suffix, payload)
 
     def picture(self, payload: bytes, peer: str | None) -> None:
-        """Send a picture for the pages that WebRTC does not reach, or for the page of one peer."""
+        """Send an image for pages that WebRTC does not reach, or for the page of one peer."""
         self._link.publish(picture.suffix_for(peer), payload)

@@ -1,7 +1,6 @@
-"""What became of the driver's words at the robot's displays: decisions only.
+"""Which of the driver's words the robot's displays have shown and spoken. Pure.
 
-A display says that it has shown them, and whether it has read them aloud. Several displays may say
-different things, late or twice: what is known only grows.
+Several displays may report different results, late or twice; a better result replaces a worse one.
 """
 
 from collections import OrderedDict
@@ -13,22 +12,18 @@ RANK: dict[WordsState, int] = {"shown": 1, "not_spoken": 2, "spoken": 3}
 
 
 class Receipts:
-    """The newest words of drivers, and how far each came."""
-
     def __init__(self) -> None:
         self._words: OrderedDict[str, tuple[str, WordsState | None]] = OrderedDict()
 
-    def said(self, action_id: str, session: str) -> None:
-        """Remember words that go out to the displays."""
+    def sent(self, action_id: str, session: str) -> None:
+        """Remember words that are sent to the displays."""
         self._words[action_id] = (session, None)
         while len(self._words) > KEPT:
             self._words.popitem(last=False)
 
     def confirm(self, action_id: str, state: WordsState, session: str | None) -> tuple[str, bool]:
-        """Take what a display says of words; return in one word why that is refused, "" when it is
-        not, and whether the driver has something new to hear.
-
-        Words of a session that is over are nobody's: `session` is the one that drives, or None.
+        """Take a display's report; return why it is refused ("" when it is not), and whether it is
+        news for the driver. Words of any session but the live `session` are refused.
         """
         of, known = self._words.get(action_id, ("", None))
         if not of or of != session:

@@ -1,8 +1,8 @@
-"""Who may point on the picture that the driver shares, and how often: decisions only.
+"""Who may point on the picture that the driver shares, and how often. Pure.
 
-A dot moves nothing and is worth only as much as it is new. So what may not pass is dropped and
-counted, and nobody is answered. It is counted here and not among what the safety kernel refuses,
-because studies take that for commands that did not reach the wheels.
+A dot moves nothing and is only worth showing while it is new, so a refused dot is dropped and
+counted without an answer. The kernel's counters are separate, because studies read them as commands
+that did not reach the wheels.
 """
 
 from collections import Counter
@@ -19,24 +19,20 @@ log = structlog.stdlib.get_logger(__name__)
 
 RATE = 20.0  # dots a second of one peer, a third more than our pages send
 BURST = 10.0
-PEERS = 16  # of whom is remembered when they pointed; a robot has one driver and few displays
-FORGOTTEN = 5.0  # s after which a peer's stamps may begin anew: its clock was set
+PEERS = 16  # remembered; a robot has one driver and few displays
+FORGOTTEN = 5.0  # s without dots, after which a peer's stamps may start again: its clock was set
 
 
 @dataclass
 class Hand:
-    """What is known of one peer: the newest stamp by its clock, and how many dots it may still send
-    at once.
-    """
+    """One peer: its newest stamp by its own clock, and the dots that it may still send at once."""
 
     bucket: Bucket
     stamp: float = float("-inf")
 
 
 class Pointing:
-    """What comes of the dots that peers send; `refused` counts by reason what does not pass. `now`
-    is monotonic seconds.
-    """
+    """Decides which dots pass; `refused` counts the others by reason. Times are monotonic."""
 
     def __init__(self) -> None:
         self._hands: dict[str, Hand] = {}
@@ -52,15 +48,10 @@ class Pointing:
         shown: bool,
         now: float,
     ) -> Literal["driver", "screen"] | None:
-        """Return whose dot it is, or None when it goes nowhere.
+        """Return whose dot it is, None when it is dropped.
 
-        Args:
-            peer: whoever sent it, by signalling or as the server has stamped it.
-            command: the dot.
-            sender: how it came.
-            lease: the live one, or None.
-            shown: whether the people at the robot see what the driver shares.
-            now: when it came.
+        `peer` is from signalling or stamped by the server, `lease` the live one, and `shown` tells
+        whether the people at the robot see what the driver shares.
         """
         role = role_of(command, sender, lease)
         reason = self._refusal(role, command, sender, lease, shown=shown) or self._staleness(
@@ -93,13 +84,11 @@ class Pointing:
         return reason or (None if shown else "not_shown")
 
     def _staleness(self, peer: str, stamp: float, now: float) -> str | None:
-        """Return why a dot of a peer that may point is not taken all the same, or None, and
-        remember it.
-        """
+        """Return why a permitted peer's dot is too old or too frequent, or remember it."""
         hand = self._hands.pop(peer, None)
         if hand is None or now - hand.bucket.at > FORGOTTEN:
             hand = Hand(Bucket(RATE, BURST))
-        # the last one of all, so that the first is whoever has not pointed for longest
+        # at the end, so that the first is the peer that has not pointed for longest
         self._hands[peer] = hand
         if len(self._hands) > PEERS:
             del self._hands[next(iter(self._hands))]

@@ -1,11 +1,11 @@
-"""`run_robot NAME --check`: tries a robot with its wheels off the ground, and measures when its
+"""`run_robot NAME --check`: tests a robot with its wheels off the ground, and measures when its
 base and its navigation stop without the agent.
 
-It connects the adapter alone, without a site, and looks at what the robot reports, also the noise
-of its velocity at rest. It drives slowly for a moment and then sends nothing more, not even zero,
-like an agent that was killed or hangs. The time for which the base keeps moving, by its own
-odometry, is its watchdog; the one that its profile states must not be shorter. navigation_check.py
-then does the same with the robot's own navigation. Zeros are sent at the end in any case.
+It connects the adapter without a site, prints what the robot reports, also the noise of its
+velocity at rest, drives slowly for a moment and then sends nothing, not even zero, like an agent
+that was killed or hangs. The time for which the base keeps moving, by its own odometry, must not
+exceed the watchdog that its profile states. navigation_check.py then does the same with the robot's
+own navigation. Zeros are sent at the end in any case.
 """
 
 import asyncio
@@ -54,37 +54,33 @@ NOISE_MARGIN = 1.5  # by which a threshold should exceed the noise that was meas
 
 @dataclass(frozen=True)
 class CheckParams:
-    """How a robot is tried."""
-
     speed: float = 0.05  # m/s
     period: float = 0.05  # s between two velocities
     listening: float = 3.0  # s in which everything that the robot reports has to come once
     picture: float = 10.0  # s to the first picture
     driving: float = 1.5  # s
     moving: float = 0.02  # m/s from which the base drives
-    standing: float = 0.01  # m/s below which it is at rest, unless its profile allows more
-    stood: float = 0.4  # s of standing that are a stand
+    at_rest: float = 0.01  # m/s below which it is at rest, unless its profile allows more
+    stood: float = 0.4  # s at rest that show that it stays so
     tolerance: float = 0.25  # s: braking, and the time between two readings
     longest: float = LONGEST_WATCHDOG + 1.0  # s of silence after which nothing stops the base
 
 
 @dataclass(frozen=True)
 class SpeedSample:
-    """The base's linear velocity in m/s, and when we heard of it, monotonic seconds."""
+    """The base's linear velocity in m/s, and when it arrived, monotonic seconds."""
 
     at: float
     speed: float
 
 
-def stopped_after(
-    samples: Sequence[SpeedSample], silent_at: float, standing: float
-) -> float | None:
-    """Return how many seconds after `silent_at` the base stood for good, by the first reading that
-    says so; None when it does not stand.
+def stopped_after(samples: Sequence[SpeedSample], silent_at: float, at_rest: float) -> float | None:
+    """Return the seconds between `silent_at` and the first reading of the base's final rest, None
+    while it moves.
     """
     stood_at: float | None = None
     for sample in samples:
-        if abs(sample.speed) >= standing:
+        if abs(sample.speed) >= at_rest:
             stood_at = None
         elif stood_at is None:
             stood_at = sample.at
@@ -92,9 +88,7 @@ def stopped_after(
 
 
 def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple[bool, str]:
-    """Return whether a base keeps its stated watchdog, and a sentence that says so; both times in
-    seconds.
-    """
+    """Return whether a base keeps its stated watchdog, and a sentence; both times in seconds."""
     if measured is None:
         words = (
             f"The base did not stop within {params.longest:g} s of the last velocity. Nothing stops"
@@ -113,9 +107,7 @@ def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple
 def reported(
     states: Sequence[RcaState], capabilities: Sequence[str], seconds: float
 ) -> list[tuple[bool, str]]:
-    """Return what a robot's readings say, line by line, each with whether that is
-    as it should be.
-    """
+    """Return a line for each finding in a robot's readings, with whether it is as it should be."""
     if not states:
         return [(False, "Readings: none received.")]
     last, has_scan = states[-1], any(state.scan is not None for state in states)
@@ -139,8 +131,8 @@ def reported(
 
 
 def noise(states: Sequence[RcaState], profile: Profile) -> str:
-    """Return in a sentence which standstill thresholds a robot needs that was at rest all the
-    time, "" where those of its profile are enough.
+    """Return in a sentence the standstill thresholds that a robot at rest needs, "" when those of
+    its profile suffice.
     """
     measured = {
         "linear": max((abs(state.velocity.linear) for state in states), default=0.0),
@@ -168,9 +160,7 @@ def noise(states: Sequence[RcaState], profile: Profile) -> str:
 
 
 class RobotCheck:
-    """One trial of a robot. `video` is the camera, `page` one that the robot's screen brings, None
-    none.
-    """
+    """One test of a robot. `video` is its camera, `page` when the robot's screen provides it."""
 
     def __init__(
         self,
@@ -185,10 +175,8 @@ class RobotCheck:
         self._robot = ObservedRobot(adapter)
 
     async def run(self) -> bool:
-        """Try the robot and return whether everything is as its profile says.
-
-        Raises:
-            AdapterError: it cannot be reached, or was lost; one sentence.
+        """Test the robot and return whether everything is as its profile states. Raises
+        AdapterError with one sentence when the robot is lost or cannot be reached.
         """
         try:
             await self._robot.connect()
@@ -202,16 +190,12 @@ class RobotCheck:
 
     @property
     def capabilities(self) -> tuple[Capability, ...]:
-        """What the robot can do by itself, without the agent's own navigation."""
         return self._adapter.profile.capabilities
-
-    @property
-    def _states(self) -> list[RcaState]:
-        return [reading.state for reading in self._robot.readings]
 
     async def _listen(self) -> bool:
         await self._robot.wait(self._params.listening)
-        profile, states = self._adapter.profile, self._states
+        profile = self._adapter.profile
+        states = [reading.state for reading in self._robot.readings]
         lines = reported(states, profile.capabilities, self._params.listening)
         if words := noise(states, profile):
             lines.append((False, words))
@@ -221,12 +205,11 @@ class RobotCheck:
 
     async def _look(self) -> bool:
         video = self._video
-        if video is None or video == FROM_PAGE:
-            self._say(
-                "Camera: none here."
-                if video is None
-                else "Camera: the page on the robot's screen provides it."
-            )
+        if video is None:
+            self._say("Camera: none here.")
+            return True
+        if video == FROM_PAGE:
+            self._say("Camera: the page on the robot's screen provides it.")
             return True
         try:
             picture = await asyncio.to_thread(self._first_picture, video)
@@ -249,7 +232,6 @@ class RobotCheck:
             video.stop()
 
     async def _measure(self) -> bool:
-        """Drive, fall silent, and see when the base stops."""
         params = self._params
         # A robot in its dock would push against the contacts.
         newest = self._robot.newest
@@ -267,9 +249,7 @@ class RobotCheck:
         return is_well
 
     async def _drive(self, speed: float) -> float:
-        """Send a velocity again and again and return when the last one was sent,
-        monotonic seconds.
-        """
+        """Drive, and return when the last velocity was sent, monotonic seconds."""
         self._robot.forget()
         self._say(f"Driving {speed:g} m/s…")
         ends = now() + self._params.driving
@@ -283,11 +263,11 @@ class RobotCheck:
 
     async def _silence(self, silent_at: float) -> float | None:
         params = self._params
-        standing = max(params.standing, self._adapter.profile.standstill_linear)
+        at_rest = max(params.at_rest, self._adapter.profile.standstill_linear)
         while now() < silent_at + params.longest:
             await self._robot.wait(params.period)
             samples = self._samples(after=silent_at)
-            measured = stopped_after(samples, silent_at, standing)
+            measured = stopped_after(samples, silent_at, at_rest)
             if measured is not None and samples[-1].at - silent_at - measured >= params.stood:
                 return measured
         return None
@@ -301,14 +281,12 @@ class RobotCheck:
 
 
 def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str] = input) -> bool:
-    """Try the robot that command line, environment and credentials file name, after somebody has
-    said yes; return whether all is well.
+    """Test the robot that command line, environment and credentials file name, after a
+    confirmation; return whether all is well.
 
-    Ends early, with zeros to the base, on Ctrl-C and on the system's wish; a second Ctrl-C does not
-    wait.
-
-    Raises:
-        ConfigError: no such adapter, profile, option or device, or nobody said yes; one sentence.
+    SIGINT and SIGTERM end it early, with zeros to the base; a second signal does not wait. Raises
+    ConfigError with one sentence: an unknown adapter, profile, option or device, or no
+    confirmation.
     """
     config = load(arguments, checking=True)
     params = CheckParams()
@@ -346,9 +324,7 @@ def _prepared(config: AgentConfig, say: Say, params: CheckParams) -> RobotCheck:
 
 
 async def _until_signalled(check: RobotCheck) -> bool:
-    """Run a check; the first signal cancels it, so that it brakes, and the next one ends the
-    process.
-    """
+    """Run a check. The first signal cancels it, so that it brakes; the next ends the process."""
     loop, work = asyncio.get_running_loop(), asyncio.current_task()
     assert work is not None
 
@@ -364,6 +340,5 @@ async def _until_signalled(check: RobotCheck) -> bool:
 
 
 def say_line(line: str) -> None:
-    """Print a line at once."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()

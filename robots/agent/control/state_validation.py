@@ -1,8 +1,9 @@
-"""Checks of what an adapter returns: Python's own numbers, none of them NaN, all within the Robot
-API's ranges, with angles wrapped and texts cut to size.
+"""Checks what an adapter returns: Python's own finite numbers within the ranges of the Robot API,
+with angles wrapped and texts cut to size.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -22,15 +23,11 @@ PLANE = 2  # coordinates
 
 
 class UnsoundReadingError(ValueError):
-    """The adapter reported what no robot can be; one sentence for its owner."""
+    """A reading that no robot can have; one sentence for its owner."""
 
 
 def sound_velocity(sent: object) -> Velocity:
-    """Return a velocity of an adapter.
-
-    Raises:
-        AdapterError: it is no velocity.
-    """
+    """Return a velocity of an adapter, or raise AdapterError when it is none."""
     try:
         if isinstance(sent, Velocity):
             return _in_range(sent)
@@ -40,10 +37,8 @@ def sound_velocity(sent: object) -> Velocity:
 
 
 def sound_progress(progress: ActionProgress) -> ActionProgress:
-    """Return the progress with its reason cut to size.
-
-    Raises:
-        AdapterError: it cannot be published.
+    """Return the progress with its reason cut to size, or raise AdapterError when it cannot be
+    published.
     """
     try:
         cut = replace(progress, reason=progress.reason[:ERROR_LENGTH])
@@ -56,21 +51,14 @@ def sound_progress(progress: ActionProgress) -> ActionProgress:
 
 
 def _in_range(message: Checked) -> Checked:
-    """Return the message when each of its values has the type and range of the Robot API.
-
-    Raises:
-        TypeError: a number is NumPy's.
-        msgspec.ValidationError: another value has the wrong type or is out of range.
+    """Return the message when each value has the type and range of the Robot API. Raises TypeError
+    for a number of NumPy's, msgspec.ValidationError for anything else.
     """
     return msgspec.convert(msgspec.to_builtins(message), type(message))
 
 
 def sound(reading: RcaState) -> RcaState:
-    """Return the reading with its angles wrapped and its texts cut to size.
-
-    Raises:
-        UnsoundReadingError: a number is NaN, infinite or out of range.
-    """
+    """Return the reading with angles wrapped and texts cut to size. Raises UnsoundReadingError."""
     try:
         return _sound(reading)
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -78,11 +66,9 @@ def sound(reading: RcaState) -> RcaState:
             raise UnsoundReadingError(
                 f"{error}: give it Python's own numbers, by float() or tolist()"
             ) from error
-        raise (
-            error
-            if isinstance(error, UnsoundReadingError)
-            else UnsoundReadingError(f"{type(error).__name__}: {error}")
-        ) from error
+        if isinstance(error, UnsoundReadingError):
+            raise
+        raise UnsoundReadingError(f"{type(error).__name__}: {error}") from error
 
 
 def _sound(reading: RcaState) -> RcaState:
@@ -108,25 +94,16 @@ def _sound(reading: RcaState) -> RcaState:
         raise UnsoundReadingError(
             "a distance or the number of contacts is negative or not a number"
         )
-    if reading.odometry is not None and not all(
-        math.isfinite(value) and abs(value) <= FARTHEST for value in reading.odometry
-    ):
+    if not _is_plausible(reading.odometry or ()):
         raise UnsoundReadingError("the odometry is not a number, or is implausibly large")
-    if not all(
-        math.isfinite(value) and abs(value) <= FARTHEST
-        for point in reading.path or ()
-        for value in point
-    ):
+    if not all(map(_is_plausible, reading.path or ())):
         raise UnsoundReadingError("a point of the path is not a number, or is implausibly far away")
     if not all(map(math.isfinite, reading.bumper or ())):
         raise UnsoundReadingError("the direction of a contact is not a number")
     if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
         raise UnsoundReadingError("all beams of the scan have the same direction")
-    stamps = (
-        *(echo.stamp for echo in reading.sonar),
-        *(() if reading.points is None else (reading.points.stamp,)),
-    )
-    if not all(map(math.isfinite, stamps)):
+    stamped = (*reading.sonar, reading.points)
+    if not all(math.isfinite(each.stamp) for each in stamped if each is not None):
         raise UnsoundReadingError("the time of an echo or of obstacle points is not a number")
     sonar = tuple(
         echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf
@@ -142,12 +119,12 @@ def _sound(reading: RcaState) -> RcaState:
     )
 
 
-def _check_encodable(reading: RcaState) -> None:
-    """Refuse numbers of NumPy's, which no message can hold.
+def _is_plausible(metres: Iterable[float]) -> bool:
+    return all(math.isfinite(value) and abs(value) <= FARTHEST for value in metres)
 
-    Raises:
-        TypeError: there is one.
-    """
+
+def _check_encodable(reading: RcaState) -> None:
+    """Raise TypeError for numbers of NumPy's, which no message can hold."""
     scan = reading.scan
     if scan is not None:
         if odd := {*map(type, scan.ranges)} - NUMBERS:
@@ -178,11 +155,7 @@ def _battery(battery: Battery) -> Battery:
 
 
 def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:
-    """Return points with those left out that are no numbers.
-
-    Raises:
-        UnsoundReadingError: they are no points at all.
-    """
+    """Return the points without those that are not finite. Raises UnsoundReadingError."""
     if seen is None:
         return None
     if seen.points.ndim != PLANE or seen.points.shape[1] != PLANE:

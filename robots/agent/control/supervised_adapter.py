@@ -1,9 +1,8 @@
-"""The way to the robot control architecture: reached again for ever, watched for silence, and
-checked for sense.
+"""Supervises the adapter of the robot control architecture: reconnects it, watches for silence, and
+checks its values.
 
-Whatever an adapter raises, and whatever it returns that is no velocity and no reading, is that
-adapter's fault: named, braked for as far as the base can still be told, and tried again. The
-control loop goes on.
+Whatever an adapter raises, and every invalid value, is a fault of that adapter: it is reported, the
+base is braked if it still can be reached, and the adapter reconnects. The control loop continues.
 """
 
 import asyncio
@@ -40,29 +39,27 @@ from robots.logs import reason_of
 from robots.world.sensing import Floats
 
 log = structlog.stdlib.get_logger(__name__)
-Told = TypeVar("Told")
+Value = TypeVar("Value")
 
 CONNECT_TIME = 30.0
-# from the connection to the first reading: an architecture may need seconds, and nobody drives
-# before
-FIRST_READING = 10.0
-SILENCE = 2.0  # from one reading to the next
+FIRST_READING = 10.0  # after the connection: an architecture may need seconds to report
+SILENCE = 2.0  # between two readings
 START_TIME = 10.0
 CANCEL_TIME = 2.0
 CLOSE_TIME = 5.0
 
 
 class AdapterListener(Protocol):
-    """Who hears of the RCA. Called on the control loop."""
+    """Receives news of the RCA on the control loop."""
 
     def reading(self, reading: RcaState) -> None:
-        """Take a sound reading."""
+        """Take a checked reading."""
 
     def progressed(self, progress: ActionProgress) -> None:
-        """Take news of an action."""
+        """Take the progress of an action."""
 
     def adapter_changed(self, *, up: bool, reason: str = "") -> None:
-        """The RCA reports sound readings, or was lost."""
+        """The RCA reports valid readings, or was lost."""
 
 
 class AdapterLink:
@@ -73,18 +70,18 @@ class AdapterLink:
         self.up = False
         self._navigation = adapter if isinstance(adapter, Navigating) else None
         self._velocities = adapter if isinstance(adapter, PassesVelocities) else None
-        self._is_locked: bool | None = None  # as the base's own lock was last set
-        self._speed_limit: float | None = None  # as the RCA's navigation was last told
+        self._is_locked: bool | None = None  # the base's own lock, as last set
+        self._speed_limit: float | None = None  # of the RCA's navigation, as last set
         self._backoff = Backoff(rng, first=0.5)
         self._failure: asyncio.Future[None] | None = None
         self._cancelling: set[asyncio.Task[Any]] = set()
 
     async def run(self, listener: AdapterListener) -> None:
-        """Connect, listen, and begin again when the RCA is lost."""
+        """Connect, listen, and reconnect when the RCA is lost."""
         while True:
             try:
                 async with asyncio.timeout(CONNECT_TIME):
-                    with its_fault():
+                    with adapter_errors():
                         await self.adapter.connect()
                 await self._listen(listener)
                 reason = "it stopped reporting"
@@ -98,53 +95,47 @@ class AdapterLink:
             await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
 
     def apply(self, velocity: Velocity) -> Velocity | None:
-        """Send a velocity to the base and return what was really sent; None when the RCA is gone,
-        which `run` then reports.
+        """Send a velocity and return what was really sent; None when the RCA is lost, which `run`
+        reports.
         """
         if not self.up:
             return None
-        try:
-            with its_fault():
-                return sound_velocity(self.adapter.apply(velocity))
-        except AdapterError as error:
-            self._fail(error)
-            return None
+        with self._reported():
+            return sound_velocity(self.adapter.apply(velocity))
+        return None
 
     def wanted(self) -> Velocity | None:
-        """Return what navigation wants now whose velocities pass through the agent; None when there
-        is none, or nothing runs.
-        """
+        """Return the velocity of navigation that passes through the agent, None without one."""
         if not self.up or self._velocities is None:
             return None
-        try:
-            with its_fault():
-                wanted = self._velocities.wanted()
-                return None if wanted is None else sound_velocity(wanted)
-        except AdapterError as error:
-            self._fail(error)
-            return ZERO
+        with self._reported():
+            wanted = self._velocities.wanted()
+            return None if wanted is None else sound_velocity(wanted)
+        return ZERO
 
     def set_lock(self, *, locked: bool) -> None:
         """Set the base's own lock, where it has one, at each change and after each connection."""
         adapter = self.adapter
         if self.up and isinstance(adapter, WithLock) and locked != self._is_locked:
             self._is_locked = locked
-            self._tell(lambda value: adapter.set_lock(locked=value), locked)
+            with self._reported():
+                adapter.set_lock(locked=locked)
 
     def limit_speed(self, linear: float) -> None:
-        """Tell the RCA's navigation the largest speed, where it can be told."""
+        """Limit the speed of the RCA's navigation, where it can be limited."""
         if self.up and isinstance(self.adapter, LimitsSpeed) and linear != self._speed_limit:
             self._speed_limit = linear
-            self._tell(self.adapter.limit_speed, linear)
+            with self._reported():
+                self.adapter.limit_speed(linear)
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Return a reading with what the agent's own navigation makes of it, and of the points (n,
-        2) that stand about the robot.
+        """Return a reading with what the agent's own navigation makes of it and of the points (n,
+        2) around the robot.
         """
         if self._navigation is None:
             return reading
         try:
-            with its_fault():
+            with adapter_errors():
                 return sound(self._navigation.located(reading, points))
         except (AdapterError, UnsoundReadingError) as error:
             self._fail(AdapterError(str(error)))
@@ -152,26 +143,23 @@ class AdapterLink:
 
     @property
     def dock(self) -> Station | None:
-        """The dock that the agent's own navigation takes for this robot's, on its map."""
+        """This robot's dock on the map of the agent's own navigation."""
         return self._navigation.dock if self._navigation else None
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
-        """Give the server's map to an adapter that can use it."""
         if self._navigation:
-            self._tell(self._navigation.take_floorplan, update)
+            with self._reported():
+                self._navigation.take_floorplan(update)
 
     def configure(self, config: Config) -> None:
-        """Tell the adapter what the server has configured."""
         if self.up:
-            self._tell(self.adapter.configure, config)
+            with self._reported():
+                self.adapter.configure(config)
 
     async def start(self, action: Action, is_wanted: Callable[[], bool] = lambda: True) -> None:
-        """Begin an action that still `is_wanted` after the end of all that is being cancelled: not
-        every RCA can tell the two apart.
-
-        Raises:
-            ActionRefusedError: the RCA has certainly not taken it.
-            AdapterError: the RCA did not confirm it.
+        """Start an action that is still wanted after all cancels have ended: not every RCA can tell
+        the two apart. Raises ActionRefusedError when it certainly does not run, AdapterError when
+        that is not confirmed.
         """
         if not self.up:
             raise ActionRefusedError("the robot control architecture is not connected")
@@ -181,16 +169,14 @@ class AdapterLink:
                     await asyncio.wait(self._cancelling)
                 if not is_wanted():
                     raise ActionRefusedError("cancelled")
-                with its_fault():
+                with adapter_errors():
                     await self.adapter.start(action)
         except TimeoutError as error:
             raise AdapterError("no answer") from error
 
     async def cancel(self, action_id: str) -> bool:
-        """Cancel an action; return whether the RCA has confirmed that it does not run.
-
-        Raises:
-            AdapterError: it could not be cancelled.
+        """Cancel an action; return whether the RCA has confirmed that it does not run. Raises
+        AdapterError.
         """
         if not self.up:
             return False
@@ -200,20 +186,18 @@ class AdapterLink:
         return await cancelling
 
     async def close(self) -> None:
-        """Leave the robot standing and let go of it."""
+        """Leave the robot at rest and disconnect."""
         self.up = False
         with contextlib.suppress(AdapterError, TimeoutError):
             async with asyncio.timeout(CLOSE_TIME):
-                with its_fault():
+                with adapter_errors():
                     await self.adapter.close()
 
     # --- inside -----------------------------------------------------------------------------------
 
     async def _listen(self, listener: AdapterListener) -> None:
-        """Hand on readings and progress until one of them ends or the base refuses a velocity.
-
-        Raises:
-            AdapterError: why it ended.
+        """Pass on readings and progress until one ends or the base refuses a velocity. Raises
+        AdapterError.
         """
         self._failure = asyncio.get_running_loop().create_future()
         await until_one_ends(self._states(listener), self._progress(listener), self._failure)
@@ -221,7 +205,7 @@ class AdapterLink:
     async def _cancel(self, action_id: str) -> bool:
         try:
             async with asyncio.timeout(CANCEL_TIME):
-                with its_fault():
+                with adapter_errors():
                     return bool(await self.adapter.cancel(action_id))
         except asyncio.CancelledError as error:
             task = asyncio.current_task()
@@ -236,7 +220,7 @@ class AdapterLink:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
 
     async def _states(self, listener: AdapterListener) -> None:
-        states = told_by(self.adapter.states)
+        states = guarded(self.adapter.states)
         silent = asyncio.timeout(FIRST_READING)
         complaint = "it is silent"
         now = asyncio.get_running_loop().time
@@ -246,14 +230,13 @@ class AdapterLink:
                     try:
                         checked = sound(reading)
                     except UnsoundReadingError as error:
-                        # Only a sound reading postpones the time-out: nonsense is no better than
-                        # silence.
+                        # only a valid reading postpones the time-out
                         complaint = f"it reports nonsense: {error}"
                         silent.reschedule(min(silent.when() or now(), now() + SILENCE))
                         continue
                     silent.reschedule(now() + SILENCE)
                     self._came_up(listener)
-                    with its_fault():  # what nobody could make anything of
+                    with adapter_errors():  # a reading that cannot be handled
                         listener.reading(checked)
         except TimeoutError as error:
             raise AdapterError(complaint) from error
@@ -266,16 +249,18 @@ class AdapterLink:
             listener.adapter_changed(up=True)
 
     async def _progress(self, listener: AdapterListener) -> None:
-        async for progress in told_by(self.adapter.progress):
-            with its_fault():
+        async for progress in guarded(self.adapter.progress):
+            with adapter_errors():
                 listener.progressed(sound_progress(progress))
-        # an adapter without actions has no more to say, and is not lost for that
+        # an adapter without actions ends here, and is not lost
         await asyncio.Future()
 
-    def _tell(self, call: Callable[[Told], None], told: Told) -> None:
+    @contextlib.contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Have `run` report what the adapter raises in this block, and reconnect it."""
         try:
-            with its_fault():
-                call(told)
+            with adapter_errors():
+                yield
         except AdapterError as error:
             self._fail(error)
 
@@ -285,12 +270,9 @@ class AdapterLink:
 
 
 @contextlib.contextmanager
-def its_fault() -> Iterator[None]:
-    """Turn whatever an adapter raises into an AdapterError; a time-out of ours comes as a
-    cancellation, which passes.
-
-    Raises:
-        AdapterError: the adapter's own, or one that names what it raised.
+def adapter_errors() -> Iterator[None]:
+    """Turn whatever an adapter raises into an AdapterError. Our own time-outs arrive as
+    cancellations, which pass.
     """
     try:
         yield
@@ -301,12 +283,8 @@ def its_fault() -> Iterator[None]:
         raise AdapterError(f"{type(error).__name__}: {error}") from error
 
 
-async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[Told]:
-    """Yield what an adapter yields.
-
-    Raises:
-        AdapterError: the adapter's own, or one that names what it raised.
-    """
-    with its_fault():
+async def guarded(source: Callable[[], AsyncIterator[Value]]) -> AsyncIterator[Value]:
+    """Iterate over an adapter's items; whatever it raises becomes an AdapterError."""
+    with adapter_errors():
         async for each in source():
             yield each

@@ -1,13 +1,12 @@
-"""Microphone and loudspeaker of Linux through arecord and aplay, as robot_interface.py wants them.
+"""Microphone and loudspeaker of Linux through arecord and aplay.
 
-A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders
-compiled in under the temporary directory, where any user may put a configuration, and code for it
-to load; and pointed at the system's plug-ins it hands them structures of another version of
-libasound. alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that
-crashes leaves the robot driving.
+Each is a child process instead of FFmpeg's own ALSA. The one in PyAV's wheel has folders under the
+temporary directory compiled in, where any user may put a configuration that loads code, and it
+passes the system's plug-ins structures of another version of libasound. alsa-utils belongs to the
+system's libasound, and a program that hangs or crashes does not stop the robot.
 
-    https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device,
-    in our rate and number of channels
+https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html: `plug` converts any device to our
+rate and number of channels.
 """
 
 import os
@@ -70,10 +69,8 @@ class _AlsaDevice:
         self._child: _Child | None = None
 
     def start(self) -> None:
-        """Open the device; idempotent. Other faults than a missing program show on its use.
-
-        Raises:
-            AdapterError: the program that does it is not installed.
+        """Open the device; idempotent. Raises AdapterError when its program is not installed; other
+        errors are raised on its use.
         """
         if self._child is None:
             self._child = _Child(self.program, self.name, self._words.address)
@@ -134,24 +131,16 @@ class _Child:
         self._program, self._name, self._address = program, name, address
         self._output = b""
         self._began = time.monotonic()
-        command = (
-            program,
-            "--quiet",
-            "--device",
-            f"plug:'{address}'",
-            "--file-type",
-            "raw",
-            "--format",
-            "S16_LE",
-            "--rate",
-            str(RATE),
-            "--channels",
-            "1",
-            "--buffer-time",
-            f"{LIMITS.device_buffer * 1e6:.0f}",
-            "--period-time",
-            f"{LIMITS.period * 1e6:.0f}",
-        )
+        options = {
+            "device": f"plug:'{address}'",
+            "file-type": "raw",
+            "format": "S16_LE",
+            "rate": RATE,
+            "channels": 1,
+            "buffer-time": round(LIMITS.device_buffer * 1e6),  # microseconds
+            "period-time": round(LIMITS.period * 1e6),
+        }
+        command = (program, "--quiet", *(f"--{name}={of}" for name, of in options.items()))
         records = program == "arecord"
         try:
             self._process = subprocess.Popen(
@@ -165,10 +154,8 @@ class _Child:
                 start_new_session=True,  # Ctrl-C is for the agent, which ends it in its own time
             )
         except FileNotFoundError as error:
-            raise AdapterError(
-                f"the {name} {address} cannot be used: {program} is not installed; "
-                f"run sudo apt install {PACKAGES}"
-            ) from error
+            missing = f"{program} is not installed; run sudo apt install {PACKAGES}"
+            raise AdapterError(f"the {name} {address} cannot be used: {missing}") from error
         except OSError as error:
             raise AdapterError(f"the {name} {address} cannot be used: {error.strerror}") from error
         assert self._process.stderr is not None
@@ -204,7 +191,7 @@ class _Child:
                 raise self._failure() from error
 
     def end(self) -> None:
-        """End it, by force if it does not end by itself."""
+        """End it, by force if necessary."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         else:
@@ -237,14 +224,13 @@ class _Child:
         self._wait()
         self._listen()
         reason = reason_in(self._output.decode(errors="replace")) or f"{self._program} has ended"
-        return AdapterError(
-            f"the {self._name} {self._address} cannot be used: {reason}; "
-            f"available: {', '.join(devices(self._program)) or 'none'}"
-        )
+        available = ", ".join(devices(self._program)) or "none"
+        problem = f"the {self._name} {self._address} cannot be used: {reason}"
+        return AdapterError(f"{problem}; available: {available}")
 
 
 def reason_in(output: str) -> str:
-    """Return the reason in what arecord or aplay said last, empty when it said none: `aplay:
+    """Return the reason in the last message of arecord or aplay, "" without one, such as `aplay:
     main:831: audio open error: Device or resource busy`.
     """
     lines = [line for line in output.splitlines() if line.startswith(("arecord: ", "aplay: "))]

@@ -1,8 +1,5 @@
-"""What a robot sees, hears and speaks with: devices of the agent's computer where some are named,
-the architecture's otherwise.
-
-`page` is the page of the robot's own screen: the browser that shows it gives picture and sound, and
-the agent passes them on.
+"""A robot's camera, microphone and loudspeaker: the devices named in its settings, otherwise the
+architecture's. With `page` the browser of the robot's own screen provides video and sound.
 """
 
 from collections.abc import Callable
@@ -29,7 +26,7 @@ Device = TypeVar("Device")
 
 @dataclass(frozen=True)
 class Equipment:
-    """Camera, microphone, and (loudspeaker, display); None for each that there is not."""
+    """Camera, microphone, and (loudspeaker, display); None for each that is missing."""
 
     video: VideoSource | FromPage | None
     audio: AudioSource | FromPage | None
@@ -37,24 +34,18 @@ class Equipment:
 
 
 def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
-    """Return the devices, not opened yet; later errors are the reasons of missing video or sound.
-
-    Raises:
-        ConfigError: no device is named like this; one sentence.
+    """Return the devices, not opened yet. Raises ConfigError with one sentence for an invalid name;
+    later errors are reported as reasons of missing video or sound.
     """
     speaker, display = outputs_of(adapter)
-    return Equipment(
-        video=FROM_PAGE
-        if config.camera == FROM_PAGE
-        else _device(config.camera, "camera", DeviceCamera, adapter.video),
-        audio=FROM_PAGE
-        if config.microphone == FROM_PAGE
-        else _device(config.microphone, "microphone", _microphone, adapter.audio),
-        outputs=(
-            _device(config.loudspeaker, "loudspeaker", AlsaLoudspeaker, lambda: speaker),
-            display,
-        ),
-    )
+    video: VideoSource | FromPage | None = FROM_PAGE
+    if config.camera != FROM_PAGE:
+        video = _device(config.camera, "camera", DeviceCamera, adapter.video)
+    audio: AudioSource | FromPage | None = FROM_PAGE
+    if config.microphone != FROM_PAGE:
+        audio = _device(config.microphone, "microphone", _microphone, adapter.audio)
+    speaker = _device(config.loudspeaker, "loudspeaker", AlsaLoudspeaker, lambda: speaker)
+    return Equipment(video, audio, (speaker, display))
 
 
 def _microphone(named: words.DeviceSetting) -> AudioSource:

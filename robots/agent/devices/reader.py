@@ -1,12 +1,12 @@
-"""Decodes one stream of a device, a file or an address, in a thread of its own, which may hang.
+"""Decodes one stream of a device, a file or an address in a thread, which may hang.
 
-Each start has a thread and a state of its own. A thread that hangs in its device is left behind,
-and its later output is ignored. A few may be left behind, for a device that another start reaches
-again; then the device counts as broken until one of them returns.
+Each start has its own thread and state. A thread that hangs in its device is left behind, and its
+later output is ignored. While too many are left behind, the device counts as broken.
 """
 
 import errno
 import itertools
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -68,9 +68,8 @@ Take = Callable[[Any, float], None]
 
 
 class DeviceReader:
-    """Reads one stream while it runs; `name` is for sentences, such as `camera`.
-
-    `take` is called in the reader's thread with each decoded frame and its capture time (Unix s).
+    """Reads one stream while it runs; `name` is for sentences, such as `camera`. `take` is called
+    in the reader's thread with each decoded frame and its capture time (Unix s).
     """
 
     def __init__(
@@ -87,7 +86,7 @@ class DeviceReader:
         self._left_behind: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Begin to read; idempotent. Raises AdapterError when too many threads hang in it."""
+        """Start reading; idempotent. Raises AdapterError when too many threads hang in it."""
         if self._run is not None:
             return
         self._left_behind = [thread for thread in self._left_behind if thread.is_alive()]
@@ -97,7 +96,7 @@ class DeviceReader:
         self._run.thread.start()
 
     def stop(self) -> None:
-        """Stop reading; idempotent. Waits for the device half a second at most."""
+        """Stop reading; idempotent. Waits at most half a second for the device."""
         run, self._run = self._run, None
         if run is not None:
             run.ending.set()
@@ -111,11 +110,8 @@ class DeviceReader:
         if self._run is None:
             return
         failure = self._run.failure
-        if (
-            not failure
-            and self._run.stage is not ReaderStage.SHOWN
-            and time.monotonic() - self._run.began > self.limits.opening
-        ):
+        is_late = time.monotonic() - self._run.began > self.limits.opening
+        if not failure and is_late and self._run.stage is not ReaderStage.SHOWN:
             failure = f"{self._run.stage.value} within {self.limits.opening:g} s"
         if failure:
             raise AdapterError(f"the {self.name} {self.words.place} {failure}")
@@ -125,7 +121,7 @@ class DeviceReader:
         return self._run is not None and bool(self._run.failure)
 
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
-        """Hand on a frame, unless it is of an earlier run."""
+        """Pass on a frame, unless it is of an earlier run."""
         if run is self._run and not run.ending.is_set():
             run.stage = ReaderStage.SHOWN
             self._take(frame, stamp)
@@ -156,26 +152,19 @@ class _Run:
 
     def _read_once(self) -> bool:
         words, some = self.reader.words, False
-        limit = self.reader.limits.network
+        limits = (self.reader.limits.network,) * 2
+        form = words.format or None
         with av.open(
-            words.address,
-            format=words.format or None,
-            options=words.options,
-            timeout=(limit, limit),
+            words.address, format=form, options=words.options, timeout=limits
         ) as container:
-            for frame, stamp in (
-                self._paced(self._frames(container))
-                if not words.live
-                else self._as_they_come(self._frames(container))
-            ):
+            frames = self._frames(container)
+            for frame, stamp in self._stamped(frames) if words.live else self._paced(frames):
                 some = True
                 self.reader.deliver(self, frame, stamp)
         return some
 
     def _frames(self, container: Any) -> Iterator[Any]:
-        streams = (
-            container.streams.video if self.reader.kind == "video" else container.streams.audio
-        )
+        streams = getattr(container.streams, self.reader.kind)
         if not streams:
             raise ValueError(f"it contains no {self.reader.kind}")
         if streams[0].codec_context is None:
@@ -191,29 +180,20 @@ class _Run:
             if self.ending.is_set():
                 return
 
-    def _as_they_come(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
+    def _stamped(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
+        """Yield live frames with their own times if these are plausible."""
         for frame in frames:
             now = time.time()
-            yield (
-                frame,
-                frame.time
-                if frame.time is not None
-                and 0.0 <= now - frame.time < self.reader.limits.clocks_agree
-                else now,
-            )
+            age = math.inf if frame.time is None else now - frame.time
+            yield frame, frame.time if 0.0 <= age < self.reader.limits.clocks_agree else now
 
     def _paced(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
         """Yield a file's frames at their times, without catching up after a delay."""
-        began = last = None
+        began, last = 0.0, math.inf  # the first frame begins
         leap = self.reader.limits.leap
         for frame in frames:
             at, now = frame.time or 0.0, time.monotonic()
-            if (
-                began is None
-                or last is None
-                or not 0.0 <= at - last < leap
-                or now - (began + at) > leap
-            ):
+            if not (0.0 <= at - last < leap and now - (began + at) <= leap):
                 began = now - at
             last = at
             if self.ending.wait(max(0.0, began + at - now)):

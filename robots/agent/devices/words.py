@@ -1,14 +1,14 @@
-"""How a camera, a microphone or a loudspeaker is named: `[FORMAT:]ADDRESS [NAME=VALUE …]`, in
-FFmpeg's words.
+"""Names of cameras, microphones and loudspeakers: `[FORMAT:]ADDRESS [NAME=VALUE …]`, in FFmpeg's
+terms.
 
     /dev/video0                                    a camera of Linux
     v4l2:/dev/video0 video_size=1280x720 input_format=mjpeg
     rtsp://192.168.1.40/stream rtsp_transport=tcp  a camera of the network
-    alsa:default                                   the microphone, or the loudspeaker, of Linux (see
-    alsa.py) dshow:video=USB Camera                         a camera of Windows talk.mp4
-    a file, played in real time, over and over
+    alsa:default                                   microphone or loudspeaker of Linux (alsa.py)
+    dshow:video=USB Camera                         a camera of Windows
+    talk.mp4                                       a file, played repeatedly in real time
 
-What follows the address is given to FFmpeg as it is (https://ffmpeg.org/ffmpeg-devices.html).
+The options are passed to FFmpeg unchanged (https://ffmpeg.org/ffmpeg-devices.html).
 """
 
 import re
@@ -24,24 +24,24 @@ ALSA = "alsa"
 GENERATORS = frozenset({"lavfi"})
 SCHEME = re.compile(r"^(rtsps?|rtmps?|https?|udp|tcp|rtp|srt)://", re.IGNORECASE)
 OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
+LOW_DELAY = {"fflags": "nobuffer", "flags": "low_delay"}
 DEFAULTS: dict[str, dict[str, str]] = {
-    # The driver's clock tells when a picture was taken; without it only its arrival is known.
+    # the driver's clock has the time of an image; otherwise only its arrival is known
     "v4l2": {"ts": "abs", "video_size": "640x480", "framerate": "30"},
-    # A camera describes its stream before it sends it: 0.1 s (in microseconds) and 100 kB to look
-    # into it are enough, FFmpeg's own 5 s cost 2.
+    # A camera describes its stream before it sends it: analysing 0.1 s (in microseconds) and 100 kB
+    # is enough; FFmpeg's own 5 s take 2.
     "rtsp": {
+        **LOW_DELAY,
         "rtsp_transport": "tcp",
-        "fflags": "nobuffer",
-        "flags": "low_delay",
         "analyzeduration": "100000",
         "probesize": "100000",
     },
-    "http": {"fflags": "nobuffer", "flags": "low_delay"},
+    "http": LOW_DELAY,
 }
 
 
 class DeviceSettingError(ValueError):
-    """No device is named like this; the message is one sentence for the robot's owner."""
+    """An invalid name of a device; one sentence for the robot's owner."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class DeviceSetting:
 
     @property
     def place(self) -> str:
-        """Return what sentences call it, which visitors may read: of an address no password, and no
-        path or query that may have one in it.
+        """The name for sentences that visitors may read: an address without password, path and
+        query.
         """
         if not SCHEME.match(self.address):
             return self.address
@@ -77,9 +77,8 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
     if not address:
         raise DeviceSettingError(f"the {kind} {words!r} has no address after {form}:")
     if kind == "loudspeaker" and form != ALSA:
-        raise DeviceSettingError(
-            f"{words!r} is not a loudspeaker: use alsa:default, or another ALSA device"
-        )
+        wanted = "use alsa:default, or another ALSA device"
+        raise DeviceSettingError(f"{words!r} is not a loudspeaker: {wanted}")
     if kind == "camera" and form in SOUND:
         raise DeviceSettingError(f"{words!r} is not a camera: {form} has sound only")
     if form == ALSA and options:
@@ -89,11 +88,8 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
         )
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)
-    usual = (
-        DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {})
-        if kind == "camera"
-        else {}
-    )
+    protocol = found.group(1).lower().rstrip("s") if found else ""
+    usual = DEFAULTS.get(form or protocol, {}) if kind == "camera" else {}
     return DeviceSetting(address, form, {**usual, **options}, live)
 
 

@@ -1,8 +1,7 @@
-"""Which network a driver gets, and which of their messages it carries. Pure.
+"""Which emulated network a driver gets, and which messages it carries. Pure.
 
-A study's networks belong to one session: the next driver has a clean one, even before the server
-says so. The command line's networks apply where the server sets none. Without a driver there is no
-lab.
+A study's networks belong to one session: the next driver has none, even before the server sends
+that. The command line's networks apply where the server sets none. Without a driver there are none.
 """
 
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
 
 @dataclass(frozen=True)
 class Networks:
-    """The lab's networks: for commands to the robot, and for video and sound to the page."""
+    """Networks for commands to the robot, and for video and sound to the page."""
 
     control: NetworkLab | None = None
     video: NetworkLab | None = None
@@ -46,10 +45,8 @@ def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Netwo
 
 
 def is_held(message: VelocityCommand | Action, sender: CommandSender, lease: Lease | None) -> bool:
-    """Tell whether a message travels on the driver's network: their velocities and actions, but
-    never what stops the robot.
-
-    Messages of others are not held, and draw no random numbers.
+    """Tell whether the driver's network carries a message: their velocities and actions, but never
+    a stop. Messages of others are not held, and draw no random numbers.
     """
     if lease is None or sender.retained or isinstance(message, NEVER_HELD):
         return False

@@ -1,18 +1,15 @@
-"""A bad line, as decisions: losses, delays, and the order of the rest.
-`now` is any monotonic clock in seconds.
+"""An emulated bad network: losses, delays and reordering. Pure; `now` is monotonic seconds.
 
-Each packet draws three numbers from the seeded generator, whatever becomes of it, so that one
-packet's fate does not shift another's: the same seed and the same arrivals (moments and sizes) end
-in the same fates.
+Each packet draws three numbers from the seeded generator whatever its fate, so that one packet's
+fate does not shift another's: the same seed and the same arrivals (moments and sizes) have the same
+fates.
 
 - *Loss* and *reordering* are independent from packet to packet.
-- *Bitrate* is a queue in front of a transmitter: a packet leaves when all before it have, and takes
-  its size to do so. What would wait longer than `QUEUE` seconds for its turn is dropped, as at the
-  tail of a router's queue.
-- *Delay* comes after that; *jitter* changes it evenly by up to so much either way, never below
-  nothing, and never changes the order.
-- A *reordered* packet waits until the next one has come out, and at most `HOLD` seconds longer than
-  its own time.
+- *Bitrate* is a queue in front of a transmitter, which needs a packet's size to send it. A packet
+that would wait longer than `QUEUE` seconds is dropped, as at the tail of a router's queue.
+- *Delay* follows; *jitter* changes it evenly by up to so much in both directions, never below zero,
+and never changes the order.
+- A *reordered* packet waits until the next one has left, at most `HOLD` seconds beyond its time.
 """
 
 import heapq
@@ -33,7 +30,7 @@ Deliver = Callable[[], None]
 
 @dataclass
 class Counts:
-    """Counts of packets; `held` is the sum of seconds over those that came out."""
+    """Counts of packets; `held` is the sum of seconds of those that were delivered."""
 
     taken: int = 0
     lost: int = 0
@@ -45,7 +42,7 @@ class Counts:
 
 @dataclass(frozen=True, order=True)
 class _Packet:
-    """A packet under way: when it comes out, its order, since when it is held, its delivery."""
+    """A packet in transit: when it is delivered, its order, since when it is held, its delivery."""
 
     at: float
     place: int
@@ -54,13 +51,13 @@ class _Packet:
 
 
 class NetworkLine:
-    """One direction of a network. What goes in by `offer` comes out by `due`, or never."""
+    """One direction of a network: packets enter by `offer` and leave by `due`, or never."""
 
     def __init__(self, lab: NetworkLab) -> None:
         self.lab = lab
         self.counts = Counts()
         self._rng = random.Random(lab.seed)
-        self._under_way: list[_Packet] = []
+        self._in_transit: list[_Packet] = []
         self._overtaken: list[_Packet] = []  # each comes out after the next packet that is offered
         self._place = 0
         self._free = float("-inf")
@@ -68,10 +65,10 @@ class NetworkLine:
 
     @property
     def waiting(self) -> int:
-        return len(self._under_way) + len(self._overtaken)
+        return len(self._in_transit) + len(self._overtaken)
 
     def offer(self, deliver: Deliver, size: int, now: float) -> None:
-        """Put a packet of `size` bytes in; calling `deliver` is what it is good for."""
+        """Send a packet of `size` bytes, delivered by `deliver`."""
         lost, late, reordered = self._rng.random(), self._rng.random(), self._rng.random()
         self.counts.taken += 1
         if lost < self.lab.loss:
@@ -81,36 +78,35 @@ class NetworkLine:
         if leaves is None or self.waiting >= MOST_WAITING:
             self.counts.overflowed += 1
             return
-        at = max(
-            self._last, leaves + max(0.0, self.lab.delay + self.lab.jitter * (2.0 * late - 1.0))
-        )
+        delay = self.lab.delay + self.lab.jitter * (2.0 * late - 1.0)
+        at = max(self._last, leaves + max(0.0, delay))
         if reordered < self.lab.reorder:
             self._overtaken.append(self._packet(at + HOLD, now, deliver))
         else:
             self._last = at
-            heapq.heappush(self._under_way, self._packet(at, now, deliver))
+            heapq.heappush(self._in_transit, self._packet(at, now, deliver))
             self._overtake(at)
 
     def due(self, now: float) -> list[Deliver]:
-        """Take out what has come through by now, in its order."""
+        """Remove and return the deliveries that are due, in order."""
         self._give_up_waiting(now)
         found = []
-        while self._under_way and self._under_way[0].at <= now:
-            packet = heapq.heappop(self._under_way)
+        while self._in_transit and self._in_transit[0].at <= now:
+            packet = heapq.heappop(self._in_transit)
             self.counts.out += 1
             self.counts.held += now - packet.since
             found.append(packet.deliver)
         return found
 
     def next(self) -> float | None:
-        """Return when the next packet comes out, None while none is on its way."""
-        moments = [packets[0].at for packets in (self._under_way, self._overtaken) if packets]
+        """Return when the next packet is due, None without packets in transit."""
+        moments = [packets[0].at for packets in (self._in_transit, self._overtaken) if packets]
         return min(moments, default=None)
 
     # --- inside -----------------------------------------------------------------------------------
 
     def _transmitted(self, size: int, now: float) -> float | None:
-        """Return when a packet's last bit has left, None when the transmitter's queue is full."""
+        """Return when a packet's last bit has left, None when the queue is full."""
         if self.lab.bitrate is None:
             return now
         begins = max(now, self._free)
@@ -124,14 +120,13 @@ class NetworkLine:
         return _Packet(at, self._place, since, deliver)
 
     def _overtake(self, at: float) -> None:
-        """Release the packets that waited to be overtaken by one that comes out at `at`."""
+        """Release the packets that waited for the one that is delivered at `at`."""
         for packet in self._overtaken:
             self.counts.reordered += packet.at > at
-            heapq.heappush(
-                self._under_way, self._packet(min(packet.at, at), packet.since, packet.deliver)
-            )
+            moved = self._packet(min(packet.at, at), packet.since, packet.deliver)
+            heapq.heappush(self._in_transit, moved)
         self._overtaken.clear()
 
     def _give_up_waiting(self, now: float) -> None:
         while self._overtaken and self._overtaken[0].at <= now:
-            heapq.heappush(self._under_way, self._overtaken.pop(0))
+            heapq.heappush(self._in_transit, self._overtaken.pop(0))

@@ -9,7 +9,7 @@ from robots.api.messages import LabReport, NetworkLab
 
 
 class TimedLine:
-    """Belongs to the loop that it is made on, but for `report`; `now` gives monotonic seconds."""
+    """Belongs to the loop that it is made on, except `report`; `now` gives monotonic seconds."""
 
     def __init__(self, lab: NetworkLab, now: Callable[[], float] = time.monotonic) -> None:
         self._line, self._now = NetworkLine(lab), now
@@ -19,7 +19,7 @@ class TimedLine:
         self._closed = False
 
     def offer(self, size: int, deliver: Deliver) -> None:
-        """Put a packet of `size` bytes in; `deliver` is called now, later, or never."""
+        """Send a packet of `size` bytes; `deliver` is called now, later, or never."""
         if not self._closed:
             self._line.offer(deliver, size, self._now())
             self._let_out()
@@ -30,7 +30,7 @@ class TimedLine:
             self._timer.cancel()
 
     def report(self) -> LabReport:
-        """Return the line's impairments and the fates of its packets; from any thread."""
+        """Return the network and the fates of its packets; from any thread."""
         counts = self._line.counts
         return LabReport(
             lab=self._line.lab,

@@ -1,10 +1,9 @@
-"""A map as the localizer reads it: how far every place is from the nearest surface, and the
-log-likelihood of a laser point there.
+"""The localizer's map: the distance of every place from the nearest surface.
 
-The signed distance is positive in the open and negative inside of what stands, zero on its surface,
-half a cell off the centres of the cells on both sides. Everything here is in the field's own frame:
-metres to the right and up from its lower left corner, which is that of the map's image less a
-margin, so that what lies off the map is far from everything on it.
+The signed distance is positive in the open, negative inside of things and zero on their surface,
+half a cell from the centres of the cells on both sides. All is in the field's own frame: metres to
+the right and up from the lower left corner of the map's image less a margin, so that places off the
+map are far from everything on it.
 """
 
 import math
@@ -27,8 +26,7 @@ MARGIN = 1.0  # metres; no beam that ends so far from everything says anything
 @dataclass(frozen=True, eq=False)
 class DistanceField:
     """`signed` (h, w) metres and `free` (h, w), row 0 at the bottom, cells of `resolution` metres.
-
-    `world_from_field` leads to the world, turned maps included.
+    `world_from_field` is the field's pose in the world, turned maps included.
     """
 
     signed: Floats
@@ -37,7 +35,7 @@ class DistanceField:
     world_from_field: Pose2D
 
     def cells(self, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return row and column of the cells at points of any shape; off the map, of its edge."""
+        """Return row and column of the cells at points of any shape; off the map, at its edge."""
         rows, columns = self.signed.shape
         row = np.minimum(np.maximum(y / self.resolution, 0.0), rows - 1).astype(np.intp)
         column = np.minimum(np.maximum(x / self.resolution, 0.0), columns - 1).astype(np.intp)
@@ -51,15 +49,13 @@ class DistanceField:
         return layer.ravel().take(row)
 
     def inside(self, x: Floats, y: Floats) -> Bools:
-        """Tell for points of any shape whether they lie on the map."""
-        rows, columns = self.signed.shape
-        on_map: Bools = (
-            (x >= 0.0) & (y >= 0.0) & (x < columns * self.resolution) & (y < rows * self.resolution)
-        )
+        """Tell which points, of any shape, are on the map."""
+        high, wide = self.signed.shape[0] * self.resolution, self.signed.shape[1] * self.resolution
+        on_map: Bools = (x >= 0.0) & (y >= 0.0) & (x < wide) & (y < high)
         return on_map
 
     def is_free(self, x: Floats, y: Floats) -> Bools:
-        """Tell for points of any shape whether the map calls them free; off the map none is."""
+        """Tell which points, of any shape, are free; none is off the map."""
         free: Bools = self.free[self.cells(x, y)] & self.inside(x, y)
         return free
 
@@ -83,9 +79,9 @@ class DistanceField:
     def cast(self, x: Floats, y: Floats, angles: Floats, reach: float | Floats) -> Floats:
         """Return how far rays from (x, y) go to a surface, at most `reach`; all of one shape.
 
-        Each step goes as far as the distance field is free (sphere tracing); an end may lie up to
-        a cell in the wall. Rays that leave the map meet nothing, so no step checks its edge. The
-        shorter the reach, the fewer steps: those close to a surface are the shortest.
+        Each step is as long as the distance field is free (sphere tracing); an end may lie up to a
+        cell in the wall. Rays that leave the map meet nothing, so no step checks its edge. A
+        shorter reach needs fewer steps.
         """
         cosine, sine = np.cos(angles), np.sin(angles)
         columns, signed = self.signed.shape[1], self.signed.ravel()
@@ -106,13 +102,10 @@ class DistanceField:
         """Return how far rays (n,) go before they leave the map, negative from outside of it."""
         high, wide = self.signed.shape[0] * self.resolution, self.signed.shape[1] * self.resolution
         with np.errstate(divide="ignore", invalid="ignore"):
-            edge: Floats = np.fmin(
-                np.maximum(-x / cosine, (wide - x) / cosine),
-                np.maximum(-y / sine, (high - y) / sine),
-            )
-        return np.where(
-            (x >= 0.0) & (y >= 0.0) & (x < wide) & (y < high), edge * (1.0 - ROUNDING), -1.0
-        )
+            across = np.maximum(-x / cosine, (wide - x) / cosine)
+            up = np.maximum(-y / sine, (high - y) / sine)
+        edge: Floats = np.fmin(across, up) * (1.0 - ROUNDING)
+        return np.where(self.inside(x, y), edge, -1.0)
 
 
 def field_of(grid: OccupancyGrid) -> DistanceField:
@@ -125,21 +118,15 @@ def field_of(grid: OccupancyGrid) -> DistanceField:
     resolution = grid.transform.resolution
     margin = math.ceil(MARGIN / resolution)
     corner = grid.transform.origin.compose(Pose2D(-margin * resolution, -margin * resolution, 0.0))
-    return DistanceField(
-        signed_distance(np.pad(occupied, margin), resolution),
-        np.pad(free, margin),
-        resolution,
-        corner,
-    )
+    signed = signed_distance(np.pad(occupied, margin), resolution)
+    return DistanceField(signed, np.pad(free, margin), resolution, corner)
 
 
 def signed_distance(occupied: Bools, resolution: float) -> Floats:
     """Return (h, w) metres from cell centres to the nearest surface, negative inside."""
     outside = ndimage.distance_transform_edt(~occupied)
-    within = (
-        ndimage.distance_transform_edt(occupied)
-        if not occupied.all()
-        else np.full(occupied.shape, float(max(occupied.shape)))
-    )
+    within = np.full(occupied.shape, float(max(occupied.shape)))
+    if not occupied.all():
+        within = ndimage.distance_transform_edt(occupied)
     signed: Floats = np.where(occupied, 0.5 - within, outside - 0.5) * resolution
     return signed

@@ -1,10 +1,9 @@
-"""Where on the whole map could this sweep have been seen? A search that is done in slices, so that
-no update of the filter waits.
+"""Searches the whole map for places where a scan fits, in slices so that no update waits.
 
 Coarse: a raster of poses over all free space, each judged by a few beams on a likelihood field so
-wide that the true pose cannot fall through the raster. Fine: the best of them, no two from the same
-spot, are matched to the map and judged thoroughly, with what lies between robot and wall. What
-comes out are all poses that explain the sweep nearly as well as the best one: rooms look alike.
+wide that the true pose cannot fall through the raster. Fine: the best, each from another spot, are
+matched to the map and judged thoroughly, with what lies between robot and wall. The result are all
+poses that explain the scan nearly as well as the best one, because rooms look alike.
 """
 
 import math
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.agent.localization.field import DistanceField
-from robots.agent.localization.particle_filter import wrapped
+from robots.agent.localization.particle_filter import is_near
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import (
     LikelihoodField,
@@ -29,7 +28,7 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class Searching:
-    """How all places of a map are searched: a raster of poses first, then the best are matched."""
+    """Settings of a search: first of the raster, then of the poses that are matched."""
 
     place: float = 0.25  # m between two places of the raster
     heading: float = math.radians(6.0)  # rad between two headings
@@ -54,6 +53,7 @@ class Found:
 Search = Generator[None, None, Found]
 NOTHING = Found(np.zeros((0, 3)), np.zeros(0))
 _WEAK = np.diag([1.0, 1.0, 10.0])  # a prior that only keeps an undetermined match in place
+_MATCHING = Matching(scale=0.3, rounds=12)
 
 
 class GlobalSearch:
@@ -75,13 +75,8 @@ class GlobalSearch:
         merits: list[Floats] = []
         for start in range(0, len(finalists), self.settings.batch):
             yield
-            poses = refine(
-                self.field,
-                finalists[start : start + self.settings.batch],
-                judged.points,
-                _WEAK,
-                Matching(scale=0.3, rounds=12),
-            )
+            poses = finalists[start : start + self.settings.batch]
+            poses = refine(self.field, poses, judged.points, _WEAK, _MATCHING)
             matched.append(poses)
             merits.append(self._merit(poses, judged))
         return _best(np.vstack(matched), np.concatenate(merits), self.settings)
@@ -99,9 +94,8 @@ class GlobalSearch:
                     yield
                     done = 0
                 done += len(places)
-                result[row, start : start + at_once] = self.wide.of(
-                    np.column_stack([places, np.full(len(places), heading)]), sweep
-                )
+                poses = np.column_stack([places, np.full(len(places), heading)])
+                result[row, start : start + at_once] = self.wide.of(poses, sweep)
         return result
 
     def _merit(self, poses: Floats, sweep: Sweep) -> Floats:
@@ -112,10 +106,8 @@ class GlobalSearch:
 
 def _free_places(field: DistanceField, spacing: float) -> Floats:
     rows, columns = field.signed.shape
-    x, y = np.meshgrid(
-        np.arange(spacing / 2, columns * field.resolution, spacing),
-        np.arange(spacing / 2, rows * field.resolution, spacing),
-    )
+    wide, high = columns * field.resolution, rows * field.resolution
+    x, y = np.meshgrid(np.arange(spacing / 2, wide, spacing), np.arange(spacing / 2, high, spacing))
     free = field.is_free(x, y) & (field.signed[field.cells(x, y)] > spacing / 2)
     places = np.column_stack([x[free], y[free]])
     if len(places):
@@ -125,8 +117,8 @@ def _free_places(field: DistanceField, spacing: float) -> Floats:
 
 
 def _apart(coarse: Floats, places: Floats, settings: Searching) -> Floats:
-    """Return the poses (n, 3), best first, of the best blocks of the raster, one of each: two
-    places wide, three headings deep.
+    """Return (n, 3) the best poses, best first, one from each block of the raster, which is two
+    places wide and three headings deep.
     """
     block = np.floor(places / (2.0 * settings.place)).astype(np.int64) @ np.array([1, 1 << 20])
     blocks = block[None, :] + (np.arange(len(coarse), dtype=np.int64)[:, None] // 3 << 40)
@@ -137,7 +129,7 @@ def _apart(coarse: Floats, places: Floats, settings: Searching) -> Floats:
 
 
 def _thinned(poses: Floats, place: float, heading: float, most: int) -> npt.NDArray[np.intp]:
-    """Return the indices of poses (n, 3), best first, without those that are near a better one."""
+    """Return the indices of poses (n, 3), best first, without those near a better one."""
     open_ = np.ones(len(poses), dtype=np.bool_)
     chosen: list[int] = []
     for number in range(len(poses)):
@@ -146,10 +138,7 @@ def _thinned(poses: Floats, place: float, heading: float, most: int) -> npt.NDAr
         chosen.append(number)
         if len(chosen) == most:
             break
-        offset = poses - poses[number]
-        open_ &= (np.hypot(offset[:, 0], offset[:, 1]) >= place) | (
-            np.abs(wrapped(offset[:, 2])) >= heading
-        )
+        open_ &= ~is_near(poses, poses[number], place, heading)
     return np.array(chosen, dtype=np.intp)
 
 

@@ -1,15 +1,12 @@
-"""Where the robot is: a particle filter on laser and odometry, with a search of the whole map for
-when it does not know.
+"""Localization by a particle filter on laser and odometry, with a search of the whole map for a
+robot that is lost.
 
-    unknown ──search──► guesses at every place that fits ──drive──► one cluster ──match──► pose
-                ▲                                                        │
-                └──────────── the sweeps stop fitting (carried away) ◄───┘
+    unknown ──search──► particles at every place that fits ──drive──► one cluster ──match──► pose
+                ▲                                                            │
+                └──────────── the scans stop fitting (carried away) ◄────────┘
 
-Pure: no clock, no thread. The filter works at the moments of the sweeps; an estimate is the last
-one's pose moved on by odometry to the moment that is asked for. A search is spread over updates, a
-slice in each, so that none takes much longer than another.
-
-Longer than most files: it is the one place that knows the state.
+Pure. The filter works at the times of the scans; an estimate moves the last pose on by odometry. A
+search is spread over updates in slices, so that none takes much longer than another.
 """
 
 import math
@@ -63,7 +60,7 @@ class Scoring:
 
 
 def quality(judged: Agreement, scoring: Scoring) -> float:
-    """Return what one sweep says about one pose, from 0 to 1."""
+    """Return how well one scan fits one pose, from 0 to 1."""
     return 1.0 / (1.0 + math.exp(-scoring.slope * (float(judged.merit[0]) - scoring.even)))
 
 
@@ -73,17 +70,17 @@ def decay(step: Pose2D, scoring: Scoring) -> float:
 
 
 def way_of(step: Pose2D) -> float:
-    """Return the metres of a step, a turn counted too: a radian as much as half a metre."""
+    """Return the metres of a step; a radian counts as half a metre."""
     return math.hypot(step.x, step.y) + 0.5 * abs(step.theta)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything that can be tuned; the defaults suit an indoor robot with a laser of some metres
-    and 180 degrees or more.
+    """All tuning constants, for an indoor robot with a laser of some metres and 180 degrees or
+    more.
 
-    A sweep is weighed when the robot has moved; while it stands, the first few are, and all of
-    which much says something.
+    A scan is weighed when the robot has moved; at rest, the first few are, and all that are
+    informative.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -116,7 +113,7 @@ class Settings:
 
 
 class Localizer:
-    """One robot on one map. It begins without knowing where; `set_pose` tells it."""
+    """One robot on one map, lost until `set_pose` or a search."""
 
     def __init__(
         self, grid: OccupancyGrid, rng: np.random.Generator, settings: Settings | None = None
@@ -131,7 +128,7 @@ class Localizer:
         self.forget()
 
     def forget(self) -> None:
-        """Know nothing about the pose any more: the next sweep starts a search of the whole map."""
+        """Lose the pose: the next scan starts a search of the whole map."""
         self.particles: ParticleSet | None = None
         self.believed: Cluster | None = None
         self.confidence = self.match_score = 0.0
@@ -148,27 +145,23 @@ class Localizer:
         self._contested = False
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:
-        """Believe in `pose`, with standard deviations `spread` (metres) and `turn` (radians)."""
+        """Accept `pose`, with standard deviations `spread` (metres) and `turn` (radians)."""
         self.forget()
         # the given pose is trusted until the laser disagrees
         self.confidence = self.match_score = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
-        self.particles = evenly(
-            around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng)
-        )
+        count = np.array([self.settings.sampling.most])
+        self.particles = evenly(around(start, count, spread, turn, self.rng))
         self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
     def update(
         self, stamp: float, odometry: Pose2D, beams: LaserScan | None, *, docked: bool = False
     ) -> Estimate:
-        """Take what the robot's sensors say and return where it is at `stamp`.
+        """Take the sensors' data and return the estimate at `stamp`, seconds by the robot's clock.
 
-        Args:
-            stamp: of the odometry, seconds by the robot's clock.
-            odometry: pose in a frame of the wheels' own.
-            beams: the newest sweep; None, or one that was there before, when nothing came since.
-            docked: the robot feels the contacts of a charging station.
+        `odometry` is in a frame of its own; `beams` is the newest scan, which may be None or an
+        earlier one; a `docked` robot feels the contacts of its station.
         """
         here = self.track.add(stamp, odometry)
         if self.track.jumps != self._jumps:
@@ -188,9 +181,7 @@ class Localizer:
         step = self._weighed_from.inverse().compose(there)
         if self.particles is None:
             self._weighed_from = there
-        elif (
-            math.hypot(step.x, step.y) >= self.settings.way or abs(step.theta) >= self.settings.turn
-        ):
+        elif _exceeds(step, self.settings.way, self.settings.turn):
             self._stood = 0
             self._weigh(sweep, there, stamp)
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
@@ -204,16 +195,13 @@ class Localizer:
         if self._searching is not None or self.match_score >= self.settings.scoring.lost:
             return False
         moved = way_of(self._searched_from.inverse().compose(there)) >= self.settings.elsewhere
-        return (
-            not 0.0
-            <= stamp - self._searched_at
-            < (self.settings.again if moved else self.settings.again_here)
-        )
+        pause = self.settings.again if moved else self.settings.again_here
+        return not 0.0 <= stamp - self._searched_at < pause
 
     def _stand(self, sweep: Sweep, there: Pose2D, stamp: float, *, docked: bool) -> None:
-        """Of the sweeps of a robot that stands, weigh the first and those that say much: a door at
-        its nose would slowly bend the pose. So would a station that is not where the map has it,
-        close before a docked robot: there, none is weighed while they fit.
+        """Weigh the first scans of a robot at rest, and those that are informative: a door at its
+        nose would slowly bend the pose. So would a station that is not where the map has it, close
+        before a docked robot, where none is weighed while they fit.
         """
         self._stood += 1
         fits = docked and self.match_score >= self.settings.scoring.lost
@@ -221,9 +209,8 @@ class Localizer:
         if is_telling and not fits:
             self._weigh(sweep, there, stamp)
         elif self.believed is not None:
-            pose = Pose2D(*self.believed.mean.tolist()).compose(
-                self._weighed_from.inverse().compose(there)
-            )
+            step = self._weighed_from.inverse().compose(there)
+            pose = Pose2D(*self.believed.mean.tolist()).compose(step)
             self._judge(np.array([pose]), sweep, stamp)
 
     def _weigh(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
@@ -232,80 +219,57 @@ class Localizer:
         self._proven += way_of(step)
         poses = move(self.particles.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
-        particles = ParticleSet(poses, self.particles.weights).weighed(
-            evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1])
-        )
+        evidence -= 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1])
+        particles = ParticleSet(poses, self.particles.weights).weighed(evidence)
         self.believed = self._match(particles, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
-        self.particles = (
-            particles.drawn(self.settings.sampling, self.rng)
-            if particles.is_depleted()
-            else particles
-        )
+        if particles.is_depleted():
+            particles = particles.drawn(self.settings.sampling, self.rng)
+        self.particles = particles
 
     def _evidence(self, poses: Floats, sweep: Sweep) -> Floats:
-        """Return (n,) what a sweep says for each of poses (n, 3), on a logarithmic scale.
+        """Return (n,) the log-likelihoods of a scan at poses (n, 3).
 
-        About one place the nearness of the beams' ends decides. Between places what lies between
-        robot and wall decides instead, which is too costly for every guess: an open door's leaf at
-        the robot's side may hide half of what the map promises, and a corner across the building
-        that shows a wall there would win by as many beams, did it not have to let some others
-        through its walls.
+        Within one place the distances of the beams' ends decide. Between places what lies between
+        robot and wall decides, too costly for every particle: an open door's leaf beside the robot
+        may hide half of what the map predicts, and a corner elsewhere that shows a wall there would
+        win by as many beams, if it did not need some others to pass through its walls.
         """
-        fits = self.likelihood.of(poses, sweep.thinned(self.settings.beams))
+        sensor, some = self.settings.sensor, sweep.thinned(self.settings.beams)
+        fits = self.likelihood.of(poses, some)
         if not self._contested:
             return fits
         owner, best = places(poses, fits, self.settings.cluster, self.settings.cluster_turn)
-        judged = agreement(
-            self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams)
-        )
-        return (
-            fits
-            + (self.settings.sensor.log_likelihood_scale * judged.against_others - fits[best])[
-                owner
-            ]
-        )
+        merit = agreement(self.field, sensor, poses[best], some).against_others
+        return fits + (sensor.log_likelihood_scale * merit - fits[best])[owner]
 
     def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
         cluster = heaviest(particles, self.settings.cluster, self.settings.cluster_turn)
-        prior = (
-            np.asarray(np.linalg.inv(cluster.covariance + FLOOR), dtype=np.float64)
-            / self._telling()
-        )
-        start = cluster.mean[None]
-        matched = refine(
-            self.field,
-            start,
-            sweep.thinned(self.settings.matched).points,
-            prior,
-            self.settings.matching,
-        )
+        covariance = cluster.covariance + FLOOR
+        prior = np.asarray(np.linalg.inv(covariance), dtype=np.float64) / self._telling()
+        start, points = cluster.mean[None], sweep.thinned(self.settings.matched).points
+        matched = refine(self.field, start, points, prior, self.settings.matching)
         both = np.vstack([start, matched])
-        return Cluster(
-            both[np.argmax(self.likelihood.of(both, sweep))],
-            cluster.covariance + FLOOR,
-            cluster.share,
-        )
+        best = both[np.argmax(self.likelihood.of(both, sweep))]
+        return Cluster(best, covariance, cluster.share)
 
     def _judge(self, pose: Floats, sweep: Sweep, stamp: float) -> None:
-        """Learn from how well the believed pose (1, 3) explains a sweep whether to trust it."""
+        """Update score and confidence by how well the accepted pose (1, 3) explains a scan."""
         assert self.believed is not None
         seconds, self._judged_at = min(max(stamp - self._judged_at, 0.0), 1.0), stamp
-        self.judged = agreement(
-            self.field, self.settings.sensor, pose, sweep.thinned(self.settings.beams)
-        )
-        certain = self.believed.share**4 * min(1.0, self._proven / self.settings.scoring.proof)
-        match_score = quality(self.judged, self.settings.scoring)
-        gain = 1.0 - math.exp(
-            -seconds * max(self._telling(), self.settings.least_gain) / self.settings.scoring.memory
-        )
+        scoring, some = self.settings.scoring, sweep.thinned(self.settings.beams)
+        self.judged = agreement(self.field, self.settings.sensor, pose, some)
+        certain = self.believed.share**4 * min(1.0, self._proven / scoring.proof)
+        match_score = quality(self.judged, scoring)
+        weight = max(self._telling(), self.settings.least_gain)
+        gain = 1.0 - math.exp(-seconds * weight / scoring.memory)
         self.match_score += (match_score - self.match_score) * gain
         self.confidence += (match_score * certain - self.confidence) * gain
 
     def _telling(self) -> float:
-        """Return what a sweep says, from 0.1 to 1: little when most ends on unmapped things."""
+        """Return how informative a scan is, from 0.1 to 1: less with ends on unmapped things."""
         return max(0.1, 1.0 - float(self.judged.short[0])) if self.believed is not None else 1.0
 
     def _search_on(self) -> None:
@@ -317,80 +281,61 @@ class Localizer:
             self._consider(end.value)
 
     def _consider(self, found: Found) -> None:
-        """Add guesses where a search says that the robot could be, beside those that there are."""
+        """Add particles at the places that a search has found."""
         good = found.merit >= self.settings.scoring.plausible
         if not good.any():
             return
         step = self._searched_from.inverse().compose(self._weighed_from)
         still = MotionNoise(0.0, 0.0, 0.0, 0.0)
         poses = move(found.poses[good], step, still, self.rng)
-        stay = (
-            0.0
-            if self.particles is None
-            else math.exp(
-                self.settings.sensor.log_likelihood_scale
-                * (float(self.judged.against_others[0]) - float(found.merit[0]))
-                + self.settings.stay_log_odds
-            )
-        )
-        share = np.exp(
-            self.settings.sensor.log_likelihood_scale * (found.merit[good] - found.merit[0])
-        )
+        scale = self.settings.sensor.log_likelihood_scale
+        share = np.exp(scale * (found.merit[good] - found.merit[0]))
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
         self.match_score = max(self.match_score, self.settings.scoring.lost)
         self._proven, self._stood = math.inf if len(poses) == 1 else 0.0, 0
         hypotheses = around(poses, each, 0.08, math.radians(2.5), self.rng)
         weights = np.repeat(share / each, each)
         if self.particles is not None:
+            better = float(self.judged.against_others[0]) - float(found.merit[0])
+            stay = math.exp(scale * better + self.settings.stay_log_odds)
             hypotheses = np.vstack([self.particles.poses, hypotheses])
             weights = np.concatenate([self.particles.weights * stay, weights])
         self.particles = ParticleSet(hypotheses, weights / weights.sum())
         self._contested = True
 
     def _open_up(self) -> None:
-        """Allow for what may have happened while the wheels' counters were away."""
+        """Spread the particles: the odometry jumped, and the robot may have moved."""
         if self.particles is not None:
-            spread = self.rng.standard_normal(self.particles.poses.shape) * (
-                0.15,
-                0.15,
-                math.radians(8.0),
-            )
-            self.particles = ParticleSet(self.particles.poses + spread, self.particles.weights)
+            poses, sigmas = self.particles.poses, (0.15, 0.15, math.radians(8.0))
+            spread = self.rng.standard_normal(poses.shape) * sigmas
+            self.particles = ParticleSet(poses + spread, self.particles.weights)
 
     def _estimate(self, stamp: float, here: Pose2D) -> Estimate:
         if self.believed is None:
-            rows, columns = self.field.signed.shape
-            middle = Pose2D(
-                columns * self.field.resolution / 2.0, rows * self.field.resolution / 2.0, 0.0
-            )
-            return Estimate(
-                stamp, self.field.world_from_field.compose(middle), NOWHERE, 0.0, localized=False
-            )
+            high, wide = (cells * self.field.resolution for cells in self.field.signed.shape)
+            middle = self.field.world_from_field.compose(Pose2D(wide / 2.0, high / 2.0, 0.0))
+            return Estimate(stamp, middle, NOWHERE, 0.0, localized=False)
         step = self._weighed_from.inverse().compose(here)
         x, y, theta = (float(value) for value in self.believed.mean)
         pose = self.field.world_from_field.compose(Pose2D(x, y, wrap_angle(theta)).compose(step))
         score = self.confidence * decay(step, self.settings.scoring)
-        return Estimate(
-            stamp,
-            pose,
-            self._covariance(step),
-            score,
-            localized=score >= self.settings.scoring.lost,
-        )
+        localized = score >= self.settings.scoring.lost
+        return Estimate(stamp, pose, self._covariance(step), score, localized=localized)
 
     def _covariance(self, step: Pose2D) -> Covariance:
         assert self.believed is not None
         noise, way, turn = self.settings.motion, math.hypot(step.x, step.y), abs(step.theta)
         grown = self.believed.covariance.copy()
         grown[2, 2] += noise.turn_by_turn * turn + noise.turn_by_way * way
-        grown[[0, 1], [0, 1]] += (
-            noise.way_by_way * way + noise.way_by_turn * turn + way**2 * grown[2, 2]
-        )
+        along = noise.way_by_way * way + noise.way_by_turn * turn
+        grown[[0, 1], [0, 1]] += along + way**2 * grown[2, 2]
         turned = np.eye(3)
         cosine = math.cos(self.field.world_from_field.theta)
         sine = math.sin(self.field.world_from_field.theta)
         turned[:2, :2] = [[cosine, -sine], [sine, cosine]]
         world: Floats = turned @ grown @ turned.T
-        return tuple(
-            float(world[pair]) for pair in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-        )  # type: ignore[return-value]
+        return tuple(world[np.triu_indices(3)].tolist())
+
+
+def _exceeds(step: Pose2D, metres: float, radians: float) -> bool:
+    return math.hypot(step.x, step.y) >= metres or abs(step.theta) >= radians

@@ -1,9 +1,9 @@
-"""How odometry errs (Thrun, Burgard, Fox: Probabilistic Robotics, table 5.6: turn, go straight,
+"""Errors of odometry (Thrun, Burgard, Fox: Probabilistic Robotics, table 5.6: turn, drive straight,
 turn, each with an error).
 
-Two changes. The odometry's own step is kept as it is and only the errors are drawn, so that
-creeping and going backwards need no angle of a step that is nearly zero. And variances grow with
-the way driven, not with its square, so that the spread does not depend on how often one asks.
+Two changes: only the errors of the odometry's step are drawn, so that creeping and reversing need
+no angle of a step near zero; and variances grow with the distance, not with its square, so that the
+spread does not depend on the number of updates.
 """
 
 import math
@@ -34,10 +34,6 @@ def move(poses: Floats, step: Pose2D, noise: MotionNoise, rng: np.random.Generat
     heading = poses[:, 2] + turned * draws[0]
     along, aside = step.x + slid * draws[1], step.y + slid / 3.0 * draws[2]
     cosine, sine = np.cos(heading), np.sin(heading)
-    return np.column_stack(
-        [
-            poses[:, 0] + cosine * along - sine * aside,
-            poses[:, 1] + sine * along + cosine * aside,
-            heading + step.theta + turned * draws[3],
-        ]
-    )
+    x = poses[:, 0] + cosine * along - sine * aside
+    y = poses[:, 1] + sine * along + cosine * aside
+    return np.column_stack([x, y, heading + step.theta + turned * draws[3]])

@@ -1,8 +1,5 @@
-"""Many guesses of one pose, weighed by what the laser sees, as many as their spread needs (Thrun,
-Burgard, Fox, tables 8.3 and 8.4).
-
-How many: Fox's KLD sampling. The more cells of a coarse raster over x, y and heading the guesses
-fill, the more of them are drawn.
+"""Particles weighed by the laser (Thrun, Burgard, Fox, tables 8.3 and 8.4), as many as their spread
+needs: KLD sampling draws more, the more cells of a coarse raster over x, y and heading they fill.
 """
 
 import math
@@ -18,8 +15,8 @@ NORMAL_99 = 2.326  # upper quantile of the normal distribution at 0.99
 
 @dataclass(frozen=True)
 class Sampling:
-    """How many particles there are, by KLD sampling (Fox, "Adapting the Sample Size in Particle
-    Filters Through KLD-Sampling", 2003).
+    """Number of particles, by KLD sampling (Fox, "Adapting the Sample Size in Particle Filters
+    Through KLD-Sampling", 2003).
     """
 
     fewest: int = 200  # particles
@@ -31,13 +28,13 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class ParticleSet:
-    """Guesses: `poses` (n, 3) x, y, theta and `weights` (n,) that sum to one."""
+    """Particles: `poses` (n, 3) x, y, theta and `weights` (n,) that sum to one."""
 
     poses: Floats
     weights: Floats
 
     def weighed(self, log_likelihoods: Floats) -> "ParticleSet":
-        """Return the same guesses after evidence (n,)."""
+        """Return the same poses weighed by log-likelihoods (n,)."""
         weights = self.weights * np.exp(log_likelihoods - log_likelihoods.max())
         return ParticleSet(self.poses, weights / weights.sum())
 
@@ -64,12 +61,9 @@ def around(
     heading: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return (sum of counts, 3) poses, normal about (n, 3): `place` metres, `heading` radians."""
-    return np.repeat(poses, counts, axis=0) + rng.standard_normal((int(counts.sum()), 3)) * (
-        place,
-        place,
-        heading,
-    )
+    """Return (sum of counts, 3) poses, normal around (n, 3): `place` metres, `heading` radians."""
+    errors = rng.standard_normal((int(counts.sum()), 3)) * (place, place, heading)
+    return np.repeat(poses, counts, axis=0) + errors
 
 
 def needed(poses: Floats, sampling: Sampling) -> int:
@@ -78,9 +72,8 @@ def needed(poses: Floats, sampling: Sampling) -> int:
     if filled < 2:
         return sampling.fewest
     ninth = 2.0 / (9.0 * (filled - 1))
-    count = (
-        (filled - 1) / (2.0 * sampling.error) * (1.0 - ninth + math.sqrt(ninth) * NORMAL_99) ** 3
-    )
+    quantile = (1.0 - ninth + math.sqrt(ninth) * NORMAL_99) ** 3
+    count = (filled - 1) / (2.0 * sampling.error) * quantile
     return int(min(max(count, sampling.fewest), sampling.most))
 
 
@@ -104,19 +97,16 @@ def groups(poses: Floats, reach: float, turn: float) -> npt.NDArray[np.intp]:
 def places(
     poses: Floats, fits: Floats, reach: float, turn: float
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return for each of the poses (n, 3) the number of its place, and (k,) which of them fits its
-    place best.
+    """Return the place (n,) of each of the poses (n, 3), and (k,) the pose that fits each place
+    best.
 
-    The best of those that are left, by `fits` (n,), is the middle of the next place, `reach` metres
-    and `turn` radians about it.
+    The best remaining pose by `fits` (n,) is the middle of the next place, which extends for
+    `reach` metres and `turn` radians.
     """
     owner, best = np.full(len(poses), -1, dtype=np.intp), list[int]()
     left = np.argsort(-fits)
     while len(left):
-        offset = poses[left] - poses[left[0]]
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
-            np.abs(wrapped(offset[:, 2])) < turn
-        )
+        near = is_near(poses[left], poses[left[0]], reach, turn)
         near[0] = True  # NaN is near nothing
         owner[left[near]] = len(best)
         best.append(int(left[0]))
@@ -129,12 +119,17 @@ def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
     owner = groups(particles.poses, reach, turn)
     centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))
     for _ in range(2):
-        offset = particles.poses - centre.mean
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
-            np.abs(wrapped(offset[:, 2])) < turn
-        )
+        near = is_near(particles.poses, centre.mean, reach, turn)
         centre = moments(particles, near) if near.any() else centre
     return centre
+
+
+def is_near(poses: Floats, pose: Floats, reach: float, turn: float) -> npt.NDArray[np.bool_]:
+    """Tell which poses (n, 3) are within `reach` metres and `turn` radians of a pose (3,)."""
+    offset = poses - pose
+    turned = np.abs(wrapped(offset[:, 2]))
+    near: npt.NDArray[np.bool_] = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (turned < turn)
+    return near
 
 
 def moments(particles: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:

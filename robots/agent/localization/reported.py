@@ -1,4 +1,4 @@
-"""The pose that a robot's own architecture reports, in the place of our localizer."""
+"""The pose that a robot's own architecture reports, instead of our localizer's."""
 
 import math
 
@@ -17,25 +17,20 @@ class ReportedLocalizer:
         self._pose = pose
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:
-        """Do nothing: the architecture knows."""
+        """Do nothing: the architecture has the pose."""
 
     def forget(self) -> None:
-        """Do nothing: the architecture knows."""
+        """Do nothing: the architecture has the pose."""
 
     def update(
         self, stamp: float, odometry: Pose2D, beams: LaserScan | None, *, docked: bool = False
     ) -> Estimate:
-        """Return what was reported last, as lost when it was nothing."""
+        """Return the last reported pose, as lost without one."""
         pose = self._pose
         if pose is None or not pose.localized:
             return Estimate(stamp, Pose2D(0.0, 0.0, 0.0), LOST, 0.0, localized=False)
-        return Estimate(
-            stamp,
-            Pose2D(pose.x, pose.y, pose.theta),
-            pose.covariance or EXACT,
-            pose.score,
-            localized=True,
-        )
+        covariance, place = pose.covariance or EXACT, Pose2D(pose.x, pose.y, pose.theta)
+        return Estimate(stamp, place, covariance, pose.score, localized=True)
 
 
 LOST = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)

@@ -1,10 +1,9 @@
-"""Poses moved so that the beams' ends fall onto the map's surfaces: Gauss-Newton on the signed
+"""Moves poses so that the beams' ends fall onto the map's surfaces: Gauss-Newton on the signed
 distance, many poses at once.
 
-The residual of a beam is the distance from its end to the nearest surface; what ends far from every
-surface is pulled by nothing (Geman-McClure weights), so that people and chairs do not bend the fit.
-A pose comes with what was known before as a prior: along a bare corridor the laser tells nothing,
-and there the pose stays where the odometry had it.
+The residual of a beam is the distance from its end to the nearest surface; ends far from every
+surface hardly count (Geman-McClure weights), so that people and chairs do not bend the fit. A prior
+keeps a pose where the laser shows nothing, such as along a bare corridor.
 """
 
 from dataclasses import dataclass
@@ -18,8 +17,6 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class Matching:
-    """How poses are moved onto the map."""
-
     noise: float = 0.04  # m, of the end of a beam
     scale: float = 0.15  # m from a surface, from which on a beam loses its say
     beams: float = 25.0  # that a sweep is worth
@@ -30,14 +27,8 @@ class Matching:
 def refine(
     field: DistanceField, poses: Floats, points: Floats, prior: Floats, settings: Matching
 ) -> Floats:
-    """Return poses (n, 3) moved onto the map.
-
-    Args:
-        field: the map.
-        poses: (n, 3) where to begin, and what `prior` speaks of.
-        points: (k, 2) ends of beams in the robot's frame, metres.
-        prior: (3, 3) information (inverse covariance) of every pose before the sweep.
-        settings: how much the beams say.
+    """Return poses (n, 3) moved onto the map by points (k, 2), ends of beams in the robot's frame,
+    metres. `prior` (3, 3) is the information (inverse covariance) of every pose before the scan.
     """
     if not len(points):
         return poses

@@ -1,15 +1,15 @@
-"""How well a sweep of the laser fits the map: quickly for many poses, thoroughly for a few.
+"""How well a scan fits the map: fast for many poses, thorough for a few.
 
-Quickly is the likelihood field (Thrun, Burgard, Fox: Probabilistic Robotics, section 6.4): where a
-beam ends, how near is something that the map knows? People, chairs and open doors are not on the
-map; a beam that ends on one costs a fixed price however far from everything it ends.
+Fast: the likelihood field (Thrun, Burgard, Fox: Probabilistic Robotics, section 6.4) judges the
+distance of each beam's end from the nearest mapped surface. People, chairs and open doors are not
+on the map; a beam that ends on one has a fixed cost at any distance.
 
-Thoroughly also asks what lies between: a beam that ends short of what the map promises met
-something new, which happens; a beam that went through a wall of the map says that the robot is not
-there. Only this tells a pose that is right from one that merely has walls all around.
+Thorough: a beam that ends shorter than the map predicts met something new, which happens; a beam
+that went through a wall of the map shows that the robot is not there. Only this tells the true pose
+from one that merely has walls all around.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from robots.world.sensing import Floats, LaserScan
 
 @dataclass(frozen=True)
 class MeritParams:
-    """How shares of beams become the merit of a pose."""
+    """Weights of beams in the merit of a pose."""
 
     hidden: float = 0.8  # of a beam that falls short, which is left out of the account
     through: float = 3.0  # beams that fit weigh as much as one that went through a wall
@@ -30,7 +30,7 @@ MERIT = MeritParams()
 
 @dataclass(frozen=True)
 class SensorModel:
-    """Likelihood of beams; errors correlate: a sweep counts as `log_likelihood_scale` beams."""
+    """Likelihood of beams; errors correlate: a scan counts as `log_likelihood_scale` beams."""
 
     sigma: float = 0.1  # m by which a beam may miss a surface
     floor: float = 0.05  # price of a beam that fits nothing, as a share of one that fits
@@ -57,15 +57,9 @@ class Sweep:
         """Return about `count` of the beams, evenly."""
         if len(self) <= count:
             return self
-        chosen = np.arange(count) * (len(self) - 1) // max(count - 1, 1)
-        return Sweep(
-            self.points[chosen],
-            self.x,
-            self.y,
-            self.angles[chosen],
-            self.ranges[chosen],
-            self.reach,
-        )
+        some = np.arange(count) * (len(self) - 1) // max(count - 1, 1)
+        points, angles, ranges = self.points[some], self.angles[some], self.ranges[some]
+        return replace(self, points=points, angles=angles, ranges=ranges)
 
 
 def sweep_of(beams: LaserScan, shortest: float) -> Sweep:
@@ -106,26 +100,21 @@ class LikelihoodField:
         if not len(sweep):
             return np.zeros(len(poses))
         found = self.field.look_up(self.table, *placed(sweep.points, poses))
-        return np.asarray(
-            found.sum(axis=1) * (min(self.model.log_likelihood_scale, len(sweep)) / len(sweep)),
-            dtype=np.float64,
-        )
+        scale = min(self.model.log_likelihood_scale, len(sweep)) / len(sweep)
+        return np.asarray(found.sum(axis=1) * scale, dtype=np.float64)
 
 
 def likelihood_field(
     field: DistanceField, model: SensorModel, sigma: float | None = None
 ) -> LikelihoodField:
     """Return the table of a map, with another `sigma` than the model's when given."""
-    table = np.log(
-        model.floor
-        + (1.0 - model.floor) * np.exp(-0.5 * (field.signed / (sigma or model.sigma)) ** 2)
-    )
-    return LikelihoodField(field, model, table)
+    normal = np.exp(-0.5 * (field.signed / (sigma or model.sigma)) ** 2)
+    return LikelihoodField(field, model, np.log(model.floor + (1.0 - model.floor) * normal))
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Shares of beams, together one: as the map promises, `short` of it, `through` a wall."""
+    """Shares of beams, together one: fit the map, are `short` of it, or go `through` a wall."""
 
     fits: Floats
     short: Floats
@@ -133,22 +122,19 @@ class Agreement:
 
     @property
     def merit(self) -> Floats:
-        """How well the pose explains the sweep, from -1 to 1: beams that people or doors stand in
-        the way of count for little.
+        """How well the pose explains the scan, from -1 to 1; blocked beams count for little.
 
-        Measured in the office among four and eight people: at the true pose 99 of 100 sweeps have
+        Measured in the office among four and eight people: at the true pose 99 of 100 scans have
         more than 0.73, at wrong poses that were matched to the map 5 of 100 have more than 0.37.
         """
         return self._explains(1.0)
 
     @property
     def against_others(self) -> Floats:
-        """The same for a choice between places, where a beam that went through what the map says
-        stands there takes back more than one that fits.
-
-        At the true pose there are hardly any, and a corner that looks like the robot's own, from
-        where an open door hides the rest, is told apart by nothing else. Whether to trust a pose at
-        all is no such choice: before a mirror many beams go through the wall that it hangs on.
+        """The merit for a choice between places, where a beam through a wall weighs more than one
+        that fits: at the true pose there are hardly any, and nothing else excludes a corner that
+        looks like the robot's own where an open door hides the rest. Not for trusting a pose at
+        all: before a mirror many beams go through its wall.
         """
         return self._explains(MERIT.through)
 
@@ -158,7 +144,7 @@ class Agreement:
 
 
 def agreement(field: DistanceField, model: SensorModel, poses: Floats, sweep: Sweep) -> Agreement:
-    """Return how the beams of a sweep divide, each (n,), at poses (n, 3); of no beams none fits."""
+    """Return the shares of a scan's beams, each (n,), at poses (n, 3)."""
     if not len(sweep):
         nothing = np.zeros(len(poses))
         return Agreement(nothing, nothing + 1.0, nothing)

@@ -1,4 +1,4 @@
-"""Picture, sound and data channels over WebRTC: see `side` for how they hang together."""
+"""Video, sound and data channels over WebRTC; `side` connects the parts."""
 
 from robots.agent.media.side import MediaSide
 

@@ -1,4 +1,4 @@
-"""A camera's picture as the frame of a video, whichever of the two formats it has."""
+"""A camera's frame of either format as a frame of PyAV."""
 
 import av
 import numpy as np

@@ -20,32 +20,30 @@ AUDIO_RATE = 48_000
 MAX_PAYLOAD = 1_200  # bytes; what WebRTC itself sends, so that relays and tunnels need not fragment
 LARGEST_ID, LONGEST_ELEMENT = 14, 16  # of the one-byte form of header extensions
 HISTORY = 256  # packets kept for retransmission: about 1.5 s of a 1.2 Mbit/s video
-# s in which a packet is not sent a second time; what it took to get there is not known here
-ASKED_AGAIN = 0.08
-# share of the sent octets, and octets, that are sent again in a second
+ASKED_AGAIN = 0.08  # s in which a packet is not retransmitted twice
+# share of the sent octets, and octets, that are retransmitted at most in a second
 AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000
-COPIED, MOST_COPIES = 16, 24  # of the newest packets, and how many copies go out at once
+COPIED, MOST_COPIES = 16, 24  # the newest packets that are copied, and the copies of one frame
 
 _TWO_16, _TWO_32 = 1 << 16, 1 << 32
 _NTP_EPOCH = 2_208_988_800  # Unix time 0 in seconds of NTP (RFC 5905)
 _LONGEST_STEP = 5.0  # s
-_TELL_EVERY = 1.0  # s
+_CLOCK_PERIOD = 1.0  # s
 _TOLERANCE = 0.001  # s
-
 
 # ticks from the last of one source to the first of the next
 STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
 ROUND = 1 << 32  # ticks after which a timestamp wraps
 
 
-class Continuous:
-    """One growing count of RTP ticks from several sources, each of which begins anywhere."""
+class JoinedTicks:
+    """One growing count of RTP ticks from several sources, each with its own origin."""
 
     def __init__(self, step: int) -> None:
         self._step, self._source, self._offset, self._last = step, "", 0, 0
 
     def tick(self, source: str, ticks: int) -> int:
-        """Return the ticks of what `source` counts as `ticks`."""
+        """Return the joined ticks of `ticks` of a source."""
         if source != self._source:
             self._source, self._offset = source, self._last + self._step - ticks
         self._last = ticks + self._offset
@@ -82,22 +80,20 @@ class RtpClock:
         return (self._origin + ticks) % _TWO_32
 
 
-class ClockTeller:
-    """Decides when a page gets the relation of RTP timestamps and capture stamps.
-
-    Once a second, because the data channel may lose a message, and at once when a frame does not
-    fit the last one.
+class MediaClockSender:
+    """Decides when a page is sent the relation of RTP timestamps and capture stamps: once a second,
+    because the data channel may lose a message, and at once when a frame does not fit the last one.
     """
 
     def __init__(self) -> None:
         self._sent: MediaClock | None = None
         self._sent_at = 0.0
 
-    def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
+    def before(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
         """Return the message to send before the frame (rtp, stamp), or None."""
         if (
             self._sent is not None
-            and now - self._sent_at < _TELL_EVERY
+            and now - self._sent_at < _CLOCK_PERIOD
             and abs(capture_stamp(self._sent, rtp) - stamp) < _TOLERANCE
         ):
             return None
@@ -119,8 +115,8 @@ def vp8_payloads(picture: bytes) -> tuple[bytes, ...]:
     """Cut a VP8 picture into RTP payloads, each with its descriptor (RFC 7741, section 4.2):
     partition 0, and no picture id.
 
-    A viewer who changes from one encoder to another would see ids jump. Without them pictures
-    follow each other by their packets' numbers, which each viewer has of their own.
+    The ids would jump when a viewer changes from one encoder to another. Without them the order
+    of pictures follows from the sequence numbers, which are separate for each viewer.
     """
     first, rest = b"\x10", b"\x00"
     size = MAX_PAYLOAD - len(first)
@@ -196,8 +192,8 @@ class RtpStream:
         """Return the packets of one picture or sound, the last with the marker; `now` is Unix time
         in seconds.
 
-        After a `key` frame nothing from before it is sent again: the page does not need it, and
-        still asks for it.
+        After a `key` frame nothing older is retransmitted: the page does not need it, and still
+        asks for it.
         """
         if key:
             self._history.clear()
@@ -209,11 +205,8 @@ class RtpStream:
         packets = []
         for position, payload in enumerate(payloads, start=1):
             marker = position == len(payloads)
-            packets.append(
-                self._header(self.payload_type, marker, self.sequence, timestamp, self.ssrc)
-                + extension
-                + payload
-            )
+            header = self._header(self.payload_type, marker, self.sequence, timestamp, self.ssrc)
+            packets.append(header + extension + payload)
             self._remember(payload, marker, timestamp)
             self.sequence = (self.sequence + 1) % _TWO_16
             self.octets_sent += len(payload)
@@ -223,9 +216,9 @@ class RtpStream:
     def retransmission(self, sequence: int, now: float) -> bytes | None:
         """Return the packet that answers a NACK for `sequence`.
 
-        None when it is too old, was sent again a moment ago, or when as much was sent again already
-        as does a full network no harm: a page asks for every packet that a queue has dropped, over
-        and over, and the answers would keep the queue full.
+        None when it is too old, was just retransmitted, or when the retransmissions of the last
+        second reach their limit: a page asks again and again for every packet that a full queue has
+        dropped, and the answers would keep the queue full.
         """
         if sequence not in self._history or now - self._asked.get(sequence, 0.0) < ASKED_AGAIN:
             return None
@@ -241,15 +234,11 @@ class RtpStream:
         return packet
 
     def _copy(self, sequence: int, now: float) -> bytes:
-        kept = self._history[sequence]
-        payload, marker, timestamp = kept
+        payload, marker, timestamp = self._history[sequence]
         extension = self._timed_extension(now)
         if self.rtx_payload_type is None:
-            return (
-                self._header(self.payload_type, marker, sequence, timestamp, self.ssrc)
-                + extension
-                + payload
-            )
+            header = self._header(self.payload_type, marker, sequence, timestamp, self.ssrc)
+            return header + extension + payload
         header = self._header(
             self.rtx_payload_type, marker, self.rtx_sequence, timestamp, self.rtx_ssrc
         )
@@ -261,10 +250,8 @@ class RtpStream:
         if self.rtx_payload_type is None:
             return []
         copies: list[bytes] = []
-        for sequence in itertools.islice(
-            itertools.cycle(list(reversed(self._history))[:COPIED]),
-            MOST_COPIES if self._history else 0,
-        ):
+        newest = itertools.cycle(list(reversed(self._history))[:COPIED])
+        for sequence in itertools.islice(newest, MOST_COPIES):
             copy = self._copy(sequence, now)
             if octets < len(copy):
                 break

@@ -1,20 +1,20 @@
 """The media side of an agent: camera and microphone out, data channels both ways, in a thread and a
 loop of its own.
 
-The control loop must run when nothing else does, so nothing here shares its thread: it hands
-signals and telemetry in, and hears frames and answers through callbacks that run on the media loop
-and must return at once. Reading and encoding happen in capture threads, off this loop too, so that
-a frame on a data channel never waits for a picture.
+The control loop must never wait, so nothing here shares its thread: it posts signals and telemetry,
+and gets frames and answers through callbacks that run on the media loop and must return at once.
+Reading and encoding happen in capture threads, so that a message on a data channel never waits for
+a picture.
 """
 
 import asyncio
-import functools
 import math
 import random
 import ssl
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 
 import structlog
 
@@ -25,7 +25,6 @@ from robots.agent.media.capture.capture import CaptureState
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.page_sources import PageCamera, PageMicrophone
 from robots.agent.media.capture.sound import MicrophoneFeed
-from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.jpeg_fallback.stills import JpegFallback
 from robots.agent.media.peers.connections import Connections
 from robots.agent.media.peers.viewer import Viewer
@@ -65,23 +64,22 @@ REASON_LENGTH = 300  # characters: messages.Reason
 
 
 class MediaSide:
-    """Everything that travels over WebRTC, and its substitute. All methods may be called from any
-    thread.
+    """All media over WebRTC, and the JPEG fallback. All methods may be called from any thread.
 
     Args:
-        video: the driving camera, FROM_PAGE where the page of the robot's own screen gives the
-            picture, or None.
+        video: the driving camera, FROM_PAGE where the page of the robot's own screen sends the
+            video, or None.
         audio: the microphone, likewise.
         viewers: how many pages may be connected at once; the driver always finds room.
         on_command: called on the media loop with (peer, its role at this moment, command or why it
-            could not be read) for every frame on a data channel that is not oversized and not one
-            too many; what an observer sends comes too, for the control side to refuse and count.
+            could not be read) for every frame on a data channel that is within the limits of size
+            and rate, also of observers: the control side refuses and counts them.
         reply: called on the media loop with (peer, message) for the page.
-        on_picture: called in a thread of its own, or on the media loop, with each picture for pages
-            that WebRTC does not reach and the one peer that it is for, None for all who have asked;
-            without it they get none.
+        on_picture: called in a thread of its own, or on the media loop, with each JPEG for pages
+            that WebRTC does not reach, and with its peer, None for all that have asked. Without it
+            there is no fallback.
         outputs: the robot's own loudspeaker and display.
-        trust: whose certificates are believed of a relay, those that the system believes when None.
+        trust: the certificates for TLS relays, the system's when None.
     """
 
     def __init__(
@@ -97,43 +95,44 @@ class MediaSide:
         trust: ssl.SSLContext | None = None,
     ) -> None:
         aiortc_hooks.install()
-        self._on_command = on_command
-        self._pages = Connections(viewers, self._viewer_for, reply, self._lead)
+        self._on_command, self._on_picture = on_command, on_picture
+        self._calls = LoopCalls("media")
+        self._pages = pages = Connections(viewers, self._viewer_for, reply, self._route)
         self._relays = Relays(trust=trust)
-        clock = RtpClock(origin=random.randrange(1 << 32))
         self._camera: CameraFeed | PageCamera | None = None
         if video == FROM_PAGE:
-            self._camera = PageCamera(
-                lambda: self._calls.post(self._pages.ask_screens), self._pages.show
-            )
+            ask = partial(self._calls.post, pages.ask_key_frame, "screen")
+            self._camera = PageCamera(ask, pages.show)
         elif video is not None:
-            self._camera = CameraFeed(video, clock, self._picture_from_camera)
+            clock = RtpClock(origin=random.randrange(1 << 32))
+            show = partial(self._calls.post, pages.show, most=MOST_FRAMES)
+            self._camera = CameraFeed(video, clock, show)
         self._microphone: MicrophoneFeed | PageMicrophone | None = None
         if audio == FROM_PAGE:
-            self._microphone = PageMicrophone(self._pages.sound)
+            self._microphone = PageMicrophone(pages.sound)
         elif audio is not None:
-            self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
-        self._on_picture = on_picture
+            sound = partial(self._calls.post, pages.sound, most=MOST_FRAMES)
+            self._microphone = MicrophoneFeed(audio, sound)
         self._line: TimedLine | None = None  # the lab's line for the driver's video and sound
-        self._slow = (
-            JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives)
+        self._fallback = (
+            JpegFallback(self._camera.snapshot, self._send_jpeg, pages.drives)
             if self._camera and on_picture
             else None
         )
         self._outputs = OutputFeed(*outputs) if any(outputs) else None
-        pages = self._pages
+        feeds = (self._camera, self._microphone, self._outputs)
+        self._feeds = [feed for feed in feeds if feed is not None]
         self.visitor = VisitorMedia(
             drives=pages.drives,
-            ask=pages.ask_driver,
+            ask=partial(pages.ask_key_frame, "driver"),
             show=pages.show_at_robot,
             sound=pages.sound_at_robot,
             outputs=self._outputs,
         )
         self._thread = threading.Thread(target=self._run, name="media", daemon=True)
-        self._calls = LoopCalls("media")
         self.ended = False
         self._ready = threading.Event()
-        self._closing: asyncio.Event | None = None
+        self._closing = asyncio.Event()
 
     # --- for the control side, any thread ---------------------------------------------------------
 
@@ -143,10 +142,10 @@ class MediaSide:
         self._ready.wait()
 
     def close(self) -> None:
-        """Say goodbye to every page and end the thread within seconds; idempotent."""
-        self._calls.post(self._set_closing, most=math.inf)
-        if self._slow is not None:
-            self._slow.close()
+        """End all connections and the thread within seconds; idempotent."""
+        self._calls.post(self._closing.set, most=math.inf)
+        if self._fallback is not None:
+            self._fallback.close()
         if self._thread.is_alive():
             self._thread.join(CLOSE_TIMEOUT)
             if self._thread.is_alive():
@@ -158,17 +157,17 @@ class MediaSide:
 
     def lease_changed(self, driver_peer: str | None) -> None:
         """Note which peer the lease names; None without a driver."""
-        # At once and not through the loop: the next frame of the old driver must already come as an
-        # observer's.
+        # At once and not through the loop: the next message of the old driver must already count as
+        # an observer's.
         self._pages.lease_changed(driver_peer)
-        self._calls.post(self._lead, most=math.inf)
+        self._calls.post(self._route, most=math.inf)
 
     def impair(self, lab: NetworkLab | None) -> None:
-        """Put this on the driver's video and sound from now on, None for nothing."""
-        self._calls.post(self._put_on, lab, most=math.inf)
+        """Impair the driver's video and sound from now on; None ends it."""
+        self._calls.post(self._set_lab, lab, most=math.inf)
 
     def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
-        """Let the driver's voice and face through, or not; `volume` is a share of the robot's."""
+        """Forward the driver's voice and face, or not; `volume` is a share of the robot's."""
         self.visitor.let_through(audio=audio, video=video, volume=volume)
 
     def telemetry(self, suffix: str, message: Message) -> None:
@@ -181,14 +180,14 @@ class MediaSide:
             self._calls.post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
-        """Send a pointer to the other side alone; dropped for a page that is behind."""
+        """Send a pointer to the other side only; dropped for a page that is behind."""
         if not self._pages.is_empty:
             self._calls.post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
-        """Send one more JPEG through the server; nothing happens without a camera."""
-        if self._slow is not None:
-            self._slow.ask(request.peer, request)
+        """Send one more JPEG through the server, if there is a camera."""
+        if self._fallback is not None:
+            self._fallback.ask(request.peer, request)
 
     def snapshot(self) -> Frame | None:
         """Return a fresh frame, None without a camera; blocks as `CameraFeed.snapshot`."""
@@ -197,7 +196,7 @@ class MediaSide:
     @property
     def connected(self) -> int:
         """Return how many people watch: over WebRTC, the JPEG fallback and an SFU."""
-        return self._pages.viewers(self._slow.watching() if self._slow is not None else frozenset())
+        return self._pages.viewers(self._fallback.watching() if self._fallback else frozenset())
 
     @property
     def screens(self) -> int:
@@ -209,7 +208,7 @@ class MediaSide:
         return self.screens > 0 or (self._outputs is not None and self._outputs.has_speaker)
 
     def ring(self) -> None:
-        """Ring with the robot's own loudspeaker; where a display is connected, that does it."""
+        """Ring with the robot's own loudspeaker, unless a display is connected, which rings."""
         if self._outputs is not None and self.screens == 0:
             self._outputs.ring()
 
@@ -231,15 +230,10 @@ class MediaSide:
     @property
     def errors(self) -> tuple[str, ...]:
         """Return why camera, microphone, loudspeaker and display do not work, a sentence each."""
-        captured = tuple(
-            state.reason
-            for state in (self.camera, self.microphone)
-            if state is not None and state.reason
-        )
-        return tuple(
-            reason[:REASON_LENGTH]
-            for reason in (*captured, *(self._outputs.errors if self._outputs is not None else ()))
-        )
+        states = (self.camera, self.microphone)
+        reasons = [state.reason for state in states if state is not None and state.reason]
+        played = self._outputs.errors if self._outputs is not None else ()
+        return tuple(reason[:REASON_LENGTH] for reason in (*reasons, *played))
 
     @property
     def microphone(self) -> CaptureState | None:
@@ -248,7 +242,7 @@ class MediaSide:
     @property
     def network(self) -> LabReport | None:
         """Return the lab's report on the driver's video and sound, None without a lab."""
-        line = self._line
+        line = self._line  # another thread may replace it
         return line.report() if line is not None else None
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
@@ -265,32 +259,21 @@ class MediaSide:
 
     async def _main(self) -> None:
         self._calls.loop = asyncio.get_running_loop()
-        self._closing = asyncio.Event()
         self._start_feeds()
         self._ready.set()
         while not self._closing.is_set():
-            await self._housekeeping()
+            try:
+                await asyncio.wait_for(self._closing.wait(), HOUSEKEEPING)
+            except TimeoutError:
+                self._start_feeds()
+                self._pages.end_lost(time.monotonic())
         await self._pages.close()
-        for feed in (self._camera, self._microphone, self._outputs):
-            if feed is not None:
-                await asyncio.to_thread(feed.close)
-
-    def _set_closing(self) -> None:
-        assert self._closing is not None
-        self._closing.set()
+        for feed in self._feeds:
+            await asyncio.to_thread(feed.close)
 
     def _start_feeds(self) -> None:
-        for feed in (self._camera, self._microphone, self._outputs):
-            if feed is not None:
-                feed.start()
-
-    async def _housekeeping(self) -> None:
-        assert self._closing is not None
-        try:
-            await asyncio.wait_for(self._closing.wait(), HOUSEKEEPING)
-        except TimeoutError:
-            self._start_feeds()
-            self._pages.end_lost(time.monotonic())
+        for feed in self._feeds:
+            feed.start()
 
     # --- pages, on the media loop -----------------------------------------------------------------
 
@@ -303,21 +286,22 @@ class MediaSide:
             peer,
             camera=self.visitor if is_screen else self._camera,
             microphone=self.visitor if is_screen else self._microphone,
-            on_command=lambda heard: self._on_command(peer, self._pages.role(peer), heard),
+            on_command=lambda packet: self._on_command(peer, self._pages.role(peer), packet),
             on_end=on_end,
-            on_media=self._listener_to(peer, source, role),
+            on_media=self._media_taker(peer, source, role),
             relays=self._relays,
         )
 
-    def _listener_to(
+    def _media_taker(
         self, peer: str, source: str, role: Role
     ) -> Callable[[Kind, bytes, int], None] | None:
+        """Return what takes the media that a page sends, None when they are not wanted."""
         if role == "driver":
-            return functools.partial(self.visitor.take, peer, source)
-        gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
-        return (
-            functools.partial(self._take_from_page, source) if role == "screen" and gives else None
+            return partial(self.visitor.take, peer, source)
+        from_page = isinstance(self._camera, PageCamera) or isinstance(
+            self._microphone, PageMicrophone
         )
+        return partial(self._take_from_page, source) if role == "screen" and from_page else None
 
     def _take_from_page(self, source: str, kind: Kind, data: bytes, ticks: int) -> None:
         if source != self._pages.newest_screen:
@@ -327,40 +311,34 @@ class MediaSide:
         elif kind == "audio" and isinstance(self._microphone, PageMicrophone):
             self._microphone.take(source, data, ticks)
 
-    def _picture_from_camera(self, picture: Picture) -> None:
-        self._calls.post(self._pages.show, picture, most=MOST_FRAMES)
-
-    def _sound_from_microphone(self, payload: bytes, ticks: int) -> None:
-        self._calls.post(self._pages.sound, payload, ticks, most=MOST_FRAMES)
-
     # --- the network lab, on the media loop -------------------------------------------------------
 
-    def _put_on(self, lab: NetworkLab | None) -> None:
+    def _set_lab(self, lab: NetworkLab | None) -> None:
         if self._line is not None:
             self._line.close()
         self._line = TimedLine(lab) if lab is not None else None
-        if self._slow is not None:
-            self._slow.expect(lab.delay if lab is not None else 0.0)
-        self._lead()
+        if self._fallback is not None:
+            self._fallback.expect(lab.delay if lab is not None else 0.0)
+        self._route()
 
-    def _lead(self) -> None:
-        self._pages.lead(self._line)
+    def _route(self) -> None:
+        self._pages.route(self._line)
 
-    def _send_slow(self, payload: bytes, peers: frozenset[str]) -> None:
+    def _send_jpeg(self, payload: bytes, peers: frozenset[str]) -> None:
         assert self._on_picture is not None
         if self._line is None:
             self._on_picture(payload, None)
             return
-        # Each gets a copy of their own, so that only the driver's is lost or late.
+        # one copy for each, so that only the driver's is lost or late
         for peer in sorted(peers):
             if self._pages.drives(peer):
-                self._calls.post(self._send_slow_to_driver, payload, peer, most=MOST_FRAMES)
+                self._calls.post(self._send_jpeg_to_driver, payload, peer, most=MOST_FRAMES)
             else:
                 self._on_picture(payload, peer)
 
-    def _send_slow_to_driver(self, payload: bytes, peer: str) -> None:
+    def _send_jpeg_to_driver(self, payload: bytes, peer: str) -> None:
         assert self._on_picture is not None
         if self._line is None:
             self._on_picture(payload, peer)
         else:
-            self._line.offer(len(payload), functools.partial(self._on_picture, payload, peer))
+            self._line.offer(len(payload), partial(self._on_picture, payload, peer))

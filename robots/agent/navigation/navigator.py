@@ -1,9 +1,8 @@
 """Going to places, along lines, into the charging station and out of it: one task at a time,
-stepped 10 to 20 times a second.
+stepped 10 to 20 times a second. Pure.
 
-Pure: no clock, no thread. Before every step the navigator makes sure that the robot sees, knows
-where it is and can move; a task that cannot go on ends with one sentence that says why, and with
-the robot standing.
+Before each step the navigator makes sure that the robot sees, knows where it is and can move. A
+task that cannot continue ends with one sentence, and with the robot at rest.
 """
 
 import math
@@ -22,12 +21,11 @@ from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
 from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed
 from robots.agent.navigation.pose_buffer import PoseBuffer
-from robots.agent.navigation.wheels import WheelWatch
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.braking import BrakeCheck, Hazards
 from robots.agent.safety.collision.memory import sees
 from robots.api.floorplan import FloorPlan
-from robots.api.geometry import Pose2D
+from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import Estimate, Floats, LaserScan
@@ -44,21 +42,38 @@ class NavigatorParams:
 
 
 NAVIGATOR = NavigatorParams()
+IN_VAIN = 5.0  # seconds
+MOVED, TURNED = 0.01, 0.02  # metres, radians
+ASKED = 0.03  # m/s or rad/s that must move a base
+
+
+class WheelWatch:
+    """Detects a base that was asked to move for `IN_VAIN` s without a change of odometry."""
+
+    def __init__(self) -> None:
+        self._from: Pose2D | None = None
+        self._since = 0.0
+
+    def stuck(self, asked: Velocity, odometry: Pose2D, now: float) -> bool:
+        """Take what the base was asked for since the last call, and its odometry."""
+        is_asked = asked != ZERO and max(abs(asked.linear), abs(asked.angular)) >= ASKED
+        if not is_asked or self._from is None or _moved(self._from, odometry):
+            self._from, self._since = odometry, now
+            return False
+        return now - self._since > IN_VAIN
+
+
+def _moved(before: Pose2D, after: Pose2D) -> bool:
+    return before.distance(after) > MOVED or abs(wrap_angle(after.theta - before.theta)) > TURNED
 
 
 class Navigator:
     """The tasks of one robot on one map.
 
-    Args:
-        grid: the map.
-        plan: names of doors, rooms and places, and the charging stations; None when there is only a
-            map.
-        footprint: convex polygon (n, 2) in the robot's frame, counter-clockwise, metres.
-        limits: speeds and accelerations; may be replaced between tasks.
-        series: which charging stations are the robot's.
-
-    Raises:
-        NoWayError: the map has no free space.
+    `plan` has doors, rooms, places and charging stations, None for a bare map; `footprint` is a
+    convex polygon (n, 2) in the robot's frame, counter-clockwise, metres; `limits` may be replaced
+    between tasks; `series` selects the robot's stations. Raises NoWayError when the map has no free
+    space.
     """
 
     def __init__(
@@ -96,10 +111,8 @@ class Navigator:
         self._begin(self._journey([self._planner.goal(x, y)], theta))
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
-        """Drive along a drawn line to its end; where it leads through things, round them.
-
-        Raises:
-            NoWayError: less than two points, no numbers, or an end where the robot does not fit.
+        """Drive along a drawn line to its end, around obstacles on it. Raises NoWayError for an
+        invalid line, or an end where the robot does not fit.
         """
         line = np.array(points, dtype=np.float64).reshape(-1, 2)
         if len(line) < 2 or not np.isfinite(line).all():
@@ -143,16 +156,15 @@ class Navigator:
         charger_contact: bool,
         now: float,
     ) -> NavigationStep:
-        """Return what to do now; call it while idle too, so that the robot knows what stands about.
+        """Return what to do now; call it while idle too, so that the robot knows its surroundings.
 
         Args:
             estimate: the newest pose on the map.
             odometry: the pose by the wheels, now.
-            velocity: how the robot moves now.
-            points: (n, 2) what stands about, remembered, in the robot's frame now.
-            beams: the newest sweep; its stamp and that of the estimate are by the same clock as
-                `now`.
-            charger_contact: the contacts of the charging station meet.
+            velocity: the measured velocity.
+            points: (n, 2) remembered obstacles in the robot's frame now.
+            beams: the newest scan, with a stamp by the same clock as `now` and the estimate's.
+            charger_contact: whether the contacts of the charging station meet.
             now: seconds.
         """
         self._pose_buffer.take(now, odometry, estimate)
@@ -162,9 +174,9 @@ class Navigator:
         if self._task is None:
             return self._idle(velocity)
         self._began = now if self._began is None else self._began
-        step = self._halted(estimate, odometry, now) or self._carry_on(
-            odometry, velocity, points, charger_contact=charger_contact, now=now
-        )
+        step = self._halted(estimate, odometry, now)
+        if step is None:
+            step = self._continue(odometry, velocity, points, now, charger_contact=charger_contact)
         return self._take(step)
 
     def _begin(self, task: Journey | Docking | Undocking) -> None:
@@ -172,15 +184,8 @@ class Navigator:
         self._wheels = WheelWatch()
 
     def _journey(self, over: list[tuple[float, float]], heading: float | None) -> Journey:
-        return Journey(
-            self._obstacle_map,
-            self._planner,
-            self._check,
-            self.limits,
-            self.plan,
-            over=over,
-            heading=heading,
-        )
+        parts = self._obstacle_map, self._planner, self._check, self.limits, self.plan
+        return Journey(*parts, over=over, heading=heading)
 
     def _approach(self, pose: Pose2D) -> Journey:
         return self._journey([self._planner.goal(pose.x, pose.y)], pose.theta)
@@ -190,24 +195,19 @@ class Navigator:
         return Undocking(dock, self._check, self.limits, self._costmap.circumscribed, about=about)
 
     def _idle(self, velocity: Velocity) -> NavigationStep:
-        standing = velocity == ZERO and self._asked == ZERO
+        is_at_rest = velocity == ZERO and self._asked == ZERO
         self._asked = ZERO
-        return NavigationStep(None if standing else ZERO, self._last.status, self._last.reason)
+        return NavigationStep(None if is_at_rest else ZERO, self._last.status, self._last.reason)
 
     def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> NavigationStep | None:
         """Return why the robot must stop now; None when all is well."""
         assert self._began is not None
-        seen = (
-            self._beams.stamp
-            if self._beams is not None and sees(self._beams)
-            else self._began - NAVIGATOR.blind_stop
-        )
+        is_blind = self._beams is not None and not sees(self._beams)
+        seen = self._began - NAVIGATOR.blind_stop
+        if self._beams is not None and not is_blind:
+            seen = self._beams.stamp
         if now - seen > NAVIGATOR.blind_end:
-            return failed(
-                "the laser is silent"
-                if self._beams is None or sees(self._beams)
-                else "the laser sees nothing"
-            )
+            return failed("the laser sees nothing" if is_blind else "the laser is silent")
         if now - seen > NAVIGATOR.blind_stop:
             return NavigationStep(ZERO, "RUNNING", "waits for the laser")
         if estimate.localized or not self._task_needs_map():
@@ -224,19 +224,19 @@ class Navigator:
     def _task_needs_map(self) -> bool:
         return isinstance(self._task, Journey) or (self._task is not None and self._task.needs_map)
 
-    def _carry_on(
+    def _continue(
         self,
         odometry: Pose2D,
         velocity: Velocity,
         points: Floats,
+        now: float,
         *,
         charger_contact: bool,
-        now: float,
     ) -> NavigationStep:
         assert self._task is not None
         assert self._beams is not None
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
-            # the journey turns as its way asks for
+            # out of the station first; the journey itself turns
             self._then, self._task = self._task, self._undocking(about=False)
         pose = self._pose_buffer.pose()
         beams_from = self._pose_buffer.odometry_at(self._beams.stamp)
@@ -249,8 +249,7 @@ class Navigator:
         assert self._beams is not None
         strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
         hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
-        # the memory alone tells people, who have more body than is seen; to recent sweeps they are
-        # things
+        # only points of the memory can be people, who are wider than seen; recent scans are things
         return Hazards(
             np.concatenate([points[~strange], self._recent.near(odometry, now)]),
             points[strange],
@@ -258,7 +257,7 @@ class Navigator:
         )
 
     def _look(self, beams: LaserScan, now: float, *, localized: bool) -> None:
-        """Note what a new sweep shows, and who in it may be walking."""
+        """Take a new scan, and find possible walkers in it."""
         odometry = self._pose_buffer.odometry_at(beams.stamp)
         robot = self._pose_buffer.on_map(odometry)
         self._recent.take(odometry, beams)

@@ -3,7 +3,8 @@
 from collections import deque
 from dataclasses import dataclass, field
 
-from robots.api.geometry import Pose2D, wrap_angle
+from robots.agent.safety.collision.odometry import interpolated
+from robots.api.geometry import Pose2D
 from robots.world.sensing import CENTRE, Estimate
 
 KEPT = 60  # odometry readings
@@ -34,16 +35,5 @@ class PoseBuffer:
         return self._map_from_odometry.compose(odometry)
 
     def odometry_at(self, stamp: float) -> Pose2D:
-        """Return the odometry at a time, interpolated; outside of what is kept, the nearest."""
-        later_time, later = self._readings[-1]
-        if stamp >= later_time:
-            return later
-        for time, reading in reversed(self._readings):
-            if time <= stamp:
-                share = (stamp - time) / (later_time - time) if later_time > time else 0.0
-                turn = wrap_angle(later.theta - reading.theta)
-                x = reading.x + share * (later.x - reading.x)
-                y = reading.y + share * (later.y - reading.y)
-                return Pose2D(x, y, wrap_angle(reading.theta + share * turn))
-            later_time, later = time, reading
-        return later
+        """Return the odometry at a time, interpolated."""
+        return interpolated(self._readings, stamp)

@@ -1,12 +1,11 @@
-"""How far each peer's clock is from ours, from heartbeats and their echoes.
+"""Offsets of the peers' clocks, from heartbeats and their echoes.
 
-The four stamps of the Network Time Protocol (Mills, RFC 5905, section 8): we sent a beat, the peer
-received it, the peer sent one that echoes it, we received that. Half of what is left after the
-peer's own pause is the way there, so the offset's error is at most half the round trip: of the last
-ten, the sample with the least round trip is believed.
+Uses the four stamps of the Network Time Protocol (Mills, RFC 5905, section 8): we sent a beat, the
+peer received it, the peer sent one that echoes it, we received that. Half of the round trip without
+the peer's pause is taken as the delay, so the offset's error is at most half the round trip; of the
+last ten samples the one with the shortest round trip counts.
 
-Our side of every sample is monotonic time, so that a step of this computer's own clock makes no
-command look old or young.
+Our stamps are monotonic time, so that a step of this computer's clock changes no command's age.
 """
 
 from collections import OrderedDict, deque
@@ -18,16 +17,14 @@ from robots.api.messages import CommandHeartbeat, Echo, Heartbeat, Way
 
 @dataclass(frozen=True)
 class ClockParams:
-    """When a peer's clock is known, and how much of it is kept."""
-
     samples: int = 10  # of which the one with the least round trip counts
     known_after: int = 3  # samples
     longest_round_trip: float = 10.0  # s: an echo that took longer tells nothing
     stamp_noise: float = 0.001  # s by which rounded stamps may contradict each other
-    peers_kept: int = 128  # that were heard last, besides those that are always kept
+    peers_kept: int = 128  # the most recent, besides those that are always kept
     beats_kept: int = 64  # of ours, whose echoes may still come
     echoes_sent: int = 16  # in one heartbeat: as many as the message has room for
-    echo_within: float = 5.0  # s since a peer was heard
+    echo_within: float = 5.0  # s since the last beat of a peer
 
 
 CLOCK = ClockParams()
@@ -36,7 +33,9 @@ SERVER_PEER = "server"
 
 @dataclass
 class PeerClock:
-    """The clock of one peer; `offset` is its Unix time minus our monotonic time, in seconds."""
+    """The clock of one peer. A sample is (round trip, offset) in seconds; the offset is its Unix
+    time minus our monotonic time.
+    """
 
     samples: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=CLOCK.samples))
 
@@ -55,19 +54,19 @@ class PeerClock:
 
     @property
     def known(self) -> bool:
-        """Tell whether enough echoes have come to judge ages by."""
+        """Tell whether there are enough samples to judge ages."""
         return len(self.samples) >= CLOCK.known_after
 
     @property
     def round_trip(self) -> float:
-        """Return the least round trip of the last samples, in seconds; twice the largest error of
-        the offset.
+        """The shortest round trip of the samples, in seconds: twice the largest error of the
+        offset.
         """
         return min(self.samples)[0] if self.samples else CLOCK.longest_round_trip
 
     def age(self, stamp: float, now: float) -> float:
-        """Return how many seconds before `now` (monotonic) the peer wrote `stamp` (its Unix time);
-        needs a sample.
+        """Return the seconds from `stamp` (the peer's Unix time) to `now` (monotonic); needs a
+        sample.
         """
         return now - (stamp - min(self.samples)[1])
 
@@ -76,8 +75,8 @@ class PeerClock:
 class _Peer:
     """One peer's clock, and its last beat on each transport: (n, its stamp, our Unix time).
 
-    `delays` are the last differences between our monotonic time and its stamps: its offset, plus
-    the time that a beat takes. `echoed_in` is the number of our last beat with an echo of it.
+    `delays` are the last differences between our monotonic time and its stamps: its offset plus the
+    time that a beat takes. `echoed_in` is the number of our last beat with an echo of it.
     """
 
     heard: float
@@ -88,15 +87,14 @@ class _Peer:
 
 
 class PeerClocks:
-    """All peers that beat, and the beats that we sent ourselves.
+    """The clocks of all peers, and our own beats.
 
-    Some peers must always have a clock, however many others beat: the server and, while there is a
-    lease, its pages. They are echoed in each of our beats and never evicted; all others share what
-    room is left in turn.
+    The server and the pages of a live lease always have a clock, however many others beat: each of
+    our beats echoes them, and they are never evicted. The others share the remaining room in turn.
     """
 
     def __init__(self) -> None:
-        self._peers: OrderedDict[str, _Peer] = OrderedDict()  # the one heard last is at the end
+        self._peers: OrderedDict[str, _Peer] = OrderedDict()  # the most recent is the last
         self._first: frozenset[str] = frozenset({SERVER_PEER})
         self._sent: OrderedDict[int, float] = OrderedDict()
         self._n = 0
@@ -104,10 +102,8 @@ class PeerClocks:
     def beat(self, now: float, unix: float, *, first: Collection[str] = ()) -> Heartbeat:
         """Return the next heartbeat of this robot, with an echo for each transport of a peer.
 
-        Args:
-            now: monotonic time.
-            unix: this computer's Unix time.
-            first: the peers of the lease, which come first and are kept until the next call.
+        `now` is monotonic, `unix` this computer's Unix time; `first` are the peers of the lease,
+        echoed first and kept until the next call.
         """
         self._first = frozenset({SERVER_PEER, *first})
         self._n += 1
@@ -119,9 +115,7 @@ class PeerClocks:
     def heard(
         self, peer: str, way: Way, beat: CommandHeartbeat, *, now: float, unix: float
     ) -> None:
-        """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by this computer's
-        clock.
-        """
+        """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by our clock."""
         entry = self._peers.pop(peer, None) or _Peer(now)
         self._peers[peer] = entry
         self._evict()
@@ -140,10 +134,8 @@ class PeerClocks:
         return entry.clock if entry and entry.clock.known else None
 
     def rough_age(self, peer: str, stamp: float, now: float) -> float | None:
-        """Return a stamp's age in seconds, also by a peer that beats without echoing us: too young
-        by the time that its fastest beat took.
-
-        Good enough for limits of seconds. None when the peer was never heard.
+        """Return a stamp's age in seconds even if the peer never echoed us, too young by the time
+        of its fastest beat: good enough for limits of seconds. None for an unknown peer.
         """
         entry = self._peers.get(peer)
         if entry is None:
@@ -151,12 +143,11 @@ class PeerClocks:
         return entry.clock.age(stamp, now) if entry.clock.known else now - stamp - min(entry.delays)
 
     def _evict(self) -> None:
-        """Forget the peers that have been silent for longest."""
         while len(self._peers) > CLOCK.peers_kept + len(self._first):
             del self._peers[next(name for name in self._peers if name not in self._first)]
 
     def _echoes(self, now: float) -> tuple[Echo, ...]:
-        """Return the last beats of those who come first, then of those who have waited longest."""
+        """Return echoes of the lease's peers first, then of those that have waited longest."""
         lately = [
             (name, peer)
             for name, peer in self._peers.items()

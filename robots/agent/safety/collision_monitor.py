@@ -1,8 +1,8 @@
-"""The collision monitor: a stage of the safety kernel's tick. It keeps the obstacles about the
-robot and shapes the driver's velocity.
+"""The collision monitor, a stage of the safety kernel's tick: it keeps the obstacles around the
+robot and shapes the driver's velocity. Pure.
 
-Pure: readings and times in, velocities out. It uses the newest readings directly and needs neither
-a map nor another process, so that assistance does not depend on localization.
+It uses the newest readings directly and needs neither a map nor another process, so that assistance
+does not depend on localization.
 """
 
 import math
@@ -26,20 +26,18 @@ from robots.world.sensing import CENTRE, Floats
 
 @dataclass(frozen=True)
 class MonitorParams:
-    """What the collision monitor reports, and how fast a robot may move unobserved."""
-
-    about: float = 4.0  # m about the robot that navigation is told of
-    touching: float = 0.005  # m: a sensor's own error never counts as a contact, the bumper says so
+    about: float = 4.0  # m around the robot in which navigation gets obstacles
+    touching: float = 0.005  # m, the least clearance: only a bumper reports a contact
     # m/s of any corner in a direction that no sensor observes: too slow to do harm
     creep: float = 0.1
     # rad beside a sensor's view: up to `observed_beside` a direction counts as observed, for a
     # robot that drives a little askew; from `unobserved_beside` on the robot creeps
     observed_beside: float = 0.2
     unobserved_beside: float = 0.3
-    telling: float = 0.5  # s for which what the assistance did last is told
+    reported_for: float = 0.5  # s for which the last assistance is reported
     # m beyond the footprint, where a cone of 30° is narrower than most robots
     near_arc: float = 0.3
-    longest_step: float = 0.5  # s for which a velocity says where the robot went
+    longest_step: float = 0.5  # s for which a measured velocity is integrated
 
 
 MONITOR = MonitorParams()
@@ -49,18 +47,15 @@ UNASSISTED = Assisted(ZERO, "off")
 
 
 class CollisionMonitor:
-    """One robot's. `dock` is the docked robot's pose seen from the robot, None when unknown: its
-    station may be touched.
+    """One robot's monitor. `dock` is the docked robot's pose in the robot's frame, None when
+    unknown: its station may be touched.
     """
 
     def __init__(
         self, footprint: tuple[Point, ...], limits: Limits, sources: Sequence[ObstacleSource]
     ) -> None:
-        """Take the footprint (convex, about the robot's centre), the base's own limits, and what
-        tells of obstacles.
-
-        Raises:
-            ValueError: not such a footprint.
+        """Take the footprint, the base's own limits and the sensors. Raises ValueError unless the
+        footprint is convex and around the robot's centre.
         """
         self.dock: Pose2D | None = None
         self.track = OdometryTrack()
@@ -86,13 +81,8 @@ class CollisionMonitor:
         self._here = self.track.add(stamp, odometry)
 
     def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Assisted:
-        """Return what to tell the base instead of what the driver asks for.
-
-        Args:
-            wanted: what the limits let pass, as the driver's own ramp has it now.
-            told: what the base was last told.
-            level: how much the driver is helped.
-            now: monotonic time in seconds.
+        """Return what to send to the base instead of `wanted`, which is within the limits and on
+        the driver's ramp. The base was last sent `told`; `now` is monotonic time.
         """
         points, errors = self._about(self._assist.reach)
         lost = {
@@ -108,11 +98,10 @@ class CollisionMonitor:
         )
         # steering may have added a turn
         found = replace(found, velocity=self._crept(found.velocity, everywhere=everywhere))
-        self._last = (
-            replace(found, why="slow") if slower != wanted and found.why in QUIET else found
-        )
-        self._shaped_at = now
-        return self._last
+        if slower != wanted and found.why in QUIET:
+            found = replace(found, why="slow")
+        self._last, self._shaped_at = found, now
+        return found
 
     def _crept(self, wanted: Velocity, *, everywhere: bool) -> Velocity:
         """Return a velocity on the same arc at which no corner moves faster than a creep in a
@@ -128,79 +117,64 @@ class CollisionMonitor:
         return Velocity(linear=wanted.linear * share, angular=wanted.angular * share)
 
     def _is_vague(self) -> bool:
-        """Tell whether something is so near that nobody knows how near."""
+        """Tell whether a point is so near that its sensor cannot tell how near."""
         if self._here is None:
             return False
         reach = self._assist.hull.radius
-        near = [
-            (source.vague, source.seen(self._here, reach + source.vague))
-            for source in self._sources
-            if source.vague > 0.0
-        ]
-        return any(
-            len(points) and float(outside(self._assist.hull, points).min()) < vague
-            for vague, points in near
-        )
+        for source in self._sources:
+            if source.vague > 0.0:
+                points = source.seen(self._here, reach + source.vague)
+                if (outside(self._assist.hull, points) < source.vague).any():
+                    return True
+        return False
 
     def _reckoned(self, reading: RcaState) -> Pose2D:
-        """Return dead reckoning for a robot that gives none: by the velocity that was measured."""
+        """Return dead reckoning from measured velocities, for a robot without odometry."""
         before, self._reckoned_at = self._reckoned_at, reading.stamp
         seconds = min(max(reading.stamp - before, 0.0), MONITOR.longest_step)
-        turn = reading.velocity.angular * seconds
-        way = reading.velocity.linear * seconds
-        self._reckoning = self._reckoning.compose(
-            Pose2D(way * math.cos(turn / 2.0), way * math.sin(turn / 2.0), turn)
-        )
+        turn, driven = reading.velocity.angular * seconds, reading.velocity.linear * seconds
+        step = Pose2D(driven * math.cos(turn / 2.0), driven * math.sin(turn / 2.0), turn)
+        self._reckoning = self._reckoning.compose(step)
         return self._reckoning
 
     def points(self) -> Floats:
-        """Return (n, 2) what was seen about the robot lately, in the robot's frame.
+        """Return (n, 2) recent obstacles around the robot, in its frame, for navigation.
 
-        Navigation looks for a path between them. An arc of a sonar is as wide as it is far away,
-        and a robot that sees places would take doorways for closed: beside another sensor only near
-        arcs count, such as that of a glass door which a laser looks through.
+        An arc of a sonar is as wide as it is far away and would close doorways: beside a sensor
+        that sees places only near arcs count, such as that of a glass door which a laser looks
+        through.
         """
         if not any(source.tells == "place" for source in self._sources):
             return self._seen(MONITOR.about, self._sources)
         exact = [source for source in self._sources if source.tells != "arc"]
         arcs = [source for source in self._sources if source.tells == "arc"]
-        return np.concatenate(
-            [
-                self._seen(MONITOR.about, exact),
-                self._seen(self._assist.hull.radius + MONITOR.near_arc, arcs),
-            ]
-        )
+        near = self._assist.hull.radius + MONITOR.near_arc
+        return np.concatenate([self._seen(MONITOR.about, exact), self._seen(near, arcs)])
 
     def clearance(self) -> float | None:
-        """Return the distance in metres from the footprint to the nearest thing that was seen
-        lately, None when nothing is near.
+        """Return the distance in metres from the footprint to the nearest obstacle, None without
+        one.
         """
         near = self._seen(self._assist.reach, self._sources)
-        return (
-            max(float(outside(self._assist.hull, near).min()), MONITOR.touching)
-            if len(near)
-            else None
-        )
+        if not len(near):
+            return None
+        return max(float(outside(self._assist.hull, near).min()), MONITOR.touching)
 
     def why(self, now: float) -> tuple[str, Point | None]:
-        """Return in one word what the assistance does, "" when nothing, and the point that it
-        minds, in the robot's frame.
+        """Return what the assistance does in one word ("" for nothing), and its obstacle in the
+        robot's frame.
         """
-        silent = self._last.why in QUIET or now - self._shaped_at > MONITOR.telling
+        silent = self._last.why in QUIET or now - self._shaped_at > MONITOR.reported_for
         return ("", None) if silent else (self._last.why, self._last.point)
 
     def _about(self, radius: float) -> tuple[Floats, Floats]:
         if self._here is None:
             return NO_POINTS, np.zeros(0)
         found = [source.about(self._here, radius) for source in self._sources]
-        return (
-            found[0]
-            if len(found) == 1
-            else (
-                np.concatenate([points for points, _ in found]),
-                np.concatenate([off for _, off in found]),
-            )
-        )
+        if len(found) == 1:
+            return found[0]
+        points, errors = zip(*found, strict=True)
+        return np.concatenate(points), np.concatenate(errors)
 
     def _seen(self, radius: float, sources: Sequence[ObstacleSource]) -> Floats:
         if self._here is None:
@@ -211,8 +185,8 @@ class CollisionMonitor:
 def fastest_by_direction(sources: Sequence[ObstacleSource]) -> Floats:
     """Return (DIRECTIONS,) the largest speed in m/s of a corner in each direction.
 
-    It falls continuously from infinity to a creep beside a sensor's view. A step there would make
-    a driver's velocity jump up and down while it is ramped along the edge of a view.
+    It falls continuously from infinity to a creep beside a sensor's view; a step would make a
+    velocity jump while it is ramped along the edge of a view.
     """
     bearings: Floats = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     beside = np.min([source.beside(bearings) for source in sources], axis=0)
@@ -230,15 +204,13 @@ def _index_of(bearings: Floats) -> npt.NDArray[np.intp]:
 
 
 def monitor_of(profile: Profile) -> CollisionMonitor | None:
-    """Return the collision monitor of a robot, None for one without a sensor for obstacles."""
+    """Return the collision monitor of a robot, None for one without sensors for obstacles."""
     sources = sources_of(profile)
     return CollisionMonitor(profile.footprint, profile.limits, sources) if sources else None
 
 
 def seen_from(pose: Pose, dock: Station | None) -> Pose2D | None:
-    """Return the docked robot's pose seen from a robot at `pose` in the map, None when either is
-    unknown.
-    """
+    """Return the docked pose in the frame of a robot at `pose` on the map, None when unknown."""
     if dock is None or not pose.localized:
         return None
     return Pose2D(pose.x, pose.y, pose.theta).inverse().compose(Pose2D(dock.x, dock.y, dock.theta))

@@ -1,9 +1,8 @@
-"""What the robot has touched, and which motions that forbids until it has backed away. Pure.
+"""Contacts, and the motions that they forbid until the robot has backed away. Pure.
 
-A contact is on one of four sides. Ahead it forbids to drive on, behind to go back; beside the robot
-it forbids to turn, which would swing a corner in. Whoever may not turn may drive along, and whoever
-may not drive on may go back and turn. Between a contact ahead and one behind the robot may creep,
-so that there is a way out of any of them.
+A contact is on one of four sides. Ahead it forbids to drive on, behind to reverse; beside the robot
+it forbids to turn, which would swing a corner in, but not to drive along. Between contacts ahead
+and behind the robot may creep, so that it can always leave.
 """
 
 import math
@@ -20,19 +19,16 @@ CREEP = 0.05  # m/s
 
 
 def side_of(bearing: float) -> Side:
-    """Return on which side of the robot a direction lies, in quarters about ahead (0 rad), left,
-    behind and right.
-    """
+    """Return the side of a direction, in quarters about ahead (0 rad), left, behind and right."""
     return SIDES[round(bearing / (math.pi / 2.0)) % 4]
 
 
 def sides_of(bearings: Iterable[float]) -> frozenset[Side]:
-    """Return the sides of several directions, in radians."""
     return frozenset(map(side_of, bearings))
 
 
 class Contacts:
-    """For each side that was touched, how many metres the robot has to go away from it still."""
+    """For each side that was touched, the metres that the robot still has to move away."""
 
     def __init__(self) -> None:
         self._left: dict[Side, float] = {}
@@ -42,16 +38,16 @@ class Contacts:
 
     @property
     def sides(self) -> tuple[Side, ...]:
-        """Return what was touched and not left yet."""
+        """The sides that were touched and not yet left."""
         return tuple(side for side in SIDES if side in self._left)
 
     def felt(self, sides: Iterable[Side]) -> None:
-        """Take that something is touched now, there."""
+        """Take contacts that are measured now."""
         for side in sides:
             self._left[side] = BACKED_AWAY
 
     def moved(self, metres: float) -> None:
-        """Take that the robot has driven so far ahead, or back where that is negative."""
+        """Take how far the robot has driven ahead; negative is back."""
         away = {"ahead": -metres, "behind": metres, "left": abs(metres), "right": abs(metres)}
         self._left = {
             side: left - max(0.0, away[side])
@@ -60,7 +56,7 @@ class Contacts:
         }
 
     def clamp(self, velocity: Velocity) -> Velocity:
-        """Return the velocity without what goes further towards anything that was touched."""
+        """Return the velocity without motion towards a contact."""
         low = 0.0 if "behind" in self._left else -math.inf
         high = 0.0 if "ahead" in self._left else math.inf
         if low == high == 0.0:

@@ -1,4 +1,4 @@
-"""Which controller moves the base, and the only ways in which that changes.
+"""Which controller moves the base, and every event that changes it.
 
 The kernel is in exactly one state. `TRANSITIONS` names every change; an event that is not listed
 for a state leaves it unchanged. tests/unit/robots/agent/safety/test_controllers.py compares this
@@ -9,9 +9,7 @@ from enum import Enum
 
 
 class Controller(Enum):
-    """Who moves the base now."""
-
-    NONE = "none"  # the robot was measured at rest; nothing is sent
+    NONE = "none"  # the robot was measured at rest; no velocities are sent
     DRIVER = "driver"  # the driver's velocities, and the zeros after them until rest
     SETTLING = "settling"  # zeros until rest; driver and navigation wait for it
     NAVIGATION = "navigation"  # navigation's velocities, which pass through the kernel
@@ -19,8 +17,6 @@ class Controller(Enum):
 
 
 class Change(Enum):
-    """What can change the controller."""
-
     DRIVEN = "driven"  # a velocity is sent for the driver, or a stop for an idle robot
     AT_REST = "at rest"  # the robot has been measured at rest for long enough
     MOVES_UNBIDDEN = "moves unbidden"  # it was measured moving although nothing may move it
@@ -56,5 +52,4 @@ TRANSITIONS: dict[Controller, dict[Change, Controller]] = {
 
 
 def after(controller: Controller, event: Change) -> Controller:
-    """Return the controller after an event."""
     return TRANSITIONS[controller].get(event, controller)

@@ -1,5 +1,5 @@
-"""Whether a command is young enough to move a robot, and how fast it still may: delay is what makes
-remote driving dangerous.
+"""Whether a command is young enough to move the robot, and how fast: delay makes remote driving
+dangerous.
 """
 
 from dataclasses import dataclass
@@ -8,19 +8,17 @@ from robots.agent.safety.clock_sync import PeerClock
 from robots.api.age_limits import COMMAND_AGE_BOUND, FRAME_AGE_BOUND, fading
 from robots.api.messages import Lease, Limits, VelocityCommand
 
-# What the estimate of a clock may be wrong by, besides half the round trip, before a stamp counts
-# as from the future.
-FUTURE_TOLERANCE = 0.05
+FUTURE_TOLERANCE = 0.05  # s of error of a clock's offset, besides half the round trip
 FUTURE_TOLERANCE_CEILING = 0.25
-# Frames are stamped and judged by the same clock; the page interpolates between two frames.
+# s; frames are stamped and judged by the same clock, but the page interpolates between two
 FRAME_FUTURE_TOLERANCE = 0.1
 LONGEST_FRAME_AGE = 10.0
 
 
 @dataclass(frozen=True)
 class Freshness:
-    """What a command's age means: `reason` to refuse it or None, its `age` in seconds, and the
-    share of the speed caps it keeps.
+    """A command's age in seconds, the `reason` to refuse it or None, and the share of the speed
+    caps it keeps.
     """
 
     reason: str | None
@@ -37,24 +35,16 @@ def judge(
     now: float,
     unix: float,
 ) -> Freshness:
-    """Judge a command by its own age and by that of the frame the visitor saw.
+    """Judge a command by its own age and by that of the frame that the visitor saw.
 
-    Args:
-        command: what the page sent.
-        lease: its limits and whether it requires video.
-        limits: the robot's own defaults and ceilings.
-        clock: the sender's, None while unknown.
-        now: monotonic time of this computer.
-        unix: its Unix time, by which frames are stamped.
+    `clock` is the sender's, None while unknown; `now` is monotonic, `unix` this computer's Unix
+    time, by which frames are stamped.
     """
     if clock is None:
         return Freshness("clock_unknown")
     age = clock.age(command.stamp, now)
-    limit = min(
-        lease.limits.command_age or limits.command_age,
-        limits.command_age_ceiling,
-        COMMAND_AGE_BOUND,
-    )
+    stated = lease.limits.command_age or limits.command_age
+    limit = min(stated, limits.command_age_ceiling, COMMAND_AGE_BOUND)
     if age < -min(FUTURE_TOLERANCE + clock.round_trip / 2, FUTURE_TOLERANCE_CEILING):
         return Freshness("future", age)
     if age >= limit:
@@ -67,8 +57,8 @@ def judge(
 
 
 def frame_age(command: VelocityCommand, unix: float) -> float | None:
-    """Return how old the picture that the visitor saw is, in seconds; None when none was named, or
-    one that cannot have been this robot's.
+    """Return the age in seconds of the frame that the visitor saw; None when none, or not one of
+    this robot, was named.
     """
     age = None if command.frame is None else unix - command.frame
     return age if age is not None and abs(age) <= LONGEST_FRAME_AGE else None
@@ -80,9 +70,8 @@ def _frame(
     if command.frame is None:
         return "no_frame", 0.0
     age = unix - command.frame
-    limit = min(
-        lease.limits.frame_age or limits.frame_age, limits.frame_age_ceiling, FRAME_AGE_BOUND
-    )
+    stated = lease.limits.frame_age or limits.frame_age
+    limit = min(stated, limits.frame_age_ceiling, FRAME_AGE_BOUND)
     if age < -FRAME_FUTURE_TOLERANCE:
         return "frame_future", 0.0
     if age >= limit:

@@ -19,11 +19,11 @@ HEARTBEAT_GAP = 0.5
 
 @dataclass
 class DriveHold:
-    """One stop that waits for its release.
+    """One stop that waits for its release. Times are monotonic, in seconds.
 
-    `grant` is that of the lease under which it came, None without a lease; `way` the transport of
-    the driver's velocities. A stop `by_person` holds without a lease as well: the robot then waits
-    for a new driver, or for a person who releases it. All times are monotonic, in seconds.
+    `grant` is that of its lease, None without one; `way` the transport of the driver's velocities.
+    A stop `by_person` also holds without a lease: the robot then waits for a new driver, or for a
+    person who releases it.
     """
 
     grant: LeaseGrant | None
@@ -36,9 +36,9 @@ class DriveHold:
         self.last_received_at = self.since
 
     def is_released_with(self, grant: LeaseGrant, *, is_new: bool) -> bool:
-        """Take a lease that begins, and tell whether it releases: it does for another driver than
-        the one who was stopped. Without an earlier lease only a `is_new` one does; one that was
-        renewed before may be of a driver who holds a key.
+        """Take a new lease and tell whether it releases: it does for another driver than the
+        stopped one. Without an earlier lease only an `is_new` one does, because one that was
+        renewed may be of a driver who holds a key.
         """
         known, self.grant = self.grant, grant
         return is_new if known is None else known != grant

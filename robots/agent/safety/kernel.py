@@ -23,7 +23,7 @@ The rules, in the order in which they apply:
   allows (permissions.py), it is newer than every other of its epoch, and young enough
   (freshness.py).
 - A stop by someone other than the driver holds the robot until the driver releases the controls
-  (hold.py). So do a cleared e-stop, a contact without a direction, and a robot that has come back.
+  (hold.py). So do a cleared e-stop, a contact without a direction, and a reconnected robot.
   Without a lease, a person's stop holds until a new driver or a person releases it.
 - Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the
   last heartbeat of the driver, or of the server when the server ordered it.
@@ -57,7 +57,7 @@ from robots.agent.ramp import (
     no_faster,
     ramp,
 )
-from robots.agent.safety.clock_sync import SERVER_PEER, PeerClock, PeerClocks
+from robots.agent.safety.clock_sync import SERVER_PEER, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.controllers import Change, Controller, after
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
@@ -92,8 +92,6 @@ from robots.api.messages import (
 
 @dataclass(frozen=True)
 class KernelParams:
-    """Times and thresholds of the safety kernel that neither the robot nor the lease sets."""
-
     # s without a heartbeat, after which what the robot does by itself ends
     navigation_silence: float = 2.0
     max_step: float = 0.04  # s, two ticks: the longest time that one output may accelerate for
@@ -117,7 +115,7 @@ STANDSTILL = Velocity(linear=0.02, angular=0.05)
 
 @dataclass(frozen=True)
 class Decision:
-    """What to send to the base: a velocity, or None for silence; `why` in one word."""
+    """The velocity to send to the base, None for silence, and why in one word."""
 
     velocity: Velocity | None
     why: str
@@ -125,8 +123,8 @@ class Decision:
 
 @dataclass(frozen=True)
 class CommandVerdict:
-    """What became of a velocity command: refused for a `reason`, or accepted with its age in
-    seconds, what limits and age leave of it, and the share of the largest speeds that its age left.
+    """The result of a velocity command: a `reason` for refusal, or its age in seconds, the velocity
+    that limits and age leave of it, and the share of the largest speeds that its age left.
     """
 
     reason: str | None
@@ -137,7 +135,7 @@ class CommandVerdict:
 
 @dataclass(frozen=True)
 class Navigation:
-    """What the robot does by itself: an action, ordered at `since` (monotonic seconds), from when
+    """The robot's own motion: an action ordered at `since` (monotonic seconds), from when
     heartbeats are expected. It `may_begin` once the robot is at rest.
     """
 
@@ -149,9 +147,7 @@ class Navigation:
 
 
 class Shaped(Protocol):
-    """The result of a shaper. `own` is the driver's part of the velocity, from which the driver's
-    ramp goes on.
-    """
+    """The result of a shaper. The driver's ramp continues from `own`."""
 
     @property
     def velocity(self) -> Velocity:
@@ -159,11 +155,11 @@ class Shaped(Protocol):
 
     @property
     def own(self) -> Velocity:
-        """The same without the turn that was added."""
+        """The same without the added turn."""
 
 
 class Shaper(Protocol):
-    """The stage between limits and ramp: it knows the obstacles near the robot, and does no I/O."""
+    """The stage between limits and ramp, which knows the obstacles near the robot. Pure."""
 
     def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Shaped:
         """Return the safe part of `wanted`, for a base that was last sent `told`."""
@@ -171,7 +167,7 @@ class Shaper(Protocol):
 
 @dataclass
 class AssistInForce:
-    """The assistance in force, and the clearance in metres on which its speed depends."""
+    """The active assistance, and the clearance in metres on which its speed depends."""
 
     level: AssistLevel = "off"
     clearance: float | None = None
@@ -179,20 +175,13 @@ class AssistInForce:
 
 @dataclass
 class Kernel:
-    """All of the state that safety depends on.
+    """All state on which safety depends.
 
-    Args:
-        limits: the robot's own; a lease can only lower them.
-        watchdog: seconds after which the base stops by itself.
-        capabilities: what the robot can do.
-        latch: an e-stop that was held when the agent ended.
-        newest_lease: the newest grant known when the agent ended.
-        monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose
-            architecture assists by itself.
-        standstill: a robot whose measured speeds (m/s and rad/s) do not exceed these is at rest.
-
-    Raises:
-        ValueError: deadman or watchdog is too long to stop the robot soon enough.
+    The limits are the robot's own, which a lease can only lower; the base stops by itself after
+    `watchdog` seconds without a velocity. `latch` and `newest_lease` are those of the last run.
+    `monitor` shapes a driver's velocity, None without sensors for obstacles or with an RCA that
+    assists. A robot whose measured speeds (m/s, rad/s) do not exceed `standstill` is at rest.
+    Raises ValueError when deadman or watchdog is too long to stop the robot soon enough.
     """
 
     limits: Limits
@@ -243,9 +232,7 @@ class Kernel:
     # --- who drives -------------------------------------------------------------------------------
 
     def take_lease(self, lease: Lease | None, *, retained: bool, now: float) -> bool:
-        """Take a lease, or None when no session has one; return False for one older than the newest
-        known.
-        """
+        """Take a lease, None for no session; return False for one older than the newest known."""
         self._now = now
         before = self.leases.live(now)
         if lease is None:
@@ -297,15 +284,11 @@ class Kernel:
     def velocity(
         self, command: VelocityCommand, sender: CommandSender, *, now: float, unix: float
     ) -> CommandVerdict:
-        """Judge a velocity command; an accepted one is the new target, which `tick` then
-        approaches.
-        """
+        """Judge a velocity command; an accepted one is the target that `tick` approaches."""
         lease = self.leases.live(now)
-        reason = (
-            "retained"
-            if sender.retained
-            else mismatch(command.session, command.epoch, sender, lease)
-        )
+        reason = mismatch(command.session, command.epoch, sender, lease)
+        if sender.retained:
+            reason = "retained"
         if reason or lease is None:
             return self._refuse(reason or "no_lease")
         if forbidden(lease, sender, method=command.method):
@@ -317,7 +300,8 @@ class Kernel:
         grant = command.session, command.epoch
         if command.seq <= self._floors.get(grant, -1):
             return self._refuse("old_seq")
-        fresh = judge(command, lease, self.limits, self._clock_of_driver(lease), now=now, unix=unix)
+        clock = self.clocks.of(lease.driver) if lease.driver is not None else None
+        fresh = judge(command, lease, self.limits, clock, now=now, unix=unix)
         if fresh.reason:
             return self._refuse(fresh.reason, fresh.age)
         self._raise_floor(grant, command.seq)
@@ -331,16 +315,16 @@ class Kernel:
         return CommandVerdict(None, fresh.age, self._target, fresh.scale)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
-        """Return the output for the base. Call at 50 Hz, and once after each accepted command or
-        stop.
+        """Return the output for the base; call at 50 Hz and after each accepted command or stop.
 
-        `wanted` is the velocity of navigation that passes through the kernel; without it, the RCA
-        moves the base by itself.
+        `wanted` is the velocity of navigation that passes through the kernel; without it the RCA
+        moves the base itself.
         """
         passed, self._now = now - self._now, now
         self._watch_navigation(now)
         self._watch_motion(now)
-        if self.navigation and self.navigation.may_begin and not self._blocked():
+        is_blocked = self.is_stopped or self.fault is not None
+        if self.navigation and self.navigation.may_begin and not is_blocked:
             if wanted is None and self.controller is not Controller.NAVIGATION:
                 self._change(Change.HANDED_OVER)
                 self.contacts.moved(self._motion.linear * min(passed, KERNEL.max_step))
@@ -353,11 +337,11 @@ class Kernel:
         return self._output(self._target, why or "driving", now)
 
     def applied(self, velocity: Velocity) -> None:
-        """Take what the base was last really sent; the ramp goes on from there (`_follow_sent`)."""
+        """Take the velocity that was really sent; the ramp continues from it (`_follow_sent`)."""
         self._sent = velocity
 
     def measured(self, velocity: Velocity, now: float) -> None:
-        """Take a measurement of how the robot moves."""
+        """Take a measured velocity."""
         self._motion, self._measured_at = velocity, now
         if not self._moves():
             if self._at_rest_since is None:
@@ -371,8 +355,8 @@ class Kernel:
             self._change(Change.MOVES_UNBIDDEN)
 
     def touched(self, sides: Collection[Side] = ()) -> None:
-        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it;
-        without a side it is where the robot was going.
+        """Take a contact: stop, end the RCA's own motion, and allow none towards it. Without a side
+        it is in the direction of motion.
         """
         forward = self.commanded.linear
         if forward == 0.0 and abs(self._motion.linear) > self.standstill.linear:
@@ -390,16 +374,15 @@ class Kernel:
 
     @property
     def is_at_rest(self) -> bool:
-        """Tell whether the robot was measured at rest since it was last moved."""
+        """Tell whether the robot was measured at rest since its last motion."""
         return self.controller is Controller.NONE
 
     def moves_despite_stop(self, now: float) -> bool:
-        """Tell whether the robot moves although it should have been at rest for some time."""
         since = self._sent_zero_since
         return since is not None and self._moves() and now - since > KERNEL.moves_despite_stop_after
 
     def settles_too_long(self, now: float) -> bool:
-        """Tell whether the driver or navigation has waited too long for the robot to be measured at
+        """Tell whether driver or navigation has waited too long for the robot to be measured at
         rest.
         """
         since = self._sent_zero_since
@@ -408,23 +391,14 @@ class Kernel:
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
         lease = self.leases.live(now)
-        # A collision monitor, ours or the RCA's, slows the robot down by itself, and better: it
-        # knows where the obstacle is.
-        level = (
-            "off"
-            if self.monitor is not None or "assist" in self.capabilities
-            else self.assist.level
-        )
-        return caps(
-            self.limits,
-            lease.limits if lease else None,
-            assist_speed(level, self.assist.clearance, self.limits),
-        )
+        # a collision monitor, ours or the RCA's, slows down better: it knows where obstacles are
+        has_monitor = self.monitor is not None or "assist" in self.capabilities
+        level = "off" if has_monitor else self.assist.level
+        assisted = assist_speed(level, self.assist.clearance, self.limits)
+        return caps(self.limits, lease.limits if lease else None, assisted)
 
     def inhibited(self, now: float) -> str | None:
-        """Return why velocity commands cannot move the robot now, or not everywhere, in one word,
-        or None.
-        """
+        """Return in one word why velocities cannot move the robot, or not everywhere; or None."""
         if reason := self._barred(now):
             return reason
         if self.controller is Controller.SETTLING:
@@ -432,7 +406,7 @@ class Kernel:
         return "collision" if self.contacts else None
 
     def braking(self, now: float) -> str | None:
-        """Return why the base gets zeros now, in one word, or None while it is driven."""
+        """Return in one word why the base gets zeros now, None while it is driven."""
         if reason := self._barred(now):
             return reason
         if self.controller is Controller.SETTLING or self.navigation:
@@ -440,12 +414,12 @@ class Kernel:
         return "deadman" if now >= self._accepted_at + self.limits.deadman else None
 
     def deadline(self) -> float | None:
-        """Return the moment at which the deadman will strike, None while nothing moves."""
+        """Return when the deadman brakes, None while nothing moves."""
         return self._accepted_at + self.limits.deadman if self._target != ZERO else None
 
     @property
     def held(self) -> bool:
-        """Tell whether a stop, or what counts as one, waits for its release."""
+        """Tell whether a stop, or an equivalent, waits for its release."""
         return self._hold is not None and (
             self._hold.by_person or self.leases.live(self._now) is not None
         )
@@ -454,20 +428,18 @@ class Kernel:
         """Return the seconds since the last heartbeat of the visitor, who drives unless a wizard
         does; None without a live lease.
         """
-        return (
-            now - self.visitor_heartbeat_at
-            if self.visitor_heartbeat_at is not None and self.leases.live(now)
-            else None
-        )
+        if self.visitor_heartbeat_at is None or not self.leases.live(now):
+            return None
+        return now - self.visitor_heartbeat_at
 
     @property
     def is_stopped(self) -> bool:
-        """Tell whether an emergency stop, or a stop that waits for its release, is in force."""
+        """Tell whether an e-stop, or a stop that waits for its release, is active."""
         return self.latch is not None or self.held
 
     @property
     def commanded(self) -> Velocity:
-        """Return the velocity that the base was last sent."""
+        """The velocity that the base was last sent."""
         return self._sent
 
     @property
@@ -478,8 +450,8 @@ class Kernel:
     # --- stop -------------------------------------------------------------------------------------
 
     def stop(self, action: Stop, sender: CommandSender, now: float) -> bool:
-        """Brake. Return False for a repetition of a stop that was obeyed, after which the driver
-        has gone on.
+        """Brake. Return False for a repetition of an obeyed stop after which the driver has
+        continued.
         """
         lease = self.leases.live(now)
         own = (
@@ -509,7 +481,7 @@ class Kernel:
 
     def estop(self, action: EStop, sender: CommandSender, *, now: float, unix: float) -> bool:
         """Brake, and latch if the sender is responsible for the robot; an observer's e-stop is a
-        stop. Return False for a repetition of one that was obeyed.
+        stop. Return False for a repetition of an obeyed one.
         """
         lease = self.leases.live(now)
         role = role_of(action, sender, lease)
@@ -520,29 +492,27 @@ class Kernel:
         if self._repeats("estop", action.action_id, now):
             return False
         self._remember_stop("estop", action.action_id, now)
-        user = (
-            action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
-        )
+        user = lease.who if lease and role == "driver" else ""
+        if sender.way == "mqtt":
+            user = action.user
         self._press(EStopLatch(role, unix, user, action.detail), now)
         return True
 
     def button(self, *, pressed: bool, now: float, unix: float) -> bool:
-        """Take the state of the robot's own emergency button; return True when it has just been
-        pressed.
-        """
+        """Take the state of the robot's own emergency button; return True when newly pressed."""
         newly, self.button_pressed = pressed and not self.button_pressed, pressed
         if newly:
             self._press(EStopLatch(BUTTON, unix), now)
         return newly
 
     def set_fault(self, reason: str) -> None:
-        """Refuse all motion until `clear_fault`: the base cannot be reached, or must not move."""
+        """Refuse all motion until `clear_fault`: the base is lost, or must not move."""
         self.fault = reason
         self._cancel_navigation("fault")
         self._target = ZERO
 
     def clear_fault(self, now: float) -> None:
-        """Take that the base is back. It is measured at rest before anything moves it."""
+        """Accept the base again. It is measured at rest before anything moves it."""
         self.fault, self._now = None, now
         self._hold_on(now)
         self._own = self._current = self._sent = self._target = ZERO
@@ -555,8 +525,8 @@ class Kernel:
     def permit(
         self, action: Action, sender: CommandSender, *, now: float, unix: float
     ) -> str | None:
-        """Return in one word why an action (other than stop and estop) is refused, and count it;
-        None when it may be done.
+        """Return in one word why an action other than stop and e-stop is refused, and count it; or
+        None.
         """
         reason = self._why_not(action, sender, now=now, unix=unix)
         if reason:
@@ -564,8 +534,8 @@ class Kernel:
         return reason
 
     def clear_estop(self, now: float) -> None:
-        """Open the latch, for a clear_estop that `permit` has let pass; without a latch, release a
-        stop that holds the robot without a lease.
+        """Open the latch for a permitted clear_estop; without a latch, release a stop that holds
+        the robot without a lease.
         """
         if self.latch is not None:
             self.latch = None
@@ -574,24 +544,20 @@ class Kernel:
             self._hold = None
 
     def navigate(self, action_id: str, mode: Mode, *, ordered_by_server: bool, now: float) -> None:
-        """The robot is to move by itself, as soon as it stands: `navigation.may_begin` then."""
+        """Let the robot move by itself once it is at rest, which `navigation.may_begin` shows."""
         self._cancel_navigation("replaced")
         self.navigation = Navigation(action_id, mode, ordered_by_server, now)
         self._target = ZERO
 
     def navigation_ended(self, action_id: str) -> bool:
-        """Take that what the robot did by itself has ended; return False when it was not doing
-        that.
-        """
+        """End the robot's own motion; return False when this action was not it."""
         if self.navigation is None or self.navigation.action_id != action_id:
             return False
         self._leave_navigation()
         return True
 
     def cancel(self, action_id: str | None) -> str | None:
-        """Cancel the navigation named, or whatever runs; return its id, None when
-        there was none.
-        """
+        """Cancel the named navigation, any with None; return its id, None when there was none."""
         running = self.navigation
         if running is None or action_id not in {None, running.action_id}:
             return None
@@ -621,11 +587,8 @@ class Kernel:
             return "stopped" if self.held else "unconfirmed" if self.is_end_unconfirmed else None
         return "navigating" if self.navigation else None
 
-    def _blocked(self) -> bool:
-        return self.is_stopped or self.fault is not None
-
     def _barred(self, now: float) -> str | None:
-        """Return why no driver may move the robot now, in one word, or None."""
+        """Return in one word why no driver may move the robot now, or None."""
         if self.latch:
             return "estop"
         if self.fault:
@@ -635,9 +598,6 @@ class Kernel:
         if self.is_end_unconfirmed:
             return "unconfirmed"
         return None if self.leases.live(now) else "no_lease"
-
-    def _clock_of_driver(self, lease: Lease) -> PeerClock | None:
-        return self.clocks.of(lease.driver) if lease.driver is not None else None
 
     def _why_not(
         self, action: Action, sender: CommandSender, *, now: float, unix: float
@@ -649,12 +609,9 @@ class Kernel:
         if reason:
             return reason
         if isinstance(action, ClearEStop):
-            releases_hold = self.latch is None and self.held and lease is None
-            return (
-                None
-                if releases_hold
-                else latch_refusal(self.latch, action, button_pressed=self.button_pressed)
-            )
+            if self.latch is None and self.held and lease is None:
+                return None  # it releases the hold
+            return latch_refusal(self.latch, action, button_pressed=self.button_pressed)
         if not isinstance(action, MOVING):
             return None
         if self.latch:
@@ -677,7 +634,7 @@ class Kernel:
             self._leave_navigation()
 
     def _leave_navigation(self) -> None:
-        """Brake from the speed at which the RCA has left the robot."""
+        """Brake from the speed that the RCA has left."""
         self.navigation = self._too_fast_since = None
         if self.controller is Controller.RCA:
             self._own = self._current = self._sent = self.caps(self._now).clamp(self._motion)
@@ -688,7 +645,6 @@ class Kernel:
         return self.navigation is not None and self.navigation.mode == "docking"
 
     def _change(self, event: Change) -> None:
-        """Follow the table of controllers."""
         self.controller = after(self.controller, event)
 
     def _brake_until_rest(self) -> None:
@@ -724,8 +680,8 @@ class Kernel:
             self._cancel_navigation("stopped")
 
     def _watch_navigation(self, now: float) -> None:
-        """End what the robot does by itself without the heartbeats of the driver, or of the server
-        that ordered it, and the RCA's own navigation above the limits.
+        """End the robot's own motion without the heartbeats of the driver, or of the server that
+        ordered it, and the RCA's above the limits or into a contact.
         """
         running = self.navigation
         if running is None:
@@ -741,11 +697,8 @@ class Kernel:
             self._cancel_navigation("collision")
 
     def _drives_into_contact(self) -> bool:
-        return (
-            self._moves()
-            and not self._docks()
-            and (self.contacts.clamp(self._motion) != self._motion)
-        )
+        towards = self.contacts.clamp(self._motion) != self._motion
+        return towards and self._moves() and not self._docks()
 
     def _drives_too_fast(self, now: float) -> bool:
         """Tell whether the RCA has driven the robot faster than the limits for too long."""
@@ -779,7 +732,7 @@ class Kernel:
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
         self._approach(target, now, shaped=target != ZERO)
-        # what the robot has lost of the speed at which it was left, it is not given again
+        # the speed that the robot has lost since navigation left it is not added again
         if self.controller is Controller.SETTLING:
             self._own = self._current = no_faster(self._current, self._motion)
         if self._current != ZERO:
@@ -790,19 +743,18 @@ class Kernel:
         return Decision(self._current, why)
 
     def _navigated(self, wanted: Velocity, now: float) -> Decision:
-        """Return what navigation gets: its wish within limits and ramps. It gets zeros too, because
-        they hold the base in its place.
+        """Return navigation's velocity within limits and ramps; zeros too, because they hold the
+        base in place.
         """
         self._approach(wanted, now)
         self._output_at, self._sent = now, self._current
         return Decision(self._current, "navigating")
 
     def _approach(self, target: Velocity, now: float, *, shaped: bool = False) -> None:
-        """Let a target pass limits, collision monitor (when it is to be `shaped`) and ramp."""
+        """Pass a target through limits, collision monitor (if `shaped`) and ramp."""
         since = now - self._output_at
         if since > self.watchdog:
-            # Without a velocity for so long the base has stopped by itself; going on from the old
-            # speed would start it again.
+            # the base has stopped by itself; continuing from the old speed would start it again
             self._own = self._current = self._sent = ZERO
         step = min(since, KERNEL.max_step)
         self.contacts.moved(self._sent.linear * step)
@@ -810,20 +762,18 @@ class Kernel:
         if self._sent != self._current:
             self._follow_sent(allowed)
         if shaped and self.monitor is not None and self.assist.level != "off":
-            allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=step, dt_up=step), now)
-            self._current = ramp(self._current, allowed, self.limits, dt=step, dt_up=step)
-        else:  # a robot that brakes stays on the course that was checked when it began to
-            self._own = self._current = ramp(
-                self._current, allowed, self.limits, dt=step, dt_up=step
-            )
+            allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=step), now)
+            self._current = ramp(self._current, allowed, self.limits, dt=step)
+        else:  # a braking robot stays on the course that was checked before
+            self._own = self._current = ramp(self._current, allowed, self.limits, dt=step)
 
     def _follow_sent(self, allowed: Velocity) -> None:
-        """Let the ramp go on from what the base was really sent: ahead of it by no more than a
-        velocity may wait in the adapter, and not at all where it brakes.
+        """Continue the ramp from what was really sent: ahead of it by at most the time that a
+        velocity may wait in the adapter, and not at all when braking.
         """
         wait = KERNEL.longest_wait
-        self._own = ramp(self._sent, self._own, self.limits, dt=wait, dt_up=wait)
-        self._current = ramp(self._sent, self._current, self.limits, dt=wait, dt_up=wait)
+        self._own = ramp(self._sent, self._own, self.limits, dt=wait)
+        self._current = ramp(self._sent, self._current, self.limits, dt=wait)
         if no_faster(allowed, self._current) != self._current:
             self._own = no_faster(self._own, self._sent)
             self._current = no_faster(self._current, self._sent)
@@ -838,8 +788,7 @@ class Kernel:
         assert self.monitor is not None
         found = self.monitor.shape(wanted, self._sent, self.assist.level, now)
         allowed = self._limited(found.velocity, now)
-        # a turn that was added is too much for a limit: less of it leads elsewhere, so look once
-        # more
+        # less of an added turn that exceeds a limit leads elsewhere, so check again
         if allowed != found.velocity:
             found = self.monitor.shape(allowed, self._sent, "slow", now)
         self._own = found.own

@@ -1,7 +1,7 @@
-"""Who may ask a robot for what: one table, and one question.
+"""Which roles may send which actions.
 
-Everything needs the live lease, but for what this table gives to a role. Stop and e-stop never come
-here: they are for anybody.
+Everything needs the live lease, except what the first table gives to a role. Stop and e-stop are
+open to everyone and are not checked here.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ WITHOUT_LEASE: dict[type[Action], frozenset[str]] = {
     Relocalize: STAFF,
     Cancel: STAFF,
     Dock: frozenset({"server"}),
-    Tilt: frozenset({"server"}),  # levelled between two visits
+    Tilt: frozenset({"server"}),  # levelled between two sessions
     ResendStates: STAFF,
     ClearEStop: frozenset({"staff", "owner", "screen"}),
     Say: frozenset({"screen"}),
@@ -53,11 +53,11 @@ NEVER_THE_DRIVER: tuple[type[Action], ...] = (
     AnswerCall,
     ConfirmWords,
 )
-# What a visitor asks for whose robot a hidden operator drives: nothing that moves it.
+# For a visitor whose robot a hidden operator drives: nothing that moves it.
 OF_A_VISITOR: tuple[type[Action], ...] = (Photo, Say, Call, Knock)
 MOTION: tuple[type[Action], ...] = (Goto, Follow, Dock, Undock)
 MOVING: tuple[type[Action], ...] = (*MOTION, Tilt)
-# What a lease that limits actions never keeps a driver from, beside stop and e-stop.
+# Allowed by every lease, like stop and e-stop.
 NEVER_LIMITED: tuple[type[Action], ...] = (Cancel,)
 NEEDS: dict[type[Action], Capability] = {
     Goto: "goto",
@@ -76,10 +76,9 @@ NEEDS: dict[type[Action], Capability] = {
 
 @dataclass(frozen=True)
 class CommandSender:
-    """How a message came: `peer` is the data channel's, given by signalling, and `role` that of its
-    offer, which the server has stamped.
-
-    On MQTT the server has stamped role, session and epoch in the message itself.
+    """The origin of a message: `peer` is the data channel's, from signalling, and `role` that of
+    its offer, stamped by the server. On MQTT the server has stamped role, session and epoch in the
+    message.
     """
 
     way: Way
@@ -89,8 +88,8 @@ class CommandSender:
 
 
 def role_of(action: Action | PointCommand, sender: CommandSender, lease: Lease | None) -> str:
-    """Return the role that counts: on a data channel the page's own word is worth nothing, its peer
-    is, and that it is the robot's screen.
+    """Return the role that counts. On a data channel not the page's own claim counts, but its peer
+    and whether it is the robot's screen.
     """
     if sender.way == "mqtt":
         return action.role
@@ -104,7 +103,7 @@ def role_of(action: Action | PointCommand, sender: CommandSender, lease: Lease |
 def mismatch(
     session: str | None, epoch: int, sender: CommandSender, lease: Lease | None
 ) -> str | None:
-    """Return why a driver's message does not belong to the live lease, or None when it does."""
+    """Return why a driver's message does not belong to the live lease, or None."""
     if lease is None:
         return "no_lease"
     if lease.driver is None or (sender.way == "datachannel" and sender.peer != lease.driver):
@@ -117,9 +116,7 @@ def mismatch(
 def forbidden(
     lease: Lease, sender: CommandSender, *, method: str | None = None, action: Action | None = None
 ) -> bool:
-    """Tell whether the terms of a lease keep its driver from a way of control, an input method, or
-    a type of action.
-    """
+    """Tell whether the terms of a lease exclude a transport, input method or type of action."""
     if lease.ways is not None and sender.way not in lease.ways:
         return True
     if method is not None:
@@ -134,7 +131,7 @@ def forbidden(
 def refusal(
     action: Action, sender: CommandSender, lease: Lease | None, capabilities: frozenset[Capability]
 ) -> str | None:
-    """Return in one word why this sender may not have this action, or None when it may."""
+    """Return in one word why this sender may not have this action, or None."""
     role = role_of(action, sender, lease)
     kind = type(action)
     if role == "observer" or (role == "screen" and role not in WITHOUT_LEASE.get(kind, ())):
@@ -142,18 +139,7 @@ def refusal(
     if isinstance(action, ClearEStop) and (sender.way != "mqtt" or not action.user):
         return "not_from_server"
     if role == "driver":
-        reason = (
-            "role"
-            if kind in NEVER_THE_DRIVER
-            else mismatch(action.session, action.epoch, sender, lease)
-        )
-        if (
-            reason is None
-            and lease is not None
-            and kind not in NEVER_LIMITED
-            and forbidden(lease, sender, action=action)
-        ):
-            reason = "not_allowed"
+        reason = _drivers_refusal(action, sender, lease)
     elif role == "visitor":
         reason = _visitors_refusal(action, lease)
     else:
@@ -161,8 +147,19 @@ def refusal(
     return reason or ("unsupported" if kind in NEEDS and NEEDS[kind] not in capabilities else None)
 
 
+def _drivers_refusal(action: Action, sender: CommandSender, lease: Lease | None) -> str | None:
+    kind = type(action)
+    if kind in NEVER_THE_DRIVER:
+        return "role"
+    reason = mismatch(action.session, action.epoch, sender, lease)
+    if reason or lease is None:
+        return reason
+    is_limited = kind not in NEVER_LIMITED and forbidden(lease, sender, action=action)
+    return "not_allowed" if is_limited else None
+
+
 def _visitors_refusal(action: Action, lease: Lease | None) -> str | None:
-    """Return why whoever has the session, and does not drive, may not have this action."""
+    """Return why the visitor whose robot a wizard drives may not have this action, or None."""
     if lease is None:
         return "no_lease"
     if lease.kind == "visitor" or not isinstance(action, OF_A_VISITOR):
@@ -181,10 +178,10 @@ def staleness(
     now: float,
     unix: float,
 ) -> str | None:
-    """Return why an action is not of this moment, or None.
+    """Return why an action is too old or from the future, or None.
 
-    The stamp of a driver or visitor is judged by their own clock; everybody else's by the server's,
-    or ours before the server was heard.
+    The stamp of a driver or visitor is judged by their own clock; all others by the server's, or by
+    ours before the server's is known.
     """
     if sender.retained:
         return "retained"

@@ -1,3 +1,1 @@
-"""A robot that does not exist: physics and senses (pure), and the process that runs them (server,
-__main__).
-"""
+"""A simulated robot: physics and rendering (pure), and the process that runs them (server.py)."""

@@ -1,7 +1,8 @@
 """`python -m robots.agent.simulator --profile giraff --plan office --seed 1`: a robot on a loopback
 port.
 
-Prints one line of JSON with its address when it is ready, and what happens on standard error.
+Prints one line of JSON with its address on standard output when it is ready, and logs on standard
+error.
 """
 
 import argparse
@@ -15,15 +16,17 @@ import signal
 import sys
 import threading
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
 from robots.agent.simulator.physics.simulation import Simulation, StartError
-from robots.agent.simulator.render.thread import Renderer
 from robots.agent.simulator.server import Server
 from robots.world.robot_models import MODELS, RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
+
+if TYPE_CHECKING:
+    from robots.agent.simulator.render.camera import SceneCamera
 
 MOST_PEOPLE = 12
 MOST_FPS = 60.0
@@ -31,41 +34,41 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def parser() -> argparse.ArgumentParser:
-    words = argparse.ArgumentParser(
+    options = argparse.ArgumentParser(
         prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port."
     )
-    words.add_argument("--profile", default="giraff", help=f"one of {', '.join(sorted(MODELS))}")
-    words.add_argument(
+    options.add_argument("--profile", default="giraff", help=f"one of {', '.join(sorted(MODELS))}")
+    options.add_argument(
         "--plan", default="office", help="a shipped site, or a folder with a plan.json"
     )
-    words.add_argument("--seed", type=int, default=1, help="seed for everything random")
-    words.add_argument(
+    options.add_argument("--seed", type=int, default=1, help="seed for everything random")
+    options.add_argument(
         "--start", default="dock", help="dock, a start or place of the plan, or x,y,theta"
     )
-    words.add_argument(
+    options.add_argument(
         "--charge", type=float, default=0.9, help="battery charge at the start, 0 to 1"
     )
-    words.add_argument(
+    options.add_argument(
         "--people",
         type=int,
         default=0,
         help=f"number of people who walk about, at most {MOST_PEOPLE}",
     )
-    words.add_argument(
+    options.add_argument(
         "--door-changes",
         type=float,
         default=0.0,
         help="average seconds between doors opening or closing by themselves; 0 for never",
     )
-    words.add_argument(
+    options.add_argument(
         "--listen", default="127.0.0.1:0", help="loopback address and port; port 0 picks a free one"
     )
-    words.add_argument(
+    options.add_argument(
         "--linger",
         type=float,
         help="seconds to run after the last driver leaves; without it, run until stopped",
     )
-    words.add_argument(
+    options.add_argument(
         "--tied",
         action="store_true",
         help=(
@@ -73,12 +76,12 @@ def parser() -> argparse.ArgumentParser:
             "parent process has ended"
         ),
     )
-    words.add_argument("--no-camera", action="store_true", help="no pictures")
-    words.add_argument("--sonar", action="store_true", help="add sonars to the laser")
-    words.add_argument(
+    options.add_argument("--no-camera", action="store_true", help="no pictures")
+    options.add_argument("--sonar", action="store_true", help="add sonars to the laser")
+    options.add_argument(
         "--fps", type=float, help="video frames per second, instead of the camera's own rate"
     )
-    return words
+    return options
 
 
 def listen_address(text: str) -> tuple[str, int]:
@@ -99,7 +102,7 @@ def moving_things(people: int, door_changes: float) -> dict[str, Any]:
 
 
 def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
-    """Return a model with so many frames a second, unless None; raises ValueError."""
+    """Return the model with this frame rate, unless None; raises ValueError."""
     if fps is None:
         return model
     if not 0.0 < fps <= MOST_FPS:
@@ -161,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
 
-    def renderer() -> Renderer:
+    def renderer() -> "SceneCamera":
         # Its import takes seconds, of which --help needs none.
         from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415
 

@@ -1,8 +1,8 @@
-"""The simulated robot as a process: clock, connections, pictures and sound around one `Simulation`.
+"""The simulated robot as a process: clock, connections, frames and sound around one `Simulation`.
 
-It is the robot, so it outlives its agent: what stops the wheels when the agent is dead or stuck is
-the simulation's own watchdog, which counts from the last velocity that came in here. When the
-driver is gone for good, the process ends, but only after the robot stands.
+It is the robot, so it outlives its agent: when the agent is dead or stuck, the simulation's own
+watchdog stops the wheels, counting from the last velocity that arrived here. When the driver does
+not reconnect, the process ends, but only after the robot is at rest.
 """
 
 import asyncio
@@ -11,7 +11,8 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import structlog
@@ -23,38 +24,33 @@ from robots.agent.simulator.physics.drive import STILL, WheelMotion
 from robots.agent.simulator.physics.realtime import Playback
 from robots.agent.simulator.physics.simulation import Simulation, StartError
 from robots.agent.simulator.render.frame_ring import FrameWriter
-from robots.agent.simulator.render.thread import CameraThread, Renderer
+from robots.agent.simulator.render.thread import CameraThread
 from robots.api.geometry import Pose2D, wrap_angle
+
+if TYPE_CHECKING:  # see thread.py
+    from robots.agent.simulator.render.camera import SceneCamera
 
 STATE_PERIOD = 0.02
 SOUND_PERIOD = 0.02
 FIRST_DRIVER = 60.0  # seconds that a child waits for its first driver
-# bytes unread by a client, after which it misses news instead of costing memory
-BACKLOG = 256 << 10
+BACKLOG = 256 << 10  # bytes that a client has not read, beyond which messages to it are dropped
 
 log = structlog.stdlib.get_logger(__name__)
 
 
 @dataclass(eq=False)
 class SimulatorClient:
-    """One connection and what it is for."""
-
     writer: asyncio.StreamWriter
     role: wire.Role | None = None
-    missed: int = field(default=0)
 
-    def say(self, message: wire.SimulatorMessage) -> None:
-        """Send without waiting; a client that does not read misses it."""
-        self.say_bytes(framing.pack(message))
+    def send(self, message: wire.FromSimulator) -> None:
+        self.send_bytes(framing.pack(message))
 
-    def say_bytes(self, data: bytes) -> None:
+    def send_bytes(self, data: bytes) -> None:
+        """Send without waiting; dropped for a client that does not read."""
         transport = self.writer.transport
-        if transport.is_closing():
-            return
-        if transport.get_write_buffer_size() > BACKLOG:
-            self.missed += 1
-            return
-        self.writer.write(data)
+        if not transport.is_closing() and transport.get_write_buffer_size() <= BACKLOG:
+            self.writer.write(data)
 
 
 class Server:
@@ -66,7 +62,7 @@ class Server:
     def __init__(
         self,
         simulation: Simulation,
-        make_renderer: Callable[[], Renderer] | None,
+        make_renderer: "Callable[[], SceneCamera] | None",
         *,
         linger: float | None,
         seed: int,
@@ -80,7 +76,7 @@ class Server:
         self._ended = asyncio.Event()
         self._alone_since = time.monotonic() + max(0.0, FIRST_DRIVER - (linger or 0.0))
         self._due = dict.fromkeys(("state", "scan", "sonar", "sound"), time.monotonic())
-        self._told = -1.0
+        self._published = -1.0  # simulated time of the last published state
         self._sonar, self._volley = sonar, 0
         self._rng = np.random.default_rng([seed, 1])
         self._microphone: Microphone | None = None
@@ -105,7 +101,7 @@ class Server:
         self._ended.set()
 
     def orphaned(self) -> None:
-        """Hear that who started this process is dead: no first driver will come any more."""
+        """Note that the parent process has ended: do not wait for a first driver any longer."""
         self._alone_since = min(self._alone_since, time.monotonic())
 
     def _open_camera(self) -> None:
@@ -117,7 +113,7 @@ class Server:
 
         def ready(number: int, stamp: float) -> None:
             with contextlib.suppress(RuntimeError):  # the loop has just ended
-                loop.call_soon_threadsafe(self._tell, "camera", wire.FrameReady(number, stamp))
+                loop.call_soon_threadsafe(self._send, "camera", wire.FrameReady(number, stamp))
 
         self._camera = CameraThread(
             self._make_renderer, self._ring, model.fps, lambda: self.playback.view, ready
@@ -143,16 +139,18 @@ class Server:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def _publish(self, now: float) -> None:
-        if self.simulation.time > self._told and self._is_due("state", STATE_PERIOD, now):
-            self._told = self.simulation.time
-            self._tell("driver", lambda: self.playback.truth(measured=False))
-        if self._is_due("scan", 1.0 / self.simulation.model.laser.rate, now):
-            self._tell_scan()
-        if self._sonar and self._is_due("sonar", self.simulation.model.sonar.period, now):
+        sim = self.simulation
+        if sim.time > self._published and self._is_due("state", STATE_PERIOD, now):
+            self._published = sim.time
+            self._send("driver", lambda: self.playback.truth(measured=False))
+        scans = self._is_due("scan", 1.0 / sim.model.laser.rate, now)
+        if scans and sim.faults.laser != "silent":
+            self._send("driver", self._scan)
+        if self._sonar and self._is_due("sonar", sim.model.sonar.period, now):
             self._volley += 1
-            self._tell("driver", self._echoes)
+            self._send("driver", self._echoes)
         if self._is_due("sound", SOUND_PERIOD, now):
-            self._tell("microphone", self._sound)
+            self._send("microphone", self._sound)
 
     def _is_due(self, what: str, period: float, now: float) -> bool:
         if now < self._due[what]:
@@ -160,19 +158,15 @@ class Server:
         self._due[what] = max(self._due[what] + period, now - period)
         return True
 
-    def _tell(
-        self, role: wire.Role, news: wire.SimulatorMessage | Callable[[], wire.SimulatorMessage]
+    def _send(
+        self, role: wire.Role, message: wire.FromSimulator | Callable[[], wire.FromSimulator]
     ) -> None:
-        listeners = [client for client in self._clients if client.role == role]
-        if not listeners:
-            return
-        data = framing.pack(news() if callable(news) else news)
-        for client in listeners:
-            client.say_bytes(data)
-
-    def _tell_scan(self) -> None:
-        if self.simulation.faults.laser != "silent":
-            self._tell("driver", self._scan)
+        """Send to all clients of a role a message, or the one that a function makes for them."""
+        clients = [client for client in self._clients if client.role == role]
+        if clients:
+            data = framing.pack(message() if callable(message) else message)
+            for client in clients:
+                client.send_bytes(data)
 
     def _scan(self) -> wire.Ranges:
         return wire.Ranges(
@@ -210,7 +204,7 @@ class Server:
                 self._take(client, wire.unpack_command(body))
         except framing.WireError as error:
             log.warning("client_refused", extra={"reason": str(error)})
-            client.say(wire.RoleRefused(str(error)))
+            client.send(wire.RoleRefused(str(error)))
         except (asyncio.IncompleteReadError, ConnectionError):
             log.debug("client_gone", extra={"role": client.role})
         finally:
@@ -225,19 +219,19 @@ class Server:
             self._camera.watch(watched=self._has("camera"))
 
     def _take(self, client: SimulatorClient, message: wire.ToSimulator) -> None:
-        """Do what a client asks; raises WireError for what is not of its role."""
+        """Handle a client's message; WireError when its role does not allow it."""
         self.playback.advance(time.monotonic(), time.time())
         match message:
             case wire.SimulatorHello(role) if client.role is None:
                 self._welcome(client, role)
             case wire.AskTruth() if client.role == "observer":
-                client.say(self.playback.truth())
+                client.send(self.playback.truth())
             case wire.AskHistory(seconds) if client.role == "observer" and math.isfinite(seconds):
-                client.say(wire.History(self.playback.history(seconds)))
+                client.send(wire.History(self.playback.history(seconds)))
             case _ if client.role == "driver":
                 self._drive(message)
             case _ if client.role == "operator":
-                client.say(self._inject_fault(message))
+                client.send(self._inject_fault(message))
             case _:
                 raise framing.WireError(
                     f"unexpected {type(message).__name__} from {client.role or 'a stranger'}"
@@ -258,7 +252,7 @@ class Server:
             case _:
                 raise framing.WireError(f"unexpected {message!r} from a driver")
 
-    def _inject_fault(self, message: wire.ToSimulator) -> wire.SimulatorMessage:
+    def _inject_fault(self, message: wire.ToSimulator) -> wire.FromSimulator:
         match message:
             case wire.SetDoors(doors):
                 self.simulation.set_doors(doors)
@@ -276,22 +270,15 @@ class Server:
     def _welcome(self, client: SimulatorClient, role: wire.Role) -> None:
         if role == "driver":
             for other in [c for c in self._clients if c.role == "driver"]:
-                other.role = None  # the newest driver is the agent that lives
+                other.role = None  # the newest driver is the agent that is alive
                 other.writer.transport.abort()
         client.role = role
-        client.say(
-            wire.SimulatorWelcome(
-                self.simulation.model.series, self.simulation.plan.map_id, os.getpid()
-            )
-        )
-        if role == "camera":
-            self._show(client)
-
-    def _show(self, client: SimulatorClient) -> None:
+        sim = self.simulation
+        client.send(wire.SimulatorWelcome(sim.model.series, sim.plan.map_id, os.getpid()))
+        if role != "camera":
+            return
         if self._ring is None or self._camera is None:
             raise framing.WireError("this robot was started without a camera")
-        model = self.simulation.model.camera
-        client.say(
-            wire.FrameRingOffer(self._ring.name, self._ring.slots, model.width, model.height)
-        )
+        size = sim.model.camera.width, sim.model.camera.height
+        client.send(wire.FrameRingOffer(self._ring.name, self._ring.slots, *size))
         self._camera.watch(watched=True)

@@ -1,54 +1,70 @@
-"""What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
+"""The messages of a simulated robot and its clients over TCP, framed by framing.py.
 
 A connection has one role, given in `SimulatorHello`: the driver moves the robot and receives its
-state, an observer only looks (tests and benchmarks read the truth there), an operator injects
-faults (carries the robot away, breaks it, moves doors), a camera gets the numbers of frames in
-shared memory, a microphone gets sound. Each is a connection of its own, so that media never wait
-before a velocity.
+state, an observer reads the truth (tests and benchmarks), an operator injects faults (carries the
+robot away, breaks it, moves doors), a camera gets the numbers of frames in shared memory, a
+microphone gets sound. Each role has its own connection, so that media never delay a velocity.
 """
 
 import asyncio
+import functools
+import operator
 from typing import Any, Literal
 
 import msgspec
-from msgspec import Struct
 
 from robots.agent import framing
-from robots.agent.simulator.faults import Faults
 from robots.api.floorplan import DoorState
 
 COMMAND_LIMIT = 64 << 10
 Role = Literal["driver", "observer", "operator", "camera", "microphone"]
 
 
-class SimulatorMessage(Struct, frozen=True, tag=True, array_like=True):
+class SimulatorMessage(msgspec.Struct, frozen=True, tag=True, array_like=True):
     """Base of every message on this wire."""
 
 
-class SimulatorHello(SimulatorMessage, frozen=True):
+class ToSimulator(SimulatorMessage, frozen=True):
+    """Base of every message of a client; each subclass is decoded."""
+
+
+class FromSimulator(SimulatorMessage, frozen=True):
+    """Base of every message of the simulator; each subclass is decoded."""
+
+
+class Faults(msgspec.Struct, frozen=True, kw_only=True):
+    """Injected faults, to test how the system reacts. `wheels_stopped`: the motors do not turn;
+    `laser`: it sends nothing, or only NaN.
+    """
+
+    wheels_stopped: bool = False
+    laser: Literal["none", "silent", "nan"] = "none"
+
+
+class SimulatorHello(ToSimulator, frozen=True):
     role: Role
 
 
-class DriveOrder(SimulatorMessage, frozen=True):
-    """A velocity; silence afterwards brakes."""
+class DriveOrder(ToSimulator, frozen=True):
+    """A velocity; without another one the base brakes."""
 
     linear: float
     angular: float
 
 
-class TiltTo(SimulatorMessage, frozen=True):
+class TiltTo(ToSimulator, frozen=True):
     angle: float
 
 
-class SetDoors(SimulatorMessage, frozen=True):
+class SetDoors(ToSimulator, frozen=True):
     doors: dict[str, DoorState]
 
 
-class Shutdown(SimulatorMessage, frozen=True):
+class Shutdown(ToSimulator, frozen=True):
     """The driver is done: brake, then end the process."""
 
 
-class CarryTo(SimulatorMessage, frozen=True):
+class CarryTo(ToSimulator, frozen=True):
     """Put the robot elsewhere (operator); answered with `Done`, or `RoleRefused` if blocked."""
 
     x: float
@@ -56,29 +72,29 @@ class CarryTo(SimulatorMessage, frozen=True):
     theta: float
 
 
-class Break(SimulatorMessage, frozen=True):
-    """An operator breaks the robot, or mends it with no faults; answered with `Done`."""
+class Break(ToSimulator, frozen=True):
+    """Break the robot, or repair it with no faults (operator); answered with `Done`."""
 
     faults: Faults
 
 
-class AskTruth(SimulatorMessage, frozen=True):
-    """An observer wants one `Truth`."""
+class AskTruth(ToSimulator, frozen=True):
+    """Ask for one `Truth` (observer)."""
 
 
-class AskHistory(SimulatorMessage, frozen=True):
-    """An observer wants the last seconds of `History`."""
+class AskHistory(ToSimulator, frozen=True):
+    """Ask for the last `seconds` of `History` (observer)."""
 
     seconds: float
 
 
-class SimulatorWelcome(SimulatorMessage, frozen=True):
+class SimulatorWelcome(FromSimulator, frozen=True):
     series: str
     map_id: str
     pid: int
 
 
-class Truth(SimulatorMessage, frozen=True):
+class Truth(FromSimulator, frozen=True):
     """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0
     before the first.
 
@@ -110,28 +126,28 @@ class Truth(SimulatorMessage, frozen=True):
     bumper: tuple[float, ...] = ()
 
 
-class Ranges(SimulatorMessage, frozen=True):
+class Ranges(FromSimulator, frozen=True):
     """A laser scan: float32 metres in native byte order, `inf` where nothing came back."""
 
     stamp: float
     ranges: bytes
 
 
-class Echoes(SimulatorMessage, frozen=True):
+class Echoes(FromSimulator, frozen=True):
     """Echoes of sonars: which, and metres from it, None for none."""
 
     stamp: float
     echoes: tuple[tuple[int, float | None], ...]
 
 
-class History(SimulatorMessage, frozen=True):
+class History(FromSimulator, frozen=True):
     """Rows (stamp, commanded linear, angular, linear, angular, x, y, theta), one every step."""
 
     rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
 
 
-class FrameRingOffer(SimulatorMessage, frozen=True):
-    """Where the pictures will be: a ring of slots in shared memory (see frame_ring.py)."""
+class FrameRingOffer(FromSimulator, frozen=True):
+    """Where frames will be: a ring of slots in shared memory (see frame_ring.py)."""
 
     name: str
     slots: int
@@ -139,55 +155,34 @@ class FrameRingOffer(SimulatorMessage, frozen=True):
     height: int
 
 
-class FrameReady(SimulatorMessage, frozen=True):
-    """Picture `number` is in its slot, sampled at `stamp` (Unix seconds)."""
+class FrameReady(FromSimulator, frozen=True):
+    """Frame `number` is in its slot, captured at `stamp` (Unix seconds)."""
 
     number: int
     stamp: float
 
 
-class Sound(SimulatorMessage, frozen=True):
+class Sound(FromSimulator, frozen=True):
     """20 ms of sound: 960 samples int16, mono, 48 kHz."""
 
     samples: bytes
 
 
-class Done(SimulatorMessage, frozen=True):
-    """An operator's wish is done."""
+class Done(FromSimulator, frozen=True):
+    """An operator's message was carried out."""
 
 
-class RoleRefused(SimulatorMessage, frozen=True):
-    """Why something was refused; the connection closes, unless to an operator."""
+class RoleRefused(FromSimulator, frozen=True):
+    """Why a message was refused; the connection closes, unless it is an operator's."""
 
     reason: str
 
 
-ToSimulator = (
-    SimulatorHello
-    | DriveOrder
-    | TiltTo
-    | SetDoors
-    | Shutdown
-    | AskTruth
-    | AskHistory
-    | CarryTo
-    | Break
-)
-FromSimulator = (
-    SimulatorWelcome
-    | Truth
-    | Ranges
-    | Echoes
-    | History
-    | FrameRingOffer
-    | FrameReady
-    | Sound
-    | Done
-    | RoleRefused
-)
+def _decoder(base: type[SimulatorMessage]) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(functools.reduce(operator.or_, base.__subclasses__()))
 
-_to_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(ToSimulator)
-_from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimulator)
+
+_to_simulator, _from_simulator = _decoder(ToSimulator), _decoder(FromSimulator)
 
 
 def unpack_command(body: bytes) -> Any:

@@ -1,6 +1,4 @@
-"""`manage.py enrol NAME`: a one-time token with which the computer on a robot fetches its
-credentials.
-"""
+"""`manage.py enrol NAME`: a one-time token with which a robot's computer fetches credentials."""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -14,24 +12,14 @@ from robots.models import Robot
 
 
 class Command(BaseCommand):
-    """Make a token and print what to run on the robot."""
-
     help = "Print the command that connects a robot's computer; its token works once."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument(
-            "--server",
-            metavar="URL",
-            required=True,
-            help="the address at which the robot reaches the site",
-        )
-        parser.add_argument(
-            "--hours",
-            type=float,
-            default=HOURS,
-            help="how many hours the token is valid (default: %(default)s)",
-        )
+        server = "the address at which the robot reaches the site"
+        parser.add_argument("--server", metavar="URL", required=True, help=server)
+        hours = "how many hours the token is valid (default: %(default)s)"
+        parser.add_argument("--hours", type=float, default=HOURS, help=hours)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()

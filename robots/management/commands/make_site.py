@@ -1,6 +1,4 @@
-"""`manage.py make_site MAP.yaml --name ID`: a site from a robot's map, to be finished on a page of
-the administration.
-"""
+"""`manage.py make_site MAP.yaml --name ID`: a site from a robot's map, to be finished on a page."""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -16,35 +14,25 @@ from robots.site_drafts import propose, read_map, store_site
 
 
 class Command(BaseCommand):
-    """Trace walls, propose rooms, openings, obstacles and charging stations, and store them as a
-    floor plan.
-    """
-
     help = (
         "Make a site from a ROS map: trace its walls and propose rooms, openings and charging"
         " stations. Finish it in the administration."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("map", type=Path, help="the YAML file of the map")
-        parser.add_argument(
-            "--name", required=True, help="map id: lower-case letters, digits, hyphens, underscores"
+        add = parser.add_argument
+        add("map", type=Path, help="the YAML file of the map")
+        name = "map id: lower-case letters, digits, hyphens, underscores"
+        add("--name", required=True, help=name)
+        add("--title", default="", help="title; without it, the map id")
+        occupied = (
+            "occupancy (0 to 1) at or above which a cell is a wall, instead of the file's; 0.35 for"
+            " maps with grey walls"
         )
-        parser.add_argument("--title", default="", help="title; without it, the map id")
-        parser.add_argument(
-            "--occupied-thresh",
-            type=float,
-            help="occupancy (0 to 1) at or above which a cell is a wall, instead of the file's;"
-            " 0.35 for maps with grey walls",
-        )
-        parser.add_argument(
-            "--free-thresh",
-            type=float,
-            help="occupancy (0 to 1) below which a cell is free, instead of the file's",
-        )
-        parser.add_argument(
-            "--replace", action="store_true", help="replace the plan that has this map id"
-        )
+        add("--occupied-thresh", type=float, help=occupied)
+        free = "occupancy (0 to 1) below which a cell is free, instead of the file's"
+        add("--free-thresh", type=float, help=free)
+        add("--replace", action="store_true", help="replace the plan that has this map id")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         name, path = options["name"], options["map"]
@@ -58,8 +46,8 @@ class Command(BaseCommand):
             plan = propose(grid, name, options["title"] or name)
             row, kept = store_site(plan, grid)
         except FloorPlanRefusedError as error:
-            lines = (f"No site can be made from {path}:", *(f"  {p}" for p in error.problems))
-            raise CommandError("\n".join(lines)) from error
+            problems = "".join(f"\n  {problem}" for problem in error.problems)
+            raise CommandError(f"No site can be made from {path}:{problems}") from error
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error
         self._report(plan, row, kept)

@@ -24,8 +24,6 @@ GROUP_MAY_READ = 0o640
 
 
 class Command(BaseCommand):
-    """Write the files that a broker reads, once or whenever the database says something new."""
-
     help = (
         "Write the users and permissions for this machine's own mosquitto, or another broker, "
         "from the database; with --reload, have it read them."

@@ -1,4 +1,4 @@
-"""`manage.py rotate_credentials NAME …`: have agents take new credentials while they run."""
+"""`manage.py rotate_credentials NAME …`: agents fetch new credentials while they run."""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -12,20 +12,14 @@ from robots.models import Robot
 
 
 class Command(BaseCommand):
-    """Ask for new credentials of some robots, or all."""
-
     help = (
         "Make the agents of robots fetch new credentials by themselves; the current ones stay "
         "valid for one more day."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument(
-            "robots",
-            nargs="*",
-            metavar="robot",
-            help="robot names; without any, all robots with credentials",
-        )
+        names = "robot names; without any, all robots with credentials"
+        parser.add_argument("robots", nargs="*", metavar="robot", help=names)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         rows = Robot.objects.exclude(credentials__credential_hash="").select_related("credentials")

@@ -22,8 +22,6 @@ from robots.cancellation import until_one_ends
 
 
 class Command(BaseCommand):
-    """Run Mosquitto if it is installed, and otherwise NATS."""
-
     help = "Run the MQTT broker: Mosquitto if it is installed, otherwise NATS."
     # of the settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]

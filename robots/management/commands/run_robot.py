@@ -1,6 +1,4 @@
-"""`manage.py run_robot NAME`: the robot's agent. On the server's own machine it finds credentials
-and broker by itself.
-"""
+"""`manage.py run_robot NAME`: the robot's agent; the same as `python -m robots.agent`."""
 
 import os
 from argparse import ArgumentParser
@@ -17,8 +15,6 @@ from robots.api.credentials_file import ENVIRONMENT
 
 
 class Command(BaseCommand):
-    """Run the agent of one robot until Ctrl-C; the same as `python -m robots.agent`."""
-
     help = (
         "Run the agent of a robot: on the robot's own computer with --server "
         "and --credentials, or on the site's computer with its name only."

@@ -12,18 +12,12 @@ from robots.screens import make_screen_key, screen_address
 
 
 class Command(BaseCommand):
-    """Make a new screen key and print the address to open on the robot's display."""
-
     help = "Print a new address for the display on a robot; the previous one stops working."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument(
-            "--server",
-            metavar="URL",
-            required=True,
-            help="the address at which the display reaches the site",
-        )
+        server = "the address at which the display reaches the site"
+        parser.add_argument("--server", metavar="URL", required=True, help=server)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()

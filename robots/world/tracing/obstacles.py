@@ -75,11 +75,10 @@ def find_obstacles(structure: Structure, solid: Bools) -> list[Obstacle]:
 
 def _filled(structure: Structure) -> Bools:
     """Return free-standing furniture with the cells that it encloses."""
-    standing = structure.layers.occupied & structure.standing
-    closed = scipy.ndimage.binary_closing(
-        standing, disc(structure.layers.cells_in(OBSTACLES.closing))
-    )
-    filled: Bools = (scipy.ndimage.binary_fill_holes(closed) & structure.standing) | standing
+    outlines = structure.layers.occupied & structure.furniture
+    radius = structure.layers.cells_in(OBSTACLES.closing)
+    closed = scipy.ndimage.binary_closing(outlines, disc(radius))
+    filled: Bools = (scipy.ndimage.binary_fill_holes(closed) & structure.furniture) | outlines
     return filled
 
 

@@ -6,15 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec import structs
 
-from robots.api.floorplan import (
-    FloorPlan,
-    Furniture,
-    Passage,
-    Place,
-    Room,
-    Wall,
-    contains,
-)
+from robots.api.floorplan import FloorPlan, Furniture, Passage, Place, Room, Wall, contains
 from robots.api.geometry import wrap_angle
 from robots.world.grid import OccupancyGrid
 from robots.world.inspection import Floor, drawn_plan
@@ -74,12 +66,11 @@ class Tracing:
         walls = trace_walls(structure.building, layers)[:MOST_WALLS]
         if len(walls) < LEAST_WALLS:
             share = float(layers.occupied.mean())
-            message = (
+            raise TracingError(
                 f"the map shows {len(walls)} walls, a plan needs {LEAST_WALLS}: {share:.1%} of its"
                 " cells are occupied. If its walls are grey, choose a lower threshold for"
                 " occupied cells"
             )
-            raise TracingError(message)
         labels = label_rooms(structure)
         openings = find_openings(structure, labels, main_direction(walls))[:MOST_OPENINGS]
         solid = layers.occupied & ~cells_of_walls(layers, walls)

@@ -20,7 +20,7 @@ from robots.api.floorplan import contains
 from robots.api.geometry import Pose2D
 from robots.api.messages import Point
 from robots.world.solids import Floats
-from robots.world.tracing.layers import EVERYWHERE, Bools, Cells, Labels, Layers, disc
+from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers, disc
 from robots.world.tracing.outlines import polygon_of
 from robots.world.tracing.structure import Structure
 
@@ -88,7 +88,7 @@ def polygon(labels: Labels, number: int, layers: Layers) -> Floats:
 def filled(floor: Bools, others: Bools, layers: Layers) -> Bools:
     """Return the floor of a room with its niches, without the floor of `others`."""
     radius = layers.cells_in(ROOMS.closing)
-    # farther away than the closing reaches nothing happens
+    # the closing changes nothing farther away
     part = _about(floor, radius + MARGIN)
     padded = np.pad(floor[part], 2 * radius)
     closed = scipy.ndimage.binary_closing(padded, disc(radius))[
@@ -126,22 +126,16 @@ def joined(first: tuple[Point, ...], second: tuple[Point, ...]) -> tuple[Point, 
     both = filled(masks[0] | masks[1], empty, layers)
     # `filled` keeps the largest part: both are in it only where they touch
     if min(float((mask & both).sum()) / max(int(mask.sum()), 1) for mask in masks) < 0.5:
-        message = "the rooms do not touch"
-        raise ValueError(message)
+        raise ValueError("the rooms do not touch")
     outline = polygon_of(both, layers, ROOMS.tolerance, ROOMS.least_hole).tolist()
     return tuple(layers.to_world((x, y)) for x, y in outline)
 
 
 def _about(mask: Bools, cells: int) -> tuple[slice, slice]:
-    """Return the rows and columns that hold a mask's cells, and so many beside them."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return _reaching(rows, cells), _reaching(columns, cells)
-
-
-def _reaching(found: Cells, cells: int) -> slice:
-    if not len(found):
-        return slice(0, 1)
-    return slice(max(int(found[0]) - cells, 0), int(found[-1]) + cells + 1)
+    """Return the rows and columns of a mask's cells, and so many beside them."""
+    found = [np.flatnonzero(mask.any(axis=axis)).tolist() or [0] for axis in (1, 0)]
+    rows, columns = (slice(max(each[0] - cells, 0), each[-1] + cells + 1) for each in found)
+    return rows, columns
 
 
 # --- flooding -------------------------------------------------------------------------------------

@@ -28,24 +28,24 @@ STRUCTURE = StructureParams()
 
 
 class TracingError(ValueError):
-    """A map of which no plan can be drawn, in one sentence."""
+    """No plan can be traced from this map; the message is one sentence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Masks (h, w): `floor` where a robot can be or reach, `standing` furniture that stands free,
-    its inside included, and `building`, the occupied cells that are left.
+    """Masks (h, w): `floor` where a robot can be or reach, `furniture` that is free-standing, its
+    inside included, and `building`, the other occupied cells.
     """
 
     layers: Layers
     floor: Bools
-    standing: Bools
+    furniture: Bools
     building: Bools
 
     @property
     def ground(self) -> Bools:
-        """The floor as it would be without the furniture that stands free."""
-        return self.floor | self.standing
+        """The floor as it would be without free-standing furniture."""
+        return self.floor | self.furniture
 
     @cached_property
     def floor_clearance(self) -> Floats:
@@ -67,21 +67,22 @@ def structure_of(layers: Layers) -> Structure:
     specks = _specks(layers)
     around = _floor(layers, layers.free | specks)
     islands, _ = scipy.ndimage.label(~around, EVERYWHERE)
-    standing = np.isin(islands, _small_islands(layers, islands)) | (specks & around)
-    return Structure(layers, around & layers.free, standing, layers.occupied & ~standing)
+    furniture = np.isin(islands, _small_islands(layers, islands)) | (specks & around)
+    return Structure(layers, around & layers.free, furniture, layers.occupied & ~furniture)
 
 
 def _specks(layers: Layers) -> Bools:
     """Return islands no larger than the leg of a chair: they divide no room."""
     groups, _ = scipy.ndimage.label(~layers.free, EVERYWHERE)
     longest = max(2, layers.cells_in(STRUCTURE.speck))
-    small = [
-        label
-        for label, (rows, columns) in enumerate(scipy.ndimage.find_objects(groups), start=1)
-        if max(rows.stop - rows.start, columns.stop - columns.start) <= longest
-    ]
-    specks: Bools = np.isin(groups, small)
+    sides = [_side(place) for place in scipy.ndimage.find_objects(groups)]
+    specks: Bools = np.isin(groups, 1 + np.flatnonzero(np.array(sides) <= longest))
     return specks
+
+
+def _side(place: tuple[slice, slice]) -> int:
+    """Return the longer side of a group's bounding box in cells."""
+    return max(int(each.stop - each.start) for each in place)
 
 
 def _floor(layers: Layers, free: Bools) -> Bools:
@@ -90,8 +91,9 @@ def _floor(layers: Layers, free: Bools) -> Bools:
     """
     regions, count = scipy.ndimage.label(layers.clearance(free) >= STRUCTURE.narrowest)
     if not count:
-        message = "no free floor on the map is wide enough for a robot: check its thresholds"
-        raise TracingError(message)
+        raise TracingError(
+            "no free floor on the map is wide enough for a robot: check its thresholds"
+        )
     largest = int(np.argmax(np.bincount(regions.ravel())[1:])) + 1
     away = scipy.ndimage.distance_transform_edt(regions != largest) * layers.resolution
     floor: Bools = free & (away <= STRUCTURE.narrowest + 0.75 * layers.resolution)
@@ -103,9 +105,9 @@ def _small_islands(layers: Layers, islands: Labels) -> list[int]:
     high, wide = islands.shape
     longest = STRUCTURE.largest_furniture / layers.resolution
     small = []
-    for label, found in enumerate(scipy.ndimage.find_objects(islands), start=1):
-        rows, columns = found
+    for label, place in enumerate(scipy.ndimage.find_objects(islands), start=1):
+        rows, columns = place
         at_edge = rows.start == 0 or columns.start == 0 or rows.stop == high or columns.stop == wide
-        if not at_edge and max(rows.stop - rows.start, columns.stop - columns.start) <= longest:
+        if not at_edge and _side(place) <= longest:
             small.append(label)
     return small

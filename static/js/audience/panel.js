@@ -1,9 +1,9 @@
 /**
- * The panel of hands and questions: who watches raises a hand and asks, who drives or operates the
- * robot answers. It takes no key of somebody who drives, and what is new in it takes no focus.
+ * The panel of hands and questions: viewers raise hands and ask, the driver or operator
+ * answers. It takes no keys from the driver, and new entries take no focus.
  */
 
-import { backToDriving, write } from "../lib/dom.js";
+import { backToDriving, make, makeButton, write } from "../lib/dom.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
@@ -27,10 +27,7 @@ const MARKS = {
 };
 const NOTES = new Set(["rate", "too_many", "full", "closed"]);
 
-/**
- * Whether there is an audience, or this page is a part of one.
- * @param {import("../drive/features.js").State} state
- */
+/** Whether there is an audience, or this page is a part of one. @param {State} state */
 export const isOffered = ({ visit, audience, room }) => {
   const role = roleOf(visit);
   return (
@@ -42,7 +39,7 @@ export const isOffered = ({ visit, audience, room }) => {
 };
 
 /**
- * How much waits for whoever moderates.
+ * Number of hands and questions that wait for the moderator.
  * @param {{moderates: boolean, hands: number, questions: Question[]}} audience
  */
 export const countOf = ({ moderates, hands, questions }) =>
@@ -69,9 +66,7 @@ export class WaitingNews {
 
 /**
  * Who has a hand up, in words.
- * @param {{hands: number, names: string[]}} audience
- * @param {import("../lib/words.js").Words} words
- * @param {string} language
+ * @param {{hands: number, names: string[]}} audience @param {Words} words @param {string} language
  */
 export const handsText = ({ hands, names }, words, language) => {
   const more = hands - names.length;
@@ -84,7 +79,7 @@ export const handsText = ({ hands, names }, words, language) => {
     : words.say("audience.no_hands");
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createPanel = (page) => {
   const { store, element, words, connection, keys } = page;
   const form = createForm(page);
@@ -118,21 +113,22 @@ export const createPanel = (page) => {
       const { audience } = store.get();
       before = audience?.raised ? audience : before;
     },
-    /** @param {import("../drive/features.js").State} state */
-    render: (state) => {
+    changed: (/** @type {State} */ state) => {
       const { audience } = state;
-      const offered = isOffered(state);
-      isOpen &&= offered && !state.panel;
-      renderPlace(page, roleOf(state.visit) === "driver", offered, isOpen);
-      if (!audience) {
-        return;
-      }
-      if (before && before !== audience) {
+      isOpen &&= isOffered(state) && !state.panel;
+      if (audience && before && before !== audience) {
         before = null;
         // Also when it seems to be up: a web process that died may have been the one that held it.
         if (audience.open) {
           connection.send("audience/hand", { raised: true });
         }
+      }
+    },
+    render: (/** @type {State} */ state) => {
+      const { audience } = state;
+      renderPlace(page, roleOf(state.visit) === "driver", isOffered(state), isOpen);
+      if (!audience) {
+        return;
       }
       renderTexts(page, audience);
       const n = countOf(audience);
@@ -147,10 +143,7 @@ export const createPanel = (page) => {
 
 /**
  * Where the panel is, and whether it is open.
- * @param {import("../drive/registry.js").Page} page
- * @param {boolean} driver
- * @param {boolean} offered
- * @param {boolean} isOpen
+ * @param {Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen
  */
 const renderPlace = ({ element }, driver, offered, isOpen) => {
   const [box, panel, button] = [
@@ -170,7 +163,7 @@ const renderPlace = ({ element }, driver, offered, isOpen) => {
   element("audience-mine").hidden = driver;
 };
 
-/** The field for a question. @param {import("../drive/registry.js").Page} page */
+/** The field for a question. @param {Page} page */
 const createForm = ({ element, words, connection }) => {
   const field = /** @type {HTMLInputElement} */ (element("ask-field"));
   let asked = ""; // on its way to the server
@@ -208,7 +201,7 @@ const createForm = ({ element, words, connection }) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {Audience} audience */
+/** @param {Page} page @param {Audience} audience */
 const renderTexts = ({ element, words }, audience) => {
   const count = countOf(audience);
   element("audience-count").hidden = count === 0;
@@ -237,8 +230,7 @@ const askedNow = (questions) =>
  */
 class QuestionList {
   /**
-   * @param {HTMLElement} list
-   * @param {import("../lib/words.js").Words} words
+   * @param {HTMLElement} list @param {Words} words
    * @param {(id: string, state: string) => void} mark
    */
   constructor(list, words, mark) {
@@ -269,28 +261,19 @@ class QuestionList {
 
   /** @param {Question} question */
   #newRow({ id, text }) {
-    const row = document.createElement("li");
-    row.className = "line";
+    const row = make("li", "line");
     const [who, words, state, buttons] = [
-      "line__who",
-      "line__text",
-      "audience__state",
-      "presence__row",
-    ].map((name) => {
-      const part = document.createElement(name === "presence__row" ? "div" : "span");
-      part.className = name;
-      return part;
-    });
+      make("span", "line__who"),
+      make("span", "line__text", text),
+      make("span", "audience__state"),
+      make("div", "presence__row"),
+    ];
     words.dir = "auto";
-    words.textContent = text;
     row.append(who, " ", words, " ", state, buttons);
     for (const mark of MARKS.waiting) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.className = "button presence__small";
+      const word = this.words.say(`audience.do.${mark}`);
+      const button = makeButton("button presence__small", word, () => this.mark(id, mark));
       button.dataset.mark = mark;
-      button.textContent = this.words.say(`audience.do.${mark}`);
-      button.addEventListener("click", () => this.mark(id, mark));
       buttons.append(button);
     }
     this.rows.set(id, row);

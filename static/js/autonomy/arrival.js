@@ -14,9 +14,7 @@ const isAtRest = ({ linear, angular }) => Math.max(Math.abs(linear), Math.abs(an
  * Whether the robot leaves its station now, so that a new visitor sees the room and not the wall:
  * yes, no, or null while the page cannot know. Once a visit, not after a reload of the page, and
  * not when the robot was stopped since the visit started.
- * @param {import("../drive/features.js").State} state
- * @param {number} now
- * @returns {boolean | null}
+ * @param {State} state @param {number} now @returns {boolean | null}
  */
 export const leavesByItself = (state, now) => {
   const { visit, robot, factsheet, playing, arrival } = state;

@@ -5,15 +5,13 @@ const WHYS = new Set(["slow", "stop", "steer", "blind"]);
 // rad; a point within this angle of straight ahead is ahead, the same behind
 const AHEAD = Math.PI / 4;
 
-/**
- * @typedef {{why: string, side: string, point: [number, number] | null}} Help `why` "": none
- */
+/** @typedef {{why: string, side: string, point: Point | null}} Help `why` "": none */
 
 /** @type {Help} */
 export const NO_HELP = Object.freeze({ why: "", side: "", point: null });
 
 /**
- * @param {[number, number] | null} point metres, robot's frame, x forward, y left
+ * @param {Point | null} point metres, robot's frame, x forward, y left
  * @returns {"ahead" | "left" | "right" | "behind" | ""}
  */
 export const sideOf = (point) => {
@@ -30,7 +28,7 @@ export const sideOf = (point) => {
   return angle > 0 ? "left" : "right";
 };
 
-/** @param {string} why the robot's word @param {[number, number] | null} point @returns {Help} */
+/** @param {string} why the robot's word @param {Point | null} point @returns {Help} */
 export const helpFrom = (why, point) =>
   WHYS.has(why) ? { why, side: why === "blind" ? "" : sideOf(point), point } : NO_HELP;
 
@@ -76,13 +74,10 @@ export const wordOf = ({ why, side }) => {
   return why === "blind" || side === "" ? `assist.${why}` : `assist.${why}.${side}`;
 };
 
-/** Which levels can be chosen, none when the robot does not assist. @param {any} factsheet */
-export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));
-
 /**
  * The level of assistance in force: what the robot reports, as a study may fix it. A robot that has
  * lost its driver reports its owner's level; the driver then sees the last one of the visit.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  * @returns {string} empty while unknown
  */
 export const assistIn = ({ visit, robot, assistKnown }) => {

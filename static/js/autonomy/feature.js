@@ -1,18 +1,17 @@
 /** The robot's actions and assistance on the drive page. The modules beside it decide; pure. */
 
-import { recallAimed, rememberAimed } from "../drive/storage.js";
+import { recallAimed, rememberAimed } from "../lib/storage.js";
 import { Aiming } from "../input/aiming.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { roleOf } from "../protocol/session.js";
-import { maySend } from "../study/restrictions.js";
-import { wrap } from "../view/overlay/transforms.js";
+import { maySend, can } from "../protocol/capabilities.js";
+import { wrap } from "../lib/transforms.js";
 import { leavesByItself } from "./arrival.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
 import { createMapBar, showsLaser } from "./map_bar.js";
-import { can } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
-import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
+import { ask, heard, isUnderWay, pass, wishOf } from "../protocol/robot_action.js";
 
 // s until a level of assistance that the robot does not confirm counts as refused
 const ASSIST_PATIENCE = 3;
@@ -21,12 +20,12 @@ const PUSH_PERIOD = 0.5; // s between two records that the visitor presses forwa
 /** Millimetres and milliradians are enough. @param {number} value */
 const round = (value) => Math.round(value * 1000) / 1000;
 
-/** @param {import("../drive/features.js").State} state */
+/** @param {State} state */
 const mayAim = (state) =>
   roleOf(state.visit) === "driver" &&
   ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, words, element, keys, act, config } = page;
   store.update({ hasAimed: recallAimed(config.who ?? "") });
@@ -72,24 +71,18 @@ const setUp = (page) => {
     actions: { ...newActions(page), assist },
     on: {
       ...newListeners(page),
+      changed: (/** @type {State} */ state) => (mayAim(state) ? aiming.enable() : aiming.disable()),
       poll: (/** @type {number} */ now) => {
         arrive(page, now);
         pursue(page, now);
         showHelp(held.tick(now));
       },
     },
-    render: (/** @type {any} */ state) => {
-      renders.forEach((render) => render(state));
-      if (mayAim(state)) {
-        aiming.enable();
-      } else {
-        aiming.disable();
-      }
-    },
+    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const newAiming = ({ store, element, map }) =>
   new Aiming({
     canvas: element("map"),
@@ -110,8 +103,7 @@ const newAiming = ({ store, element, map }) =>
 
 /**
  * Start a visit with the room in sight. In a hidden tab the robot stays, then and later.
- * @param {import("../drive/registry.js").Page} page
- * @param {number} now
+ * @param {Page} page @param {number} now
  */
 const arrive = ({ store, act }, now) => {
   const { visit, robot, arrival } = store.get();
@@ -133,7 +125,7 @@ const arrive = ({ store, act }, now) => {
   }
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {number} now */
+/** @param {Page} page @param {number} now */
 const pursue = ({ store, driving }, now) => {
   const { action, send } = pass(store.get().task, now);
   if (action !== store.get().task) {
@@ -144,12 +136,12 @@ const pursue = ({ store, driving }, now) => {
   }
 };
 
-/** The marks of goal and obstacle on the map. @param {import("../drive/registry.js").Page} page */
+/** The marks of goal and obstacle on the map. @param {Page} page */
 const createMarks = ({ map }) => {
   /** The goal of the last requested action: the same object while the goal is the same. */
   let last = { id: "", aim: /** @type {any} */ (null) };
 
-  /** @param {import("./robot_action.js").RobotAction} action */
+  /** @param {RobotAction} action */
   const goalOf = ({ id, fields }) => {
     if (last.id !== id) {
       last = { id, aim: { kind: "goal", x: fields.x, y: fields.y, theta: fields.theta ?? null } };
@@ -157,7 +149,7 @@ const createMarks = ({ map }) => {
     return last.aim;
   };
 
-  return (/** @type {import("../drive/features.js").State} */ state) => {
+  return (/** @type {State} */ state) => {
     const { task, aim, help } = state;
     const goal =
       isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined
@@ -168,10 +160,7 @@ const createMarks = ({ map }) => {
   };
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @returns {Record<string, (argument: string) => void>}
- */
+/** @param {Page} page @returns {Record<string, (argument: string) => void>} */
 const newActions = ({ store, driving, config }) => {
   /** @param {Parameters<typeof ask>[0]} wish */
   const start = (wish) => {
@@ -231,7 +220,7 @@ const newActions = ({ store, driving, config }) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const newListeners = ({ store }) => ({
   released: () =>
     store.update({
@@ -271,5 +260,5 @@ const newListeners = ({ store }) => ({
   },
 });
 
-/** @type {import("../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const autonomy = { name: "autonomy", setUp };

@@ -1,15 +1,14 @@
 /** On the map: the menu of places and other actions, and the two buttons for a chosen point. */
 
 import { roleOf } from "../protocol/session.js";
-import { maySend } from "../study/restrictions.js";
-import { write } from "../lib/dom.js";
+import { maySend, can } from "../protocol/capabilities.js";
+import { make, write } from "../lib/dom.js";
 import { assistIn } from "./assistance.js";
-import { can } from "./offer.js";
 import { profileOf } from "../view/display/profiles.js";
 
 /**
  * What the menu holds. Pure.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]}
  *   a place has a title, other entries a word; those that are no destination are aside
  */
@@ -42,7 +41,7 @@ export const menuFor = (state) => {
 /**
  * Whether laser points are drawn: as the visitor chose, else as the profile says, else while the
  * robot assists.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const showsLaser = (state) =>
   state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
@@ -50,7 +49,7 @@ export const showsLaser = (state) =>
 /**
  * The sentence about a point of the map; how to give it a direction only until the visitor has done
  * so, as the sentence covers part of the map. Pure.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  * @returns {string} a word, or nothing
  */
 export const hintFor = ({ aim, hasAimed }) => {
@@ -61,11 +60,8 @@ export const hintFor = ({ aim, hasAimed }) => {
 };
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
- * @param {(action: string) => void} act
- * @param {import("../input/key_dispatcher.js").KeyDispatcher} keys
- * @returns {(state: import("../drive/features.js").State) => void}
+ * @param {GetElement} element @param {Words} words @param {(action: string) => void} act
+ * @param {KeyDispatcher} keys @returns {(state: State) => void}
  */
 export const createMapBar = (element, words, act, keys) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
@@ -103,7 +99,7 @@ export const createMapBar = (element, words, act, keys) => {
         entries.filter((entry) => entry.aside),
         entries.filter((entry) => !entry.aside),
       ];
-      const divider = goals.length && aside.length ? [document.createElement("hr")] : [];
+      const divider = goals.length && aside.length ? [make("hr")] : [];
       menu.replaceChildren(
         ...goals.map((entry) => menuButton(entry, words)),
         ...divider,
@@ -129,9 +125,7 @@ export const createMapBar = (element, words, act, keys) => {
 
 /**
  * The two buttons for a point, and its sentence.
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
- * @param {import("../drive/features.js").State} state
+ * @param {GetElement} element @param {Words} words @param {State} state
  */
 const renderAim = (element, words, state) => {
   const { aim, mapOpen } = state;
@@ -147,18 +141,13 @@ const renderAim = (element, words, state) => {
   write(main, words.say(aim?.kind === "pose" ? "do.set_pose" : "do.go_here"));
 };
 
-/**
- * @param {ReturnType<typeof menuFor>[number]} entry
- * @param {import("../lib/words.js").Words} words
- */
+/** @param {ReturnType<typeof menuFor>[number]} entry @param {Words} words */
 const menuButton = ({ action, title, word, pressed }, words) => {
-  const button = document.createElement("button");
+  const button = make("button", "places__entry", title ?? words.say(word ?? ""));
   button.type = "button";
-  button.className = "places__entry";
   button.dataset.action = action;
   if (pressed !== undefined) {
     button.setAttribute("aria-pressed", String(pressed));
   }
-  write(button, title ?? words.say(word ?? ""));
   return button;
 };

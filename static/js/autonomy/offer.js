@@ -6,9 +6,10 @@
 
 import { isHeld, releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
-import { isMoving, isUnderWay } from "./robot_action.js";
-import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
-import { reasonFor, reports } from "./reasons.js";
+import { isMoving, isUnderWay } from "../protocol/robot_action.js";
+import { can, controllersOf, mayAsk, maySend, maySteer } from "../protocol/capabilities.js";
+import { reasonFor } from "./reasons.js";
+import { reports } from "../protocol/standstill.js";
 
 /**
  * @typedef {object} Offer
@@ -30,41 +31,10 @@ const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 const HELD = { offered: "held", asked: "asked", failed: "held_failed" };
 
 /**
- * Whether who waits may write to the people beside the robot: the first in the queue of one whose
- * emergency stop is on, where a display shows it (sessions/consumers/waiting_chat.py). A
- * participant of a study may not.
- * @param {import("../drive/features.js").State} state
- */
-export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
-  visit.phase === "queued" &&
-  visit.place === 1 &&
-  visit.pause === "paused: estop" &&
-  !study &&
-  (robot?.screens ?? 0) > 0 &&
-  Boolean(factsheet?.capabilities?.includes("say"));
-
-/**
- * Whether the robot says it can do something, and the visitor may ask for it.
- * @param {import("../drive/features.js").State} state
- * @param {string} capability
- */
-export const can = (state, capability) =>
-  Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
-
-/**
- * Whether it is offered to this visitor now: only who drives can ask for it.
- * @param {import("../drive/features.js").State} state
- * @param {string} capability
- */
-export const isOffered = (state, capability) =>
-  roleOf(state.visit) === "driver" && can(state, capability);
-
-/**
  * What the button out of the station does: the robot's own action, or a drive backwards that the
  * page steers. Where a study forbids the action there is no button, except for who can only point
  * at the video, where nothing is behind the robot.
- * @param {import("../drive/features.js").State} state
- * @returns {"undock" | "back_out" | null}
+ * @param {State} state @returns {"undock" | "back_out" | null}
  */
 export const wayOut = (state) => {
   const onlyPoints =
@@ -79,12 +49,12 @@ export const wayOut = (state) => {
 /**
  * Whether this visitor's robot leaves its station by itself: not where the visitor steers nothing,
  * for then who does decides.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const setsOut = (state) =>
   state.robot?.docked && wayOut(state) === "undock" && controllersOf(state)?.length !== 0;
 
-/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+/** @param {State} state @returns {Offer | null} */
 const inStation = (state) => {
   const action = wayOut(state);
   const { visit, arrival } = state;
@@ -101,8 +71,7 @@ const inStation = (state) => {
 /**
  * What an operator can do about the robot's emergency stop, or about a stop that holds it between
  * visits; null while there is none.
- * @param {import("../drive/features.js").State} state
- * @returns {{word: string, main?: {action: string, word: string}} | null}
+ * @param {State} state @returns {{word: string, main?: {action: string, word: string}} | null}
  */
 export const releaseFor = ({ operates, robot, room, release, now }) => {
   const held = isHeld(robot, room.driver);
@@ -114,13 +83,13 @@ export const releaseFor = ({ operates, robot, room, release, now }) => {
   return { word: `release.${what}`, main: what === "asked" ? undefined : RELEASE };
 };
 
-/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+/** @param {State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const release = roleOf(state.visit) ? releaseFor(state) : null;
   return release ? { ...release, tone: "danger" } : usualOffer(state);
 };
 
-/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+/** @param {State} state @returns {Offer | null} */
 const usualOffer = (state) => {
   const { visit, robot, task } = state;
   if (
@@ -134,7 +103,7 @@ const usualOffer = (state) => {
     return null;
   }
   if (isUnderWay(task)) {
-    return underWay(/** @type {import("./robot_action.js").RobotAction} */ (task));
+    return underWay(/** @type {RobotAction} */ (task));
   }
   if (reports(robot, "runs_on") || reports(robot, "cancel")) {
     return null; // the robot may not have stopped, as the end of an action would say
@@ -178,13 +147,13 @@ const usualOffer = (state) => {
 
 /**
  * Whether the answer to what the visitor has just tried is still to be read.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const isAnswered = ({ said, now }) => said !== null && now < said.until;
 
 /**
  * Whether the robot may be asked to find a way of its own to the point that was pressed.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const offersAround = (state) =>
   Boolean(
@@ -198,8 +167,7 @@ export const offersAround = (state) =>
 /**
  * Why it does not go there. A point too near to a wall, which the robot has moved by half a metre
  * already if that was enough (robots/agent/navigation/planning), is named by what the robot needs.
- * @param {string} reason
- * @param {[number, number][]} footprint
+ * @param {string} reason @param {Point[]} footprint
  * @returns {{word: string, values?: Record<string, string>} | null}
  */
 const refusal = (reason, footprint) => {
@@ -209,17 +177,17 @@ const refusal = (reason, footprint) => {
     : found;
 };
 
-/** How far a robot reaches aside, in whole cm. @param {[number, number][]} footprint */
+/** How far a robot reaches aside, in whole cm. @param {Point[]} footprint */
 export const halfWidth = (footprint) =>
   Math.ceil(100 * Math.max(0, ...footprint.map(([, y]) => Math.abs(y))));
 
-/** @param {import("./robot_action.js").RobotAction} task @returns {string} */
+/** @param {RobotAction} task @returns {string} */
 const known = ({ type, title }) =>
   type === "goto" && title
     ? "place"
     : ({ goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");
 
-/** @param {import("./robot_action.js").RobotAction} task @returns {Offer} */
+/** @param {RobotAction} task @returns {Offer} */
 const underWay = (task) => {
   const moving = isMoving(task);
   return {
@@ -234,7 +202,7 @@ const underWay = (task) => {
   };
 };
 
-/** @param {import("./robot_action.js").RobotAction} task @returns {Offer | null} */
+/** @param {RobotAction} task @returns {Offer | null} */
 const ended = (task) => {
   if (task.status === "FINISHED") {
     return { word: `task.done.${known(task)}`, values: { place: task.title }, tone: "calm" };

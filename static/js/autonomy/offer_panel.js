@@ -4,10 +4,8 @@ import { backToDriving, write } from "../lib/dom.js";
 import { offerFor } from "./offer.js";
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
- * @param {(action: string) => void} act
- * @returns {(state: import("../drive/features.js").State) => void}
+ * @param {GetElement} element @param {Words} words @param {(action: string) => void} act
+ * @returns {(state: State) => void}
  */
 export const createOfferPanel = (element, words, act) => {
   const panel = element("offer");

@@ -78,7 +78,3 @@ export const reasonFor = (reason) => {
   }
   return { word: "reason.other", values: { reason: reason.replace(/\.$/, "") } };
 };
-
-/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
-export const reports = (robot, code) =>
-  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));

@@ -20,7 +20,7 @@ import { NO_HELP } from "./assistance.js";
 
 export const newSlice = () => ({
   /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
-  task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
+  task: /** @type {RobotAction | null} */ (null),
   /** of the visit; null before the first */
   arrival: /** @type {Arrival | null} */ (null),
   /** a point being chosen on the map */

@@ -7,8 +7,7 @@ const EVERY = 15; // s
 const KINDS = ["pointerdown", "keydown", "wheel", "input"];
 
 /**
- * @param {object} options
- * @param {EventTarget} options.target
+ * @param {object} options @param {EventTarget} options.target
  * @param {() => number} options.clock s
  * @param {() => boolean} options.isAsked whether the visitor is being asked
  * @param {() => void} options.onSign

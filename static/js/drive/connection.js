@@ -17,14 +17,14 @@ import { roleOf } from "../protocol/session.js";
 import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../view/hud/faults.js";
+import { SERVER_SILENCE, shownFaults } from "../protocol/faults.js";
 
 // the first ones are slow while the connection is made, and would raise an alarm
 const ROUND_TRIPS = 5;
 
 const newSlice = () => ({
   /** what fails, as the server says: sessions/protocol.py Fault */
-  faults: /** @type {import("../view/hud/faults.js").ShownFault[]} */ ([]),
+  faults: /** @type {import("../protocol/faults.js").ShownFault[]} */ ([]),
   /** what the server has just denied, and for how long that is read; null for nothing */
   denial: /** @type {ReturnType<typeof toRead> | null} */ (null),
   /** whether a WebSocket that is open brings nothing any more */
@@ -35,14 +35,14 @@ const newSlice = () => ({
    */
   roundTrip: /** @type {number | null} */ (null),
   /** the transport that commands take now */
-  transport: /** @type {import("../protocol/clock_sync.js").Transport} */ ("mqtt"),
+  transport: /** @type {Transport} */ ("mqtt"),
   /** the last second of the connection: protocol/link_stats.js */
   network: /** @type {any} */ (null),
 });
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {import("./registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store } = page;
   const clockSync = new ClockSync();
@@ -98,9 +98,8 @@ const setUp = (page) => {
 
 /**
  * Hands a packet to the features that take its message, or else to the session.
- * @param {import("./registry.js").Page} page
- * @param {(reason: string) => void} reject
- * @returns {(packet: unknown, transport: import("../protocol/clock_sync.js").Transport) => void}
+ * @param {Page} page @param {(reason: string) => void} reject
+ * @returns {(packet: unknown, transport: Transport) => void}
  */
 const newReceiver = (page, reject) => (packet, transport) => {
   try {
@@ -119,23 +118,15 @@ const newReceiver = (page, reject) => (packet, transport) => {
   }
 };
 
-/**
- * Heartbeats, and the state of the transports.
- * @param {import("./registry.js").Page} page
- * @param {number} now
- */
+/** Heartbeats, and the state of the transports. @param {Page} page @param {number} now */
 const poll = ({ store, video, connection }, now) => {
   const { router, clockSync, socket } = connection;
   const { visit } = store.get();
-  const silence = socket.silence(now);
+  const silence = roleOf(visit) ? socket.watch(now) : socket.silence(now);
   if (visit.phase === "driving") {
     router.beat(now, video.frameAge(now));
   }
   router.tellDirect(now);
-  // A WebSocket may die without a word, and so may the process at its other end.
-  if (roleOf(visit) && silence > SOCKET_SILENCE) {
-    socket.redial();
-  }
   const transport = router.transport(now);
   return {
     transport,
@@ -145,10 +136,7 @@ const poll = ({ store, video, connection }, now) => {
   };
 };
 
-/**
- * @param {import("./registry.js").Page} page
- * @param {(packet: unknown, transport: any) => void} receive
- */
+/** @param {Page} page @param {(packet: unknown, transport: any) => void} receive */
 const newSocket = (page, receive) =>
   new Socket({
     url: new URL(page.config.socket, location.href.replace(/^http/, "ws")).href,
@@ -164,8 +152,7 @@ const newSocket = (page, receive) =>
   });
 
 /**
- * @param {import("./registry.js").Page} page
- * @param {Socket} socket
+ * @param {Page} page @param {Socket} socket
  * @param {(packet: unknown, transport: any) => void} receive
  */
 const newLink = (page, socket, receive) => {
@@ -193,7 +180,7 @@ const newLink = (page, socket, receive) => {
   return link;
 };
 
-/** @param {import("./store.js").Store} store @param {Socket} socket */
+/** @param {Store} store @param {Socket} socket */
 const senders = (store, socket) => ({
   send: (
     /** @type {string} */ suffix,
@@ -211,12 +198,9 @@ const senders = (store, socket) => ({
     socket.send(encodePacket("page/event", { stamp, type, data })),
 });
 
-/** @param {import("./registry.js").Page} page @param {ClockSync} clockSync @param {Link} link */
+/** @param {Page} page @param {ClockSync} clockSync @param {Link} link */
 const handlers = (page, clockSync, link) => ({
-  heartbeat: (
-    /** @type {any} */ message,
-    /** @type {import("../protocol/clock_sync.js").Transport} */ transport,
-  ) => {
+  heartbeat: (/** @type {any} */ message, /** @type {Transport} */ transport) => {
     const now = unixNow();
     clockSync.heard(transport, message, page.store.get().visit.peer, now);
     if (transport === "datachannel") {
@@ -231,5 +215,5 @@ const handlers = (page, clockSync, link) => ({
   },
 });
 
-/** @type {import("./registry.js").Feature} */
+/** @type {Feature} */
 export const connection = { name: "connection", state: newSlice, setUp };

@@ -18,13 +18,13 @@ import { session } from "./session.js";
 
 /**
  * What the first frame, steering and stopping need; the page connects once these are there.
- * @type {import("./registry.js").Feature[]}
+ * @type {Feature[]}
  */
 export const FIRST = [connection, session, video, driving, waiting, hud];
 
 /**
  * Loaded later, one at a time. Their slices of the state exist from the start.
- * @type {(() => Promise<import("./registry.js").Feature>)[]}
+ * @type {(() => Promise<Feature>)[]}
  */
 export const LATER = [
   async () => (await import("../view/map/feature.js")).map,

@@ -7,11 +7,12 @@
 import { KeyDispatcher } from "../input/key_dispatcher.js";
 import { Keymap } from "../input/keymap.js";
 import { isSupported } from "../protocol/link.js";
+import { guarded } from "../lib/errors.js";
 import { readWords } from "../lib/words.js";
 import { FIRST, LATER, newState } from "./features.js";
 import { Registry } from "./registry.js";
 import { createScheduler } from "./scheduler.js";
-import { recall, recallKeys } from "./storage.js";
+import { recall, recallKeys } from "../lib/storage.js";
 import { createStore } from "./store.js";
 
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
@@ -41,11 +42,9 @@ const given = {
 if (parent === window) {
   delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
 }
-const store = createStore(
-  /** @type {import("./features.js").State} */ ({ ...newState(), ...given }),
-);
+const store = createStore(/** @type {State} */ ({ ...newState(), ...given }));
 
-const page = /** @type {import("./registry.js").Page} */ ({
+const page = /** @type {Page} */ ({
   config,
   words,
   element,
@@ -70,7 +69,7 @@ const page = /** @type {import("./registry.js").Page} */ ({
   begin: () => begin(),
 });
 
-/** @param {import("./registry.js").Feature} feature */
+/** @param {Feature} feature */
 const setUp = (feature) => {
   const parts = feature.setUp(page);
   Object.assign(page, { [feature.name]: parts.api });
@@ -90,8 +89,7 @@ const pause = () =>
 
 /**
  * The network may be unavailable just now.
- * @param {typeof LATER[number]} load
- * @returns {Promise<import("./registry.js").Feature>}
+ * @param {typeof LATER[number]} load @returns {Promise<Feature>}
  */
 const fetched = (load) =>
   load().catch((error) => {
@@ -109,7 +107,10 @@ const setUpFirst = async () => {
     setUp(feature);
   }
   keymap.writeHints(document);
-  store.subscribe((state) => registry.render(state));
+  store.subscribe(() => {
+    registry.emit("changed", store.get());
+    registry.render(store.get());
+  });
 };
 
 const setUpLater = async () => {
@@ -120,7 +121,8 @@ const setUpLater = async () => {
     await turn();
   }
   for (const load of LATER) {
-    setUp(await fetched(load));
+    const feature = await fetched(load);
+    guarded(() => setUp(feature));
     store.update({});
     await pause();
   }

@@ -1,23 +1,24 @@
 /**
- * What time does on the drive page: `tick` twenty times a second, `poll` five times, `second` once.
- * Features listen to these.
+ * The timer of the drive page: sends the velocity and emits `tick` twenty times a second, `poll`
+ * five times and `second` once.
  */
 
 import { unixNow } from "../lib/clock.js";
+import { guarded } from "../lib/errors.js";
 import { AgeTrend, BEAT_SECONDS, HASTY_SECONDS } from "../protocol/clock_sync.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 
 const HURRY = 1.5; // s after a grant in which heartbeats come twice as often
 
-/** @param {import("./registry.js").Page} page */
+/** @param {Page} page */
 export const createScheduler = ({ store, emit, connection, driving, video }) => {
   const ageTrend = new AgeTrend();
   let [polledAt, secondAt] = [0, 0];
 
   const tick = () => {
     const now = unixNow();
+    guarded(driving.sendVelocity); // first: no feature can delay it
     emit("tick", now);
-    driving.sendVelocity(); // what the tick has made of a maneuver goes out with it
     // The robot takes no command before it has three echoes to judge its age by: the first come
     // quickly. And it sends less when frames wait before a place that has become narrow, which it
     // learns from the heartbeats alone.

@@ -9,7 +9,7 @@ import { isRefusal, newRelease } from "../protocol/estop_release.js";
 import { awaitsAnswer, isSigning, newVisit, reduce } from "../protocol/session.js";
 import { watchActivity } from "./activity.js";
 import { newOwnTabs } from "./own_tabs.js";
-import { forget, remember, rememberLeaving } from "./storage.js";
+import { forget, remember, rememberLeaving } from "../lib/storage.js";
 
 const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
 
@@ -64,7 +64,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {import("./registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, config, element, keys } = page;
   const control = newControl(page);
@@ -130,7 +130,7 @@ const setUp = (page) => {
   };
 };
 
-/** The lease comes and goes. @param {import("./registry.js").Page} page */
+/** The lease comes and goes. @param {Page} page */
 const newControl = (page) => {
   const { store, element, keys, emit } = page;
   let driven = ""; // the session that this tab drives
@@ -162,9 +162,7 @@ const newControl = (page) => {
 
 /**
  * What was driven by now. A visit that lost its connection on the way goes on.
- * @param {import("./features.js").State} state
- * @param {string} session
- * @param {[number, number][][]} trail
+ * @param {State} state @param {string} session @param {Point[][]} trail
  */
 const tripOf = ({ began, robot, trip }, session, trail) => {
   if (!began || !robot) {
@@ -179,7 +177,7 @@ const tripOf = ({ began, robot, trip }, session, trail) => {
   };
 };
 
-/** @param {import("./registry.js").Page} page @param {ReturnType<typeof newControl>} control */
+/** @param {Page} page @param {ReturnType<typeof newControl>} control */
 const newDispatch = (page, control) => {
   const { store, words, emit } = page;
   const title = document.title;
@@ -206,16 +204,14 @@ const newDispatch = (page, control) => {
 
 /**
  * The tab's name, which calls as well; said at once, because a page out of sight draws nothing.
- * @param {import("../protocol/session.js").Visit} visit
- * @param {import("../lib/words.js").Words} words
- * @param {string} title
+ * @param {Visit} visit @param {Words} words @param {string} title
  */
 const titleOf = ({ phase, askedUntil }, words, title) => {
   const word = askedUntil !== null ? "idle.title" : phase === "turn" ? "turn.title" : "";
   return word ? `${words.say(word)} · ${title}` : title;
 };
 
-/** @param {import("./registry.js").Page} page @param {number} now */
+/** @param {Page} page @param {number} now */
 const lookAtTimes = ({ store, session, connection }, now) => {
   const { visit } = store.get();
   if (visit.phase === "turn" && visit.startBy !== null && now > visit.startBy) {
@@ -229,8 +225,7 @@ const lookAtTimes = ({ store, session, connection }, now) => {
 
 /**
  * What protocol/session.js wants to be done.
- * @param {import("./registry.js").Page} page
- * @returns {Record<string, (effect: any) => void>}
+ * @param {Page} page @returns {Record<string, (effect: any) => void>}
  */
 const newEffects = (page) => ({
   send: ({ suffix, message }) => page.connection.send(suffix, message),
@@ -258,7 +253,7 @@ export const odometerAt = (began, known, { boot, distance }) =>
     ? { ...began, distance: began.distance + distance - known.distance }
     : began;
 
-/** @param {import("./registry.js").Page} page */
+/** @param {Page} page */
 const newHandlers = ({ store, emit, words }) => ({
   state: (/** @type {any} */ message) => {
     const { robot: known, visit, began } = store.get();
@@ -307,7 +302,7 @@ const newHandlers = ({ store, emit, words }) => ({
     store.update({ notice: text }),
 });
 
-/** @param {import("./registry.js").Page} page @returns {Record<string, () => void>} */
+/** @param {Page} page @returns {Record<string, () => void>} */
 const newActions = (page) => ({
   home: () =>
     page.config.practising && parent !== window
@@ -346,5 +341,5 @@ const newActions = (page) => ({
   },
 });
 
-/** @type {import("./registry.js").Feature} */
+/** @type {Feature} */
 export const session = { name: "session", state: newSlice, setUp };

@@ -37,4 +37,4 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
   };
 };
 
-/** @typedef {ReturnType<typeof createStore<import("./features.js").State>>} Store */
+/** @typedef {ReturnType<typeof createStore<State>>} Store */

@@ -6,7 +6,7 @@
 const LEAST_DRAG = 16; // CSS pixels; below that a drag is a shaky finger
 
 /**
- * @param {[number, number]} start CSS pixels @param {[number, number]} end
+ * @param {Point} start CSS pixels @param {Point} end
  * @returns {number | null} heading in rad, counter-clockwise from the map's x, null without one
  */
 export const headingOf = ([startX, startY], [endX, endY]) => {
@@ -16,10 +16,9 @@ export const headingOf = ([startX, startY], [endX, endY]) => {
 
 export class Aiming {
   /**
-   * @param {object} options
-   * @param {HTMLElement} options.canvas
-   * @param {(px: number, py: number) => [number, number] | null} options.toWorld from CSS pixels of
-   *   the canvas to metres
+   * @param {object} options @param {HTMLElement} options.canvas
+   * @param {(px: number, py: number) => Point | null} options.toWorld from CSS pixels of the canvas
+   *   to metres
    * @param {(x: number, y: number, theta: number | null) => void} options.onAim again while it is
    *   dragged
    */
@@ -28,7 +27,7 @@ export class Aiming {
     this.toWorld = toWorld;
     this.onAim = onAim;
     this.enabled = false;
-    /** @type {{pointer: number, start: [number, number]} | null} */
+    /** @type {{pointer: number, start: Point} | null} */
     this.held = null;
     this.listeners = /** @type {[string, (event: any) => void][]} */ ([
       ["pointerdown", (event) => this.#down(event)],
@@ -85,7 +84,7 @@ export class Aiming {
     }
   }
 
-  /** @param {PointerEvent} event @returns {[number, number]} */
+  /** @param {PointerEvent} event @returns {Point} */
   #place(event) {
     const box = this.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];

@@ -7,7 +7,7 @@
 const STILL = Object.freeze({ linear: 0, angular: 0 });
 
 export class Arbiter {
-  /** @param {(intent: import("../protocol/command_stream.js").Intent) => void} emit */
+  /** @param {(intent: Intent) => void} emit */
   constructor(emit) {
     this.emit = emit;
     this.holder = "";

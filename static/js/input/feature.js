@@ -1,14 +1,11 @@
-/**
- * Driving by hand: the controllers, the velocities that they ask for, and what stops the robot.
- */
+/** Driving by hand: the controllers, the velocities that they ask for, and what stops the robot. */
 
 import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 import { roleOf } from "../protocol/session.js";
-import { mayWriteWaiting } from "../autonomy/offer.js";
-import { messageOf } from "../autonomy/robot_action.js";
-import { controllersOf } from "../study/restrictions.js";
+import { mayWriteWaiting, controllersOf } from "../protocol/capabilities.js";
+import { messageOf } from "../protocol/robot_action.js";
 import { onFocusLoss } from "./focus_loss.js";
 import { Steering } from "./steering.js";
 
@@ -27,7 +24,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, element, emit } = page;
   const { commands, router } = page.connection;
@@ -85,10 +82,7 @@ const setUp = (page) => {
   };
 };
 
-/**
- * The list of keys is fetched when it is first opened.
- * @param {import("../drive/registry.js").Page} page
- */
+/** The list of keys is fetched when it is first opened. @param {Page} page */
 const setUpOwnKeys = (page) => {
   const button = page.element("own-keys-open");
   const fetchList = lazy(async () => (await import("./own_keys.js")).createOwnKeys(page));
@@ -102,19 +96,17 @@ const setUpOwnKeys = (page) => {
 };
 
 /**
- * Nobody drives by video that is not there: what the page says then, that the robot has stopped, is
- * true.
- * @param {import("../drive/store.js").Store} store
- * @param {(isAsked: boolean) => void} halt
+ * Without video the robot stops: the page tells the driver that it has.
+ * @param {Store} store @param {(isAsked: boolean) => void} halt
  */
 const newStandStill = (store, halt) => () => {
   store.update({ playing: false });
   halt(false);
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const senders = ({ store, connection: { commands, router, send } }) => ({
-  /** @param {import("../autonomy/robot_action.js").RobotAction} action */
+  /** @param {RobotAction} action */
   sendAction: (action) => {
     if (!commands.binding && action.type === "say" && mayWriteWaiting(store.get())) {
       send("command/action", messageOf(action, {}, unixNow()));
@@ -126,12 +118,12 @@ const senders = ({ store, connection: { commands, router, send } }) => ({
       );
     }
   },
-  /** @param {{stamp: number, at: [number, number] | null}} pointer */
+  /** @param {{stamp: number, at: Point | null}} pointer */
   sendPointer: (pointer) =>
     commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
 });
 
-/** @param {import("../drive/registry.js").Page} page @param {Steering} steering */
+/** @param {Page} page @param {Steering} steering */
 const newListeners = ({ store, connection: { commands, router } }, steering) => ({
   granted: (/** @type {any} */ lease) => {
     commands.bind(lease);
@@ -162,5 +154,5 @@ const newListeners = ({ store, connection: { commands, router } }, steering) => 
   },
 });
 
-/** @type {import("../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const driving = { name: "driving", state: newSlice, setUp };

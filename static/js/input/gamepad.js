@@ -17,14 +17,11 @@ const PRESSED_STICKS = /** @type {[number, "left" | "right"][]} */ ([
 
 export class Gamepads {
   /**
-   * @param {object} options
-   * @param {(shares: {ahead: number, left: number}) => void} options.emit
-   * @param {() => void} options.stop
-   * @param {(change: number) => void} options.step
+   * @param {object} options @param {(shares: {ahead: number, left: number}) => void} options.emit
+   * @param {() => void} options.stop @param {(change: number) => void} options.step
    * @param {(pad: {there: boolean, stick: "left" | "right", standard: boolean}) => void}
    *   options.onPad plugged in, pulled out, or its sticks were swapped
-   * @param {EventTarget} [options.target]
-   * @param {() => (Gamepad | null)[]} [options.list]
+   * @param {EventTarget} [options.target] @param {() => (Gamepad | null)[]} [options.list]
    * @param {(callback: () => void) => unknown} [options.frame]
    */
   constructor({
@@ -50,7 +47,7 @@ export class Gamepads {
     this.index = null;
     this.running = false;
     this.still = true;
-    /** a stick that was held when the page let go counts again once it has been let go */
+    /** false until a stick that was held when input was released is at rest */
     this.armed = false;
     /** @type {Set<number>} */
     this.down = new Set();

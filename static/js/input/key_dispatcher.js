@@ -13,6 +13,7 @@
  * Dialogs and open <details> are holders; others have `data-holds-keys` in their template.
  */
 
+import { guarded } from "../lib/errors.js";
 import { Keymap } from "./keymap.js";
 
 const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
@@ -37,11 +38,7 @@ export const isShortcut = (event) =>
     event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.keyCode === 229,
   );
 
-/**
- * The last open holder of the page, or null.
- * @param {ParentNode} root
- * @returns {Element | null}
- */
+/** The last open holder of the page, or null. @param {ParentNode} root @returns {Element | null} */
 export const openHolder = (root) =>
   Array.from(root.querySelectorAll(HOLDERS)).filter(isShown).at(-1) ?? null;
 
@@ -52,8 +49,7 @@ const isShown = (element) =>
 /**
  * What a pressed key is for: the page (`free`), stopping the robot (`stop`), or something else.
  * @param {any} event keydown
- * @param {Element | null} holder
- * @param {Keymap} [keymap]
+ * @param {Element | null} holder @param {Keymap} [keymap]
  * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
  */
 export const keyUse = (event, holder, keymap = USUAL) => {
@@ -80,8 +76,7 @@ export const keyUse = (event, holder, keymap = USUAL) => {
 
 export class KeyDispatcher {
   /**
-   * @param {object} [options]
-   * @param {Keymap} [options.keymap]
+   * @param {object} [options] @param {Keymap} [options.keymap]
    * @param {EventTarget} [options.target] where keys are heard
    * @param {any} [options.root] the document
    * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is
@@ -158,7 +153,7 @@ export class KeyDispatcher {
   /** Every key counts as released. */
   letGo() {
     this.down.clear();
-    this.users.forEach((user) => user.letGo?.());
+    this.users.forEach((user) => guarded(() => user.letGo?.()));
   }
 
   /** @param {KeyboardEvent} event */
@@ -174,14 +169,14 @@ export class KeyDispatcher {
     }
     if ((use === "free" || use === "stop") && (!event.repeat || this.down.has(event.code))) {
       this.down.add(event.code);
-      this.users.forEach((user) => user.down(event));
+      this.users.forEach((user) => guarded(() => user.down(event)));
     }
   }
 
   /** @param {KeyboardEvent} event */
   #release(event) {
     this.down.delete(event.code);
-    this.users.forEach((user) => user.up?.(event));
+    this.users.forEach((user) => guarded(() => user.up?.(event)));
   }
 
   #watchHolder() {

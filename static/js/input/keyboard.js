@@ -19,8 +19,7 @@ const LONGEST_FRAME = 0.1; // s; a page that was held up must not jump to full s
 
 export class Keyboard {
   /**
-   * @param {object} options
-   * @param {import("./key_dispatcher.js").KeyDispatcher} options.keys
+   * @param {object} options @param {KeyDispatcher} options.keys
    * @param {(shares: {ahead: number, left: number}) => void} options.emit -1 to 1 each
    * @param {() => void} options.stop brake: its key, and every disable
    * @param {(change: number) => void} options.step a speed step up or down
@@ -94,7 +93,7 @@ export class Keyboard {
         this.barred();
         return;
       }
-      // The browser's own repetition of a key that was let go by us must not take it up again.
+      // A key that was released by the page must not count again by the browser's repetition.
       if (!event.repeat && !this.held.has(event.code)) {
         this.held.set(event.code, command);
         this.at = this.now();

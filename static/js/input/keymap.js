@@ -108,8 +108,7 @@ export class Keymap {
   /**
    * Why a key may not be a command's: "never" is it anybody's, or it is the only one that stops the
    * robot.
-   * @param {string} command
-   * @param {string} key
+   * @param {string} command @param {string} key
    */
   refuses(command, key) {
     if (NEVER.some((one) => one.test(key))) {
@@ -120,8 +119,7 @@ export class Keymap {
 
   /**
    * The visitor's keys with one more: it is this command's alone, and its only one.
-   * @param {string} command
-   * @param {string} key
+   * @param {string} command @param {string} key
    */
   withKey(command, key) {
     const others = Object.entries(this.keys).filter(([, keys]) => keys.includes(key));

@@ -5,8 +5,8 @@
  * visitor does.
  */
 
-import { wrap } from "../view/overlay/transforms.js";
-import { sweep } from "../view/overlay/swept_path.js";
+import { wrap } from "../lib/transforms.js";
+import { sweep } from "../lib/swept_path.js";
 import { backOut, towards, turnTo, arcTo } from "./pure_pursuit.js";
 
 const STALE = 0.7; // s without news of where the robot is
@@ -18,9 +18,9 @@ const LOOK_AHEAD = 0.35; // m beyond the way of braking: what stands there ends 
 /** @typedef {"goal" | "turn" | "back"} Kind */
 /** @typedef {"there" | "blocked" | "stuck" | "lost" | "taken"} End */
 /**
- * @typedef {{moment: import("../view/overlay/transforms.js").Moment | null, age: number,
- *   full: import("./pure_pursuit.js").Full, limits: any, footprint: [number, number][],
- *   seen: [number, number][]}} World
+ * @typedef {{moment: Moment | null, age: number,
+ *   full: import("./pure_pursuit.js").Full, limits: any, footprint: Point[],
+ *   seen: Point[]}} World
  */
 
 const VELOCITIES = { goal: towards, turn: turnTo, back: backOut };
@@ -37,7 +37,7 @@ export class Maneuver {
     this.onEnd = onEnd;
     this.methods = ["mouse", "touch", "keyboard"];
     /**
-     * @type {{kind: Kind, point: [number, number], method: string, at: [number, number],
+     * @type {{kind: Kind, point: Point, method: string, at: Point,
      *   turned: number, movedAt: number} | null}
      */
     this.now = null;
@@ -52,8 +52,7 @@ export class Maneuver {
   /**
    * Drive there from now on; another maneuver is over.
    * @param {Kind} kind
-   * @param {[number, number]} point of the map: the goal, what to look at, or where the robot
-   *   stands
+   * @param {Point} point of the map: the goal, what to look at, or where the robot stands
    * @param {string} method
    * @param {number} now s
    */
@@ -120,17 +119,13 @@ export class Maneuver {
     this.onEnd(end, kind);
   }
 
-  /** @param {import("../view/overlay/transforms.js").Moment} moment */
+  /** @param {Moment} moment */
   #jumped({ x, y }) {
     const at = this.now?.at;
     return at !== undefined && Math.hypot(x - at[0], y - at[1]) > JUMP;
   }
 
-  /**
-   * Whether it gets on.
-   * @param {import("../view/overlay/transforms.js").Moment} moment
-   * @param {number} now
-   */
+  /** Whether it gets on. @param {Moment} moment @param {number} now */
   #watch({ x, y, theta }, now) {
     if (
       this.now &&
@@ -144,11 +139,7 @@ export class Maneuver {
   }
 }
 
-/**
- * @param {import("../view/overlay/transforms.js").Moment} moment
- * @param {[number, number]} goal
- * @param {World} world
- */
+/** @param {Moment} moment @param {Point} goal @param {World} world */
 const isBlocked = (moment, goal, { limits, footprint, seen }) => {
   const brakes = (moment.linear * moment.linear) / (2 * limits.linearBraking) + LOOK_AHEAD;
   const sweptPath = sweep(arcTo(moment, goal), footprint, seen);

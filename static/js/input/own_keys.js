@@ -4,11 +4,11 @@
  * and the key that is chosen goes no farther.
  */
 
-import { rememberKeys } from "../drive/storage.js";
+import { rememberKeys } from "../lib/storage.js";
 import { write } from "../lib/dom.js";
 import { labelOf } from "./keymap.js";
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKeys }) => {
   const section = element("own-keys");
   const buttons = /** @type {HTMLButtonElement[]} */ (
@@ -80,15 +80,14 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
 /**
  * What stands on the button of a command.
  * @param {readonly string[]} own its keys
- * @param {import("../lib/words.js").Words} words
+ * @param {Words} words
  */
 const signsOf = (own, words) =>
   own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"];
 
 /**
  * What is under a pointer that is down must stay, or the browser sees no click.
- * @param {HTMLElement} button
- * @param {string[]} signs
+ * @param {HTMLElement} button @param {string[]} signs
  * @param {boolean} isAsked its next key is awaited
  */
 const writeKeys = (button, signs, isAsked) => {

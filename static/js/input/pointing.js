@@ -15,16 +15,14 @@ const STEADY = 10; // CSS pixels; a hand that moves further is still aiming
 
 export class Pointing {
   /**
-   * @param {object} options
-   * @param {HTMLElement} options.stage
+   * @param {object} options @param {HTMLElement} options.stage
    * @param {(press: Press) => void} options.onAim again whenever it changes
    * @param {(press: Press) => void} options.onGo
    * @param {(press: Press) => void} options.onHold again and again while it is held; call `tick`
    *   for that
    * @param {(wasHeld: boolean) => void} options.onEnd the press is over, without a wish to go
    * @param {(method: string) => boolean} options.allowed
-   * @param {(method: string) => void} options.barred
-   * @param {() => void} options.stop
+   * @param {(method: string) => void} options.barred @param {() => void} options.stop
    * @param {() => number} [options.now] ms
    */
   constructor({
@@ -49,10 +47,7 @@ export class Pointing {
     this.now = now;
     this.methods = ["mouse", "touch"];
     this.enabled = false;
-    /**
-     * @type {{pointer: number, press: Press, at: number, from: [number, number],
-     *   held: boolean} | null}
-     */
+    /** @type {{pointer: number, press: Press, at: number, from: Point, held: boolean} | null} */
     this.pressed = null;
     this.listeners = /** @type {[string, (event: any) => void][]} */ ([
       ["pointerdown", (event) => this.#down(event)],
@@ -90,7 +85,7 @@ export class Pointing {
     this.letGo();
   }
 
-  /** Time goes by under the hand. */
+  /** Detects a press that is held; call it often. */
   tick() {
     const { pressed } = this;
     if (pressed && (pressed.held || this.now() - pressed.at > 1000 * HOLD_SECONDS)) {

@@ -7,8 +7,8 @@
  * far aside is turned to first.
  */
 
-import { robotFromMap, mapFromRobot } from "../view/overlay/transforms.js";
-import { arcSteps, sweep } from "../view/overlay/swept_path.js";
+import { robotFromMap, mapFromRobot } from "../lib/transforms.js";
+import { arcSteps, sweep } from "../lib/swept_path.js";
 
 const ARRIVED = 0.12; // m
 export const SIDE_TURN = 0.6; // rad that a press at a side of the picture turns
@@ -24,11 +24,10 @@ const BEARING_TOLERANCE = 0.05; // rad
 const LEAST_TURN = 0.15; // rad/s, which every robot can do
 const STAND_OFF = 0.15; // m that are left before what stands in the way
 
-/** @typedef {import("../view/overlay/swept_path.js").Point} Point */
 /** @typedef {{linear: number, reverse: number, angular: number}} Full speeds, m/s and rad/s */
 
 /**
- * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Place} robot
  * @param {Point} goal m, of the map
  * @param {Full} full
  * @param {number} braking m/s²
@@ -55,7 +54,7 @@ export const towards = (robot, goal, full, braking) => {
 
 /**
  * On the spot, to look at a point.
- * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Place} robot
  * @param {Point} point m, of the map
  * @param {Full} full
  * @returns {{linear: number, angular: number} | null} null when it looks there
@@ -74,7 +73,7 @@ export const turnTo = (robot, point, full) => {
 
 /**
  * A point to look at after a turn.
- * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Place} robot
  * @param {number} turn rad
  * @returns {Point} m, of the map
  */
@@ -82,9 +81,7 @@ export const lookingAt = (robot, turn) => mapFromRobot(robot, [Math.cos(turn), M
 
 /**
  * The arc that `towards` takes.
- * @param {import("../view/overlay/transforms.js").Place} robot
- * @param {Point} goal
- * @returns {import("../view/overlay/swept_path.js").Step[]}
+ * @param {Place} robot @param {Point} goal @returns {import("../lib/swept_path.js").Step[]}
  */
 export const arcTo = (robot, goal) => {
   const [x, y] = robotFromMap(robot, goal);
@@ -99,7 +96,7 @@ export const arcTo = (robot, goal) => {
 };
 
 /**
- * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Place} robot
  * @param {Point} from where it stood
  * @param {Full} full
  * @returns {{linear: number, angular: number} | null} null when it is out
@@ -109,14 +106,11 @@ export const backOut = (robot, from, full) =>
     ? null
     : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
 
-/**
- * @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath}
- *   | {no: "sky" | "wall" | "close"}} Reach
- */
+/** @typedef {{goal: Point, sweptPath: SweptPath} | {no: "sky" | "wall" | "close"}} Reach */
 
 /**
  * Where a press on the floor leads: there, or as near as the way is free.
- * @param {import("../view/overlay/transforms.js").Place} robot
+ * @param {Place} robot
  * @param {Point} point m, robot's frame
  * @param {Point[]} footprint
  * @param {Point[]} seen m, of the map
@@ -140,7 +134,7 @@ export const reach = (robot, point, footprint, seen) => {
 
 /**
  * The first steps of a path.
- * @param {import("../view/overlay/swept_path.js").Step[]} steps
+ * @param {import("../lib/swept_path.js").Step[]} steps
  * @param {number} length m
  */
 const cut = (steps, length) => {

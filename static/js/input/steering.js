@@ -1,6 +1,4 @@
-/**
- * All controllers of the page, the arbiter between them, and the speed that the visitor chose.
- */
+/** All controllers of the page, the arbiter between them, and the speed that the visitor chose. */
 
 import { Arbiter } from "./arbiter.js";
 import { Keyboard } from "./keyboard.js";
@@ -14,11 +12,9 @@ import { Stick } from "./stick.js";
 
 export class Steering {
   /**
-   * @param {object} options
-   * @param {import("./key_dispatcher.js").KeyDispatcher} options.keys
+   * @param {object} options @param {KeyDispatcher} options.keys
    * @param {HTMLElement} options.pad of the stick
-   * @param {HTMLElement} options.knob
-   * @param {(intent: import("../protocol/command_stream.js").Intent) => void} options.onIntent
+   * @param {HTMLElement} options.knob @param {(intent: Intent) => void} options.onIntent
    * @param {() => void} options.onStop
    * @param {(step: number) => void} options.onStep the visitor chose another speed
    * @param {(method: string) => void} [options.onBarred] the visitor tried a controller that is off
@@ -117,8 +113,7 @@ export class Steering {
 
   /**
    * A velocity of a controller that works it out by itself.
-   * @param {string} method
-   * @param {{linear: number, angular: number}} velocity
+   * @param {string} method @param {{linear: number, angular: number}} velocity
    * @returns {boolean} whether it steers now
    */
   drive(method, velocity) {
@@ -130,7 +125,7 @@ export class Steering {
   /** @param {string} method @param {{ahead: number, left: number}} shares */
   steer(method, shares) {
     const moves = shares.ahead !== 0 || shares.left !== 0;
-    // One that is still held but lost to a newer one takes nothing from anybody.
+    // A controller that is held but superseded interrupts no other.
     if (moves && !this.arbiter.outdone.has(method)) {
       this.known.forEach((one) => one.outdone?.());
     }

@@ -25,9 +25,7 @@ export const sharesOf = (x, y) => {
 
 export class Stick {
   /**
-   * @param {object} options
-   * @param {HTMLElement} options.pad
-   * @param {HTMLElement} options.knob
+   * @param {object} options @param {HTMLElement} options.pad @param {HTMLElement} options.knob
    * @param {(shares: {ahead: number, left: number}) => void} options.emit
    * @param {() => void} options.stop
    */

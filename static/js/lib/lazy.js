@@ -4,7 +4,7 @@
  * @template T
  * @param {() => Promise<T>} fetch
  * @returns {(use: (it: T) => void, missing?: () => void) => void} `missing` is called when it could
- *   not be lazy
+ *   not be fetched
  */
 export const lazy = (fetch) => {
   /** @type {Promise<T> | undefined} */

@@ -1,10 +1,26 @@
 /** What light pages share: the look-up of an element, and a request every few seconds. */
 
+const PATIENCE_MS = 5000;
+
+/**
+ * A page's data from the server.
+ * @param {string} url
+ * @returns {Promise<any>} rejects without an answer in JSON, for instance when signed out
+ */
+export const fetchJson = async (url) => {
+  const answer = await fetch(url, {
+    headers: { Accept: "application/json" },
+    signal: AbortSignal.timeout(PATIENCE_MS),
+  });
+  if (!answer.ok || answer.redirected) {
+    throw new Error(`${url}: ${answer.status}`);
+  }
+  return answer.json();
+};
+
 /**
  * The first element that matches. The template determines its kind.
- * @param {string} selector
- * @param {ParentNode} [root]
- * @returns {any}
+ * @param {string} selector @param {ParentNode} [root] @returns {any}
  */
 export const find = (selector, root = document) => root.querySelector(selector);
 

@@ -7,9 +7,7 @@ const WORD = 0.4; // s a word, for slow readers
 
 /**
  * A sentence of the page that is shown from now on.
- * @param {import("./words.js").Words} words
- * @param {string} word
- * @param {Record<string, string>} [values]
+ * @param {Words} words @param {string} word @param {Record<string, string>} [values]
  */
 export const toRead = (words, word, values = {}) => {
   const at = unixNow();

@@ -21,7 +21,7 @@ export const createWords = (sentences, language, always = {}) => {
     );
   };
 
-  /** What somebody is called here. @param {any} name as it was sent: accounts/models.py */
+  /** The name of a person on this page. @param {any} name as it was sent: accounts/models.py */
   const nameOf = (name) => sentences.get(`name.${name}`) ?? name;
 
   return { say, nameOf, has: (/** @type {string} */ key) => sentences.has(key) };
@@ -30,8 +30,7 @@ export const createWords = (sentences, language, always = {}) => {
 /** @typedef {ReturnType<typeof createWords>} Words */
 
 /**
- * @param {HTMLTemplateElement} template
- * @param {string} language
+ * @param {HTMLTemplateElement} template @param {string} language
  * @param {Record<string, string>} [always]
  */
 export const readWords = (template, language, always) => {

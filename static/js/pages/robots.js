@@ -1,7 +1,7 @@
 /** The landing page: requests the state of the robots every few seconds, and shows what changed. */
 
 import { write } from "../lib/dom.js";
-import { find, pollWhileVisible } from "../lib/page_poll.js";
+import { fetchJson, find, pollWhileVisible } from "../lib/page_poll.js";
 
 const PERIOD_MS = 5000;
 const section = find("[data-robots]");
@@ -31,12 +31,7 @@ function render(card, robot) {
 
 async function refresh() {
   try {
-    const answer = await fetch(section.dataset.robots, {
-      headers: { Accept: "application/json" },
-      signal: AbortSignal.timeout(PERIOD_MS),
-    });
-    if (!answer.ok) throw new Error(`robots: ${answer.status}`);
-    const { robots, invitation: offered } = await answer.json();
+    const { robots, invitation: offered } = await fetchJson(section.dataset.robots);
     stale.hidden = true;
     const cards = robots.map((/** @type {any} */ robot) => shown.get(robot.name));
     // Another number of robots needs other cards, which the server draws.

@@ -1,6 +1,4 @@
-/**
- * What the visitor sends to the robot and what the page says about it: decisions only.
- */
+/** What the visitor sends to the robot and what the page says about it: decisions only. */
 
 /** s until a wish that the robot's state does not show is said again */
 export const AGAIN_SECONDS = 1;

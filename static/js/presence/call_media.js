@@ -3,8 +3,8 @@
  * them, and the call that the robot is told of.
  */
 
-import { isOffered } from "../autonomy/offer.js";
-import { ask } from "../autonomy/robot_action.js";
+import { isOffered } from "../protocol/capabilities.js";
+import { ask } from "../protocol/robot_action.js";
 import { backToDriving } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { lazy } from "../lib/lazy.js";
@@ -17,12 +17,12 @@ const VIDEO_BITRATE = 600_000; // bit/s: driving comes first
 const LINES = { audio: 0, video: 2 }; // of a peer: protocol/peer.js
 
 export class CallMedia {
-  /** @param {import("../drive/registry.js").Page} page */
+  /** @param {Page} page */
   constructor(page) {
     this.page = page;
     this.store = page.store;
     this.saidAt = -Infinity;
-    /** @type {import("../protocol/peer.js").Peer | null} */
+    /** @type {Peer | null} */
     this.peer = null;
     /**
      * @type {ReturnType<typeof import("./screen_preview.js").createPreview> | null} of the screen
@@ -81,7 +81,7 @@ export class CallMedia {
     this.store.update({ own: { ...newOwn(), volume: this.own.volume } });
   }
 
-  /** @param {import("../protocol/peer.js").Peer} peer that is about to offer */
+  /** @param {Peer} peer that is about to offer */
   attachTo(peer) {
     this.peer = peer;
     this.#attach();
@@ -148,7 +148,7 @@ export class CallMedia {
     this.page.connection.report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   }
 
-  /** Show them a screen, a window or a tab. Whoever would rather not leaves things as they are. */
+  /** Show them a screen, a window or a tab. Cancelling changes nothing. */
   async #share() {
     if (!(await this.devices.share())) {
       return;
@@ -191,7 +191,7 @@ export class CallMedia {
   }
 }
 
-/** @param {import("../drive/features.js").State} state */
+/** @param {State} state */
 export const takesPointers = ({ factsheet }) => Boolean(factsheet?.capabilities?.includes("point"));
 
 /** @param {RTCRtpSender} sender @param {MediaStreamTrack | null} track */

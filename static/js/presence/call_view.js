@@ -3,15 +3,12 @@
  * they show.
  */
 
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered } from "../protocol/capabilities.js";
 import { setPressed, write } from "../lib/dom.js";
 import { callOf, isHeard, noteOf, previewOf } from "./call.js";
 import { takesPointers } from "./call_media.js";
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {import("./call_media.js").CallMedia} media
- */
+/** @param {Page} page @param {import("./call_media.js").CallMedia} media */
 export const createCallView = ({ element, words }, media) => {
   const renderSelf = createSelfView(/** @type {HTMLVideoElement} */ (element("self")));
 
@@ -46,7 +43,7 @@ export const createCallView = ({ element, words }, media) => {
   };
 
   return {
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
     render: (state) => {
       const { own, robot } = state;
       const offered = isOffered(state, "call") && !state.slow;

@@ -5,14 +5,14 @@
  */
 
 import { unixNow } from "../lib/clock.js";
-import { backToDriving, write } from "../lib/dom.js";
+import { backToDriving, make, makeButton, write } from "../lib/dom.js";
 import { lineFor, newDelivery, onAnswer, onReceipt, onTime, onWords, retry } from "./delivery.js";
 import { lineOf } from "./message_line.js";
 
 const MOST_LINES = 50;
 
 export class Conversation {
-  /** @param {import("../drive/registry.js").Page} page */
+  /** @param {Page} page */
   constructor(page) {
     this.page = page;
     this.list = page.element("talk-list");
@@ -28,10 +28,7 @@ export class Conversation {
     this.list.replaceChildren();
   }
 
-  /**
-   * The visitor's sentence leaves the page.
-   * @param {import("../autonomy/robot_action.js").RobotAction} action
-   */
+  /** The visitor's sentence leaves the page. @param {RobotAction} action */
   sent(action) {
     const line = lineOf({
       who: this.page.words.say("presence.you"),
@@ -101,22 +98,20 @@ export class Conversation {
 
   /**
    * How far a sentence has come, and a button for one that was not sent.
-   * @param {string} id
-   * @returns {HTMLElement}
+   * @param {string} id @returns {HTMLElement}
    */
   #stateOf(id) {
-    const state = document.createElement("span");
-    state.className = "line__state";
-    const again = document.createElement("button");
-    again.type = "button";
-    again.className = "button presence__small line__again";
-    again.textContent = this.page.words.say("said.again");
-    again.addEventListener("click", () => {
+    const state = make("span", "line__state");
+    const word = this.page.words.say("said.again");
+    const again = makeButton("button presence__small line__again", word, () => {
       this.#change(id, (delivery) => retry(delivery, unixNow()));
-      this.page.driving.sendAction(this.own.get(id)?.delivery.action);
+      const entry = this.own.get(id);
+      if (entry) {
+        this.page.driving.sendAction(entry.delivery.action);
+      }
       backToDriving(this.page.element);
     });
-    state.append(document.createElement("span"), again);
+    state.append(make("span"), again);
     return state;
   }
 

@@ -4,7 +4,7 @@
  * and a page of the robot's screen that it was visible and read to its end.
  */
 
-import { ask, heard, pass, wishOf } from "../autonomy/robot_action.js";
+import { ask, heard, pass, wishOf } from "../protocol/robot_action.js";
 
 /**
  * s after a sentence was sent when the robot is asked what became of it: its receipt may have been
@@ -18,7 +18,7 @@ const RANK = { sending: 0, failed: 0, sent: 0, shown: 1, not_spoken: 2, spoken: 
 
 /**
  * @typedef {object} Delivery
- * @property {import("../autonomy/robot_action.js").RobotAction} action the `say`
+ * @property {RobotAction} action the `say`
  * @property {"sending" | "failed" | "sent" | "shown" | "not_spoken" | "spoken"} stage
  * @property {boolean} receipts whether this robot will tell what became of it; an older one never
  *   gets past "sent"
@@ -26,7 +26,7 @@ const RANK = { sending: 0, failed: 0, sent: 0, shown: 1, not_spoken: 2, spoken: 
  * @property {number} asks how often the robot was asked what became of it
  */
 
-/** @param {import("../autonomy/robot_action.js").RobotAction} action @returns {Delivery} */
+/** @param {RobotAction} action @returns {Delivery} */
 export const newDelivery = (action) => ({
   action,
   stage: "sending",
@@ -44,9 +44,7 @@ const isUnconfirmed = ({ stage }) => stage === "sending" || stage === "failed";
 
 /**
  * The robot's answer to the `say`.
- * @param {Delivery} delivery
- * @param {Parameters<typeof heard>[1]} news
- * @param {number} now
+ * @param {Delivery} delivery @param {Parameters<typeof heard>[1]} news @param {number} now
  * @returns {Delivery}
  */
 export const onAnswer = (delivery, news, now) => {
@@ -64,17 +62,13 @@ export const onAnswer = (delivery, news, now) => {
 
 /**
  * The robot passes the sentence on to its screens.
- * @param {Delivery} delivery
- * @param {{receipts: boolean}} words
- * @param {number} now
+ * @param {Delivery} delivery @param {{receipts: boolean}} words @param {number} now
  * @returns {Delivery}
  */
 export const onWords = (delivery, { receipts }, now) => ({ ...arrived(delivery, now), receipts });
 
 /**
- * @param {Delivery} delivery
- * @param {"shown" | "not_spoken" | "spoken"} state
- * @param {number} now
+ * @param {Delivery} delivery @param {"shown" | "not_spoken" | "spoken"} state @param {number} now
  * @returns {Delivery}
  */
 export const onReceipt = (delivery, state, now) => {
@@ -89,9 +83,7 @@ const isOpen = ({ stage, receipts, action }) =>
 /**
  * What time does to it: one without an answer is due again, or was not sent; one without a receipt
  * is asked about.
- * @param {Delivery} delivery
- * @param {number} now
- * @returns {{delivery: Delivery, send: boolean}}
+ * @param {Delivery} delivery @param {number} now @returns {{delivery: Delivery, send: boolean}}
  */
 export const onTime = (delivery, now) => {
   if (delivery.stage === "sending") {
@@ -114,9 +106,7 @@ export const onTime = (delivery, now) => {
 /**
  * One that was not sent, once more: under its id, so that it is said only once if the robot has it
  * after all.
- * @param {Delivery} delivery
- * @param {number} now
- * @returns {Delivery}
+ * @param {Delivery} delivery @param {number} now @returns {Delivery}
  */
 export const retry = ({ action, ...delivery }, now) => ({
   ...delivery,

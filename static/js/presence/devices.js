@@ -25,8 +25,7 @@ const SCREEN = {
 
 /**
  * Why a browser did not give a device, by the name of its error.
- * @param {string} name
- * @returns {Trouble}
+ * @param {string} name @returns {Trouble}
  */
 export const troubleOf = (name) => {
   if (name === "NotAllowedError" || name === "SecurityError" || name === "PermissionDeniedError") {

@@ -5,19 +5,18 @@
  */
 
 import { backToDriving } from "../lib/dom.js";
-import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
+import { isOffered, mayWriteWaiting, mayAsk } from "../protocol/capabilities.js";
 import { unixNow } from "../lib/clock.js";
 import { toRead } from "../lib/reading_time.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
-import { mayAsk } from "../study/restrictions.js";
 import { callOf } from "./call.js";
 import { CallMedia } from "./call_media.js";
 import { createCallView } from "./call_view.js";
 import { createHead } from "./head.js";
 import { createMessages } from "./messages.js";
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, element } = page;
   const media = new CallMedia(page);
@@ -49,8 +48,18 @@ const setUp = (page) => {
     },
     keys: { talk: media.talkKey, ...head.keys },
     on: {
+      changed: (/** @type {State} */ state) => {
+        if (isLeftOpen(state, mayWriteWaiting(state))) {
+          media.endAll();
+          photo.close();
+          store.update({ panel: "", writing: false });
+        }
+        messages.changed(state);
+        head.changed(state);
+        audience.changed(state);
+      },
       socketOpen: audience.reconnected,
-      linkOpening: (/** @type {import("../protocol/peer.js").Peer} */ peer) => media.attachTo(peer),
+      linkOpening: (/** @type {Peer} */ peer) => media.attachTo(peer),
       poll: (/** @type {number} */ now) => {
         media.poll(now);
         head.poll(now);
@@ -59,15 +68,8 @@ const setUp = (page) => {
         knock.poll(now);
       },
     },
-    render: (/** @type {import("../drive/features.js").State} */ before) => {
-      const waits = mayWriteWaiting(before);
-      if (isLeftOpen(before, waits)) {
-        media.endAll();
-        photo.close();
-        store.update({ panel: "", writing: false });
-      }
-      const state = store.get();
-      showBar(element, state, waits);
+    render: (/** @type {State} */ state) => {
+      showBar(element, state, mayWriteWaiting(state));
       renders.forEach((render) => render(state));
       photo.render(state);
     },
@@ -76,14 +78,14 @@ const setUp = (page) => {
 
 /**
  * Whether something is open that only a driver may have.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  * @param {boolean} waits at a stopped robot: with its chat
  */
 const isLeftOpen = ({ visit, own, panel, keptPhoto }, waits) =>
   roleOf(visit) !== "driver" &&
   (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto);
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const newPhoto = (page) => {
   const fetchPhoto = lazy(async () => new (await import("./kept_photo.js")).KeptPhoto(page));
   /** @type {import("./kept_photo.js").KeptPhoto | null} fetched with the first photo */
@@ -100,11 +102,11 @@ const newPhoto = (page) => {
     close: () => fetched?.close(),
     heard: (/** @type {any} */ message) => fetched?.heard(message),
     poll: (/** @type {number} */ now) => fetched?.poll(now),
-    render: (/** @type {import("../drive/features.js").State} */ state) => fetched?.render(state),
+    render: (/** @type {State} */ state) => fetched?.render(state),
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const newKnock = (page) => {
   const fetchKnock = lazy(async () => (await import("./knock.js")).createKnock(page));
   /**
@@ -122,7 +124,7 @@ const newKnock = (page) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const newAudience = (page) => {
   const fetchPanel = lazy(async () => (await import("../audience/panel.js")).createPanel(page));
   /**
@@ -130,39 +132,33 @@ const newAudience = (page) => {
    *   somebody watches
    */
   let panel = null;
-  const render = (/** @type {import("../drive/features.js").State} */ state) => {
-    if (!panel && state.audience?.open && state.room.observers) {
-      fetchPanel((it) => {
-        panel = it;
-        render(page.store.get());
-      });
-    }
-    panel?.render(state);
-  };
   return {
     handlers: {
       audience: (/** @type {any} */ audience) => page.store.update({ audience }),
       denied: (/** @type {any} */ message) => panel?.denied(message),
     },
     reconnected: () => panel?.reconnected(),
-    render,
+    changed: (/** @type {State} */ state) => {
+      if (!panel && state.audience?.open && state.room.observers) {
+        fetchPanel((it) => {
+          panel = it;
+          page.store.update({});
+        });
+      }
+      panel?.changed(state);
+    },
+    render: (/** @type {State} */ state) => panel?.render(state),
   };
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {ReturnType<typeof createMessages>} messages
- */
+/** @param {Page} page @param {ReturnType<typeof createMessages>} messages */
 const toggleVolumes = ({ store, element }, messages) => {
   messages.show(store.get().panel === "volumes" ? "" : "volumes");
   // not the button, which the space bar would press again
   element("volumes").focus({ preventScroll: true });
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {Record<string, () => void>} clicks by the button's id
- */
+/** @param {Page} page @param {Record<string, () => void>} clicks by the button's id */
 const setUpButtons = ({ element, keys }, clicks) => {
   for (const [id, click] of Object.entries(clicks)) {
     element(id).addEventListener("click", () => {
@@ -181,12 +177,11 @@ const setUpButtons = ({ element, keys }, clicks) => {
   });
 };
 
-/** @type {import("../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const presence = { name: "presence", setUp };
 
 /**
- * @param {import("../drive/registry.js").Page["element"]} element
- * @param {import("../drive/features.js").State} state
+ * @param {Page["element"]} element @param {State} state
  * @param {boolean} waits at a stopped robot: with its chat, and nothing else of this
  */
 const showBar = (element, state, waits) => {

@@ -1,17 +1,13 @@
 /** The robot's head on the drive page: its slider and its keys. */
 
-import { isOffered } from "../autonomy/offer.js";
-import { ask } from "../autonomy/robot_action.js";
+import { isOffered } from "../protocol/capabilities.js";
+import { ask } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { STEP, Tilting } from "./tilt.js";
 
-/**
- * @param {HTMLInputElement} slider
- * @param {number} angle rad
- * @param {import("../lib/words.js").Words} words
- */
+/** @param {HTMLInputElement} slider @param {number} angle rad @param {Words} words */
 const showAngle = (slider, angle, words) => {
   if (Math.abs(Number(slider.value) - angle) > 0.005) {
     slider.value = String(angle);
@@ -24,7 +20,11 @@ const showAngle = (slider, angle, words) => {
   }
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {State} state */
+const rangeOf = (state) =>
+  isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
+
+/** @param {Page} page */
 export const createHead = ({ store, element, driving, words }) => {
   const slider = /** @type {HTMLInputElement} */ (element("tilt-slider"));
   const tilting = new Tilting();
@@ -65,13 +65,17 @@ export const createHead = ({ store, element, driving, words }) => {
         driving.sendAction(ask({ type: "tilt", angle }, freshId("tilt-"), now));
       }
     },
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
+    changed: (state) => {
+      if (!rangeOf(state)) {
+        tilting.letGo(); // no pointer is lifted from a slider that is hidden
+      }
+    },
+    /** @param {State} state */
     render: (state) => {
-      const range = isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
+      const range = rangeOf(state);
       element("tilt").hidden = !range;
-      if (!range) {
-        tilting.letGo(); // of a slider that is gone no pointer is lifted
-      } else {
+      if (range) {
         Object.assign(slider, {
           min: String(range.minimum),
           max: String(range.maximum),

@@ -3,14 +3,14 @@
  * download.
  */
 
-import { ask, heard, pass } from "../autonomy/robot_action.js";
+import { ask, heard, pass } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { Snapshots } from "../study/snapshots.js";
 
 export class KeptPhoto {
-  /** @param {import("../drive/registry.js").Page} page */
+  /** @param {Page} page */
   constructor(page) {
     this.page = page;
     this.snapshots = new Snapshots({
@@ -61,7 +61,7 @@ export class KeptPhoto {
     }
   }
 
-  /** @param {import("../drive/features.js").State} state */
+  /** @param {State} state */
   render(state) {
     const { element, words, config } = this.page;
     const { keptPhoto: photo, keptPhotoUrl: url } = state;

@@ -1,9 +1,9 @@
 /**
- * Knocking at the robot, so that somebody there comes to its screen. Fetched with the first knock.
+ * Knocking at the robot, so that a person there comes to its screen. Fetched with the first knock.
  * What becomes of it is read in the robot's state; the line about it goes away when it was read.
  */
 
-import { ask, heard, pass } from "../autonomy/robot_action.js";
+import { ask, heard, pass } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
@@ -17,7 +17,7 @@ const ASKED_IN_VAIN = {
 
 /**
  * The key of the line about a knock, and whether that is its end. Pure.
- * @param {import("../autonomy/robot_action.js").RobotAction | null} action the newest knock
+ * @param {RobotAction | null} action the newest knock
  * @param {{actionId: string, status: string} | null | undefined} known the knock as the robot's
  *   state has it
  * @returns {{word: string, ended: boolean}}
@@ -40,9 +40,9 @@ export const lineOfKnock = (action, known) => {
   return { word: `knock.${known.status}`, ended: known.status !== "ringing" };
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createKnock = ({ store, driving, element, words }) => {
-  /** @type {import("../autonomy/robot_action.js").RobotAction | null} */
+  /** @type {RobotAction | null} */
   let action = null;
   let word = "";
   let changedAt = 0;
@@ -80,7 +80,7 @@ export const createKnock = ({ store, driving, element, words }) => {
       if (action?.status === "ASKED") {
         const next = pass(action, now);
         action = next.action;
-        if (next.send) {
+        if (next.send && action) {
           driving.sendAction(action);
         }
       }

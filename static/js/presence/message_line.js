@@ -1,17 +1,10 @@
-/**
- * A line of a conversation, for the list of messages on either side.
- */
+/** A line of a conversation, for the list of messages on either side. */
+
+import { make } from "../lib/dom.js";
 
 /** @param {{who: string, text: string, own: boolean}} line @returns {HTMLLIElement} */
 export const lineOf = ({ who, text, own }) => {
-  const line = document.createElement("li");
-  line.className = own ? "line line--own" : "line";
-  const name = document.createElement("span");
-  name.className = "line__who";
-  name.textContent = who;
-  const words = document.createElement("span");
-  words.className = "line__text";
-  words.textContent = text;
-  line.append(name, " ", words);
+  const line = make("li", own ? "line line--own" : "line");
+  line.append(make("span", "line__who", who), " ", make("span", "line__text", text));
   return line;
 };

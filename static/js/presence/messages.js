@@ -3,14 +3,14 @@
  * itself is conversation.js, fetched when it is needed.
  */
 
-import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
-import { ask } from "../autonomy/robot_action.js";
+import { isOffered, mayWriteWaiting } from "../protocol/capabilities.js";
+import { ask } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving, setPressed, write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { lazy } from "../lib/lazy.js";
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createMessages = (page) => {
   const { store, element, keys } = page;
   let session = "";
@@ -18,8 +18,7 @@ export const createMessages = (page) => {
 
   /**
    * Open a panel, at once: the visitor's next key goes to what they have opened.
-   * @param {"" | "talk" | "volumes"} panel
-   * @param {boolean} [writing]
+   * @param {"" | "talk" | "volumes"} panel @param {boolean} [writing]
    */
   const show = (panel, writing = false) => {
     store.update({ panel, writing, unread: panel === "talk" ? 0 : store.get().unread });
@@ -30,9 +29,7 @@ export const createMessages = (page) => {
     backToDriving(element);
   };
   keys.closes(element("talk"), closePanel, () => show("talk"));
-  const onSent = (
-    /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action,
-  ) => {
+  const onSent = (/** @type {RobotAction | null} */ action) => {
     if (action) {
       tell((it) => it.sent(action));
     }
@@ -59,25 +56,23 @@ export const createMessages = (page) => {
     answered: (/** @type {any} */ status) => fetched()?.answered(status),
     confirmed: (/** @type {any} */ receipt) => fetched()?.confirmed(receipt),
     poll,
-    /** @param {import("../drive/features.js").State} state */
-    render: (state) => {
+    changed: (/** @type {State} */ state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
         fetched()?.clear();
       }
-      const offered = isOffered(state, "say") || mayWriteWaiting(state);
-      if (!offered && state.panel === "talk") {
+      if (state.panel === "talk" && !mayTalk(state)) {
         store.update({ panel: "", writing: false });
       }
-      renderPanels(page, store.get(), offered);
     },
+    render: (/** @type {State} */ state) => renderPanels(page, state),
   };
 };
 
-/**
- * The conversation, fetched once there is something to tell it.
- * @param {import("../drive/registry.js").Page} page
- */
+/** @param {State} state */
+const mayTalk = (state) => isOffered(state, "say") || mayWriteWaiting(state);
+
+/** The conversation, fetched once there is something to tell it. @param {Page} page */
 const newConversation = (page) => {
   /** @typedef {import("./conversation.js").Conversation} Conversation */
   const fetchConversation = lazy(
@@ -104,14 +99,11 @@ const newConversation = (page) => {
   };
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {import("../drive/features.js").State} state
- * @param {boolean} offered
- */
-const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
+/** @param {Page} page @param {State} state */
+const renderPanels = ({ element }, state) => {
+  const { panel, writing, unread } = state;
   const writes = writing && panel === "talk";
-  element("presence-talk").hidden = !offered;
+  element("presence-talk").hidden = !mayTalk(state);
   element("talk").hidden =
     panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
   element("talk").toggleAttribute("data-holds-keys", writes);
@@ -123,10 +115,7 @@ const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   write(element("unread"), String(unread));
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent
- */
+/** @param {Page} page @param {(action: RobotAction | null) => void} onSent */
 const setUpForm = ({ element, driving }, onSent) => {
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   element("talk-form").addEventListener("submit", (/** @type {Event} */ event) => {

@@ -15,16 +15,14 @@ export const STAYS = 2; // s without another until a dot goes away
 // s that a dot is shown at least: a finger that only taps is gone before anybody has looked
 const LEAST = 0.8;
 
-/** @typedef {[number, number]} Spot */
+/** @typedef {Point} Spot */
 /** @typedef {{left: number, top: number, width: number, height: number}} Frame CSS pixels */
 
 /**
  * Where a picture lies in the element that shows it by `object-fit`, without the bars beside it.
  * @param {{width: number, height: number}} picture
  * @param {number} width CSS pixels of the element
- * @param {number} height
- * @param {string} fit
- * @returns {Frame}
+ * @param {number} height @param {string} fit @returns {Frame}
  */
 export const frameOf = (picture, width, height, fit) => {
   const { left, top, scale } = boxOf(picture, width, height, fit);

@@ -6,8 +6,7 @@
 import { RemotePointers } from "./remote_pointers.js";
 
 /**
- * @param {object} page
- * @param {(id: string) => HTMLElement} page.element
+ * @param {object} page @param {GetElement} page.element
  * @param {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void}
  *   page.sendPointer
  * @param {() => void} page.backToDriving

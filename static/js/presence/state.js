@@ -12,7 +12,7 @@ export const newSlice = () => ({
   /** messages from the robot's side that have not been shown */
   unread: 0,
   /** the photo that the visitor takes for themselves, and its address once it is there */
-  keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
+  keptPhoto: /** @type {RobotAction | null} */ (null),
   keptPhotoUrl: "",
   /** hands and questions of those who watch: audience/panel.js */
   audience: /** @type {import("../audience/panel.js").Audience | null} */ (null),

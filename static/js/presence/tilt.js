@@ -54,8 +54,7 @@ export class Tilting {
   /**
    * What the slider shows: the visitor's hand goes before what the robot reports, and so does what
    * the hand has asked for until the head is there, or has had the time for it.
-   * @param {number | null} measured
-   * @param {number} now
+   * @param {number | null} measured @param {number} now
    */
   shown(measured, now) {
     const own = this.held ?? this.wanted;

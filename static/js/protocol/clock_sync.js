@@ -41,7 +41,7 @@ export class AgeTrend {
 
 const newTransport = () => ({
   beats: 0,
-  heardAt: -Infinity, // when the robot was last heard on this transport
+  heardAt: -Infinity, // when the last heartbeat of the robot arrived on this transport
   echoedAt: -Infinity, // when the robot last proved that it hears us on this transport
   echoed: -1, // the newest of our beats that it proved it with
   roundTrips: /** @type {number[]} */ ([]),
@@ -56,7 +56,7 @@ export class ClockSync {
     this.samples = [];
   }
 
-  /** A new data channel has heard nothing yet. @param {Transport} transport */
+  /** Forget what arrived: the data channel is a new one. @param {Transport} transport */
   reset(transport) {
     this.transports[transport] = {
       ...newTransport(),
@@ -67,8 +67,7 @@ export class ClockSync {
 
   /**
    * The next beat to send on a transport.
-   * @param {Transport} transport
-   * @param {number} now
+   * @param {Transport} transport @param {number} now
    * @param {number | null} frameAge seconds since the picture on the screen was taken
    */
   beat(transport, now, frameAge = null) {
@@ -85,8 +84,7 @@ export class ClockSync {
 
   /**
    * A heartbeat of the robot has arrived on a transport.
-   * @param {Transport} transport
-   * @param {RobotHeartbeat} beat
+   * @param {Transport} transport @param {RobotHeartbeat} beat
    * @param {string | null} peer this page's id
    * @param {number} now
    */
@@ -102,10 +100,8 @@ export class ClockSync {
   }
 
   /**
-   * @param {Transport} transport
-   * @param {{n: number, stamp: number, received: number}} echo
-   * @param {number} sent
-   * @param {number} now
+   * @param {Transport} transport @param {{n: number, stamp: number, received: number}} echo
+   * @param {number} sent @param {number} now
    */
   #echoed(transport, echo, sent, now) {
     const outward = this.transports[transportOf(echo.n)];
@@ -142,17 +138,15 @@ export class ClockSync {
 
   /**
    * Whether the robot has just proved that it hears us on this transport.
-   * @param {Transport} transport
-   * @param {number} now
+   * @param {Transport} transport @param {number} now
    */
   isFresh(transport, now) {
     return now - this.transports[transport].echoedAt < FRESH_SECONDS;
   }
 
   /**
-   * Seconds since the robot was heard on a transport.
-   * @param {Transport} transport
-   * @param {number} now
+   * Seconds since the last heartbeat of the robot on a transport.
+   * @param {Transport} transport @param {number} now
    */
   silence(transport, now) {
     return now - this.transports[transport].heardAt;
@@ -170,9 +164,7 @@ export class ClockSync {
 
   /**
    * The same, while it is of the present: null when nothing was echoed for some seconds.
-   * @param {Transport} transport
-   * @param {number} now
-   * @param {number} [least]
+   * @param {Transport} transport @param {number} now @param {number} [least]
    */
   roundTripNow(transport, now, least) {
     const isPast = now - this.transports[transport].echoedAt > PAST_SECONDS;

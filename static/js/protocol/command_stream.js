@@ -103,9 +103,8 @@ export class CommandStream {
 
   /**
    * Brake. A stop needs no lease.
-   * @param {number} now
-   * @param {"stop" | "estop"} [type]
-   * @param {boolean} [isAsked] whether somebody pressed it, or the page stops the robot by itself
+   * @param {number} now @param {"stop" | "estop"} [type]
+   * @param {boolean} [isAsked] whether the driver pressed it; false when the page stops the robot
    * @returns {Record<string, any>} the first copy of the action; `repeat` gives the others
    */
   stop(now, type = "stop", isAsked = true) {
@@ -137,13 +136,13 @@ export class CommandStream {
     return this.#copy(now);
   }
 
-  /** Nobody is left who could echo a stop. */
+  /** Stop repeating: no robot is left that could confirm. */
   giveUp() {
     this.pending = null;
   }
 
   /**
-   * Whether a stop that somebody asked for has been on its way for longer than it should.
+   * Whether the robot has not confirmed a stop that the driver pressed in time.
    * @param {number} now
    */
   isUnconfirmed(now) {

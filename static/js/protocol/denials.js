@@ -41,7 +41,7 @@ export const isPassing = ({ reason }) => PASSING.has(reason);
 /**
  * Whether what was denied still waits for an answer, so that it is worth a line.
  * @param {string} word of the denial
- * @param {import("./session.js").Visit} visit
+ * @param {Visit} visit
  */
 export const isUnsettled = (word, { phase, unsaid, observesAgain }) =>
   ({

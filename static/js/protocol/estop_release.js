@@ -24,8 +24,7 @@ export const isHeld = (robot, driver) =>
 
 /**
  * The robot refuses by the action's status, and releases without a word of its own: its state says.
- * @param {Release | null} release
- * @param {{actionId: string, status: string}} action
+ * @param {Release | null} release @param {{actionId: string, status: string}} action
  */
 export const isRefusal = (release, action) =>
   release?.id === action.actionId && action.status === "FAILED";

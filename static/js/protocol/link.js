@@ -8,18 +8,16 @@ import { unixNow } from "../lib/clock.js";
 import { isStuck, judge } from "./link_health.js";
 import { isRelay } from "./peer.js";
 
-/** @typedef {import("./peer.js").Peer | import("./sfu_peer.js").SfuPeer} AnyPeer */
+/** @typedef {Peer | import("./sfu_peer.js").SfuPeer} AnyPeer */
 /** @typedef {import("./relay_regions.js").createRelayRegions} CreateRelayRegions */
 /** @typedef {"driver" | "observer" | "sfu"} LinkRole `sfu` watches through the server's SFU */
 
 export class Link {
   /**
-   * @param {object} options
-   * @param {(role: LinkRole, link: Link) => AnyPeer} options.makePeer
+   * @param {object} options @param {(role: LinkRole, link: Link) => AnyPeer} options.makePeer
    * @param {(peer: AnyPeer) => void} options.onOpening before an offer, or an answer to the SFU
    * @param {() => void} options.onDropping before the video goes black
-   * @param {() => void} options.onLive
-   * @param {(why: string) => void} options.onLost
+   * @param {() => void} options.onLive @param {(why: string) => void} options.onLost
    */
   constructor({ makePeer, onOpening, onDropping, onLive, onLost }) {
     this.makePeer = makePeer;
@@ -58,8 +56,7 @@ export class Link {
   }
 
   /**
-   * @param {LinkRole} role
-   * @param {RTCIceServer[]} iceServers
+   * @param {LinkRole} role @param {RTCIceServer[]} iceServers
    * @param {number} attempt 0 opens at once
    */
   open(role, iceServers, attempt) {
@@ -78,9 +75,7 @@ export class Link {
     }
   }
 
-  /**
-   * The network has changed: try at once what waits, or has started before the change.
-   */
+  /** The network has changed: try at once what waits, or has started before the change. */
   hurry() {
     if (this.lookingSince !== null && this.patient && this.next) {
       clearTimeout(this.timer);
@@ -130,7 +125,7 @@ export class Link {
   /** The robot was heard on the data channel. @param {number} now */
   heard(now) {
     if (this.peer) {
-      /** @type {import("./peer.js").Peer} */ (this.peer).heardAt = now;
+      /** @type {Peer} */ (this.peer).heardAt = now;
     }
   }
 

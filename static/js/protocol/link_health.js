@@ -17,12 +17,10 @@ const BARREN_SECONDS = 1;
 /**
  * @param {object} link times in Unix seconds, null for what has not happened
  * @param {string} link.state of the RTCPeerConnection
- * @param {number | null} link.offeredAt
- * @param {number | null} link.answeredAt
+ * @param {number | null} link.offeredAt @param {number | null} link.answeredAt
  * @param {number | null} link.openedAt when the data channel opened
  * @param {number} link.heardAt when the robot was last heard on it
- * @param {number} now
- * @returns {"live" | "waiting" | "failed" | "no_answer" | "no_way" | "silent"}
+ * @param {number} now @returns {"live" | "waiting" | "failed" | "no_answer" | "no_way" | "silent"}
  */
 export const judge = (link, now) => {
   if (link.state === "failed" || link.state === "closed") {
@@ -52,3 +50,17 @@ export const judge = (link, now) => {
  */
 export const isStuck = ({ lookingSince, barren }, now) =>
   lookingSince !== null && now - lookingSince > (barren ? BARREN_SECONDS : LOOKING_SECONDS);
+
+/**
+ * s after which a link that is lost may need new credentials for the relay; half of their life, as
+ * on the robot's side (robots/ice.py).
+ */
+const ICE_SECONDS = 3 * 3600;
+
+/**
+ * Whether a relay may no longer take the credentials of these servers. Pure.
+ * @param {{iceServers: RTCIceServer[], iceAt: number}} received with the Unix time when they came
+ * @param {number} now Unix time
+ */
+export const areCredentialsOld = ({ iceServers, iceAt }, now) =>
+  now - iceAt > ICE_SECONDS && iceServers.some(({ credential }) => credential);

@@ -17,8 +17,7 @@
 
 /**
  * Pick what matters out of a getStats() report.
- * @param {Iterable<any>} report
- * @returns {Sample | null}
+ * @param {Iterable<any>} report @returns {Sample | null}
  */
 export const pick = (report) => {
   const all = new Map(Array.from(report, (entry) => [entry.id, entry]));

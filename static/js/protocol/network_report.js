@@ -7,12 +7,10 @@ import { encodePacket } from "./robot_api.js";
 import { between, pick } from "./link_stats.js";
 
 /**
- * @param {object} page
- * @param {import("../drive/store.js").Store} page.store
- * @param {import("./socket.js").Socket} page.socket
+ * @param {object} page @param {Store} page.store @param {import("./socket.js").Socket} page.socket
  * @param {import("./link.js").Link} page.link
- * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback,
- *   frameAge: (now: number) => number | null}} page.video
+ * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback, frameAge: (now:
+ *   number) => number | null}} page.video
  */
 export const createNetworkReport = ({ store, socket, link, video }) => {
   /** @type {import("./link_stats.js").Sample | null} */

@@ -11,8 +11,7 @@ const SEARCH_SECONDS = 1;
 
 export class Peer {
   /**
-   * @param {object} options
-   * @param {"driver" | "observer"} options.role
+   * @param {object} options @param {"driver" | "observer"} options.role
    * @param {(message: object) => void} options.onSignal what to tell the robot through the server
    * @param {(packet: unknown) => void} options.onPacket from the data channel
    * @param {boolean} [options.gives] whether this page has sound and picture of its own, if they
@@ -171,8 +170,7 @@ export const messageOf = (candidate) => {
 
 /**
  * Have a connection that was made before ask the servers that the server named.
- * @param {RTCPeerConnection} connection
- * @param {RTCIceServer[]} iceServers
+ * @param {RTCPeerConnection} connection @param {RTCIceServer[]} iceServers
  */
 export const useServers = (connection, iceServers) => {
   if (iceServers.length) {
@@ -191,8 +189,7 @@ export const isRelay = ({ urls }) => [urls].flat().some((url) => /^turns?:/.test
 
 /**
  * An empty user name is not the same as none.
- * @param {RTCIceServer} server
- * @returns {RTCIceServer}
+ * @param {RTCIceServer} server @returns {RTCIceServer}
  */
 export const forBrowser = ({ urls, username, credential }) =>
   username ? { urls, username, credential } : { urls };

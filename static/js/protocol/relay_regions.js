@@ -67,8 +67,7 @@ export const createRelayRegions = (measure = roundTrip) => {
     /**
      * The same servers, with the relays of the nearest region alone, if there is more than one
      * region and any answers.
-     * @param {RTCIceServer[]} servers
-     * @returns {RTCIceServer[] | Promise<RTCIceServer[]>}
+     * @param {RTCIceServer[]} servers @returns {RTCIceServer[] | Promise<RTCIceServer[]>}
      */
     nearest(servers) {
       const regions = servers.filter(isRelay);

@@ -505,8 +505,7 @@ const STAMP_BYTES = 8;
  * A picture that came through the server, the one binary packet there is: suffix, newline, capture
  * stamp, JPEG.
  * @param {ArrayBuffer} packet
- * @returns {{suffix: "picture", message: {stamp: number, jpeg: Uint8Array}}}
- * @throws {Rejection}
+ * @returns {{suffix: "picture", message: {stamp: number, jpeg: Uint8Array}}} @throws {Rejection}
  */
 const decodePicture = (packet) => {
   const bytes = new Uint8Array(packet);
@@ -529,11 +528,7 @@ const decodePicture = (packet) => {
   return { suffix: "picture", message: { stamp: taken, jpeg: bytes.subarray(start) } };
 };
 
-/**
- * @param {unknown} packet
- * @returns {{suffix: string, message: any}}
- * @throws {Rejection}
- */
+/** @param {unknown} packet @returns {{suffix: string, message: any}} @throws {Rejection} */
 export const decodePacket = (packet) => {
   if (packet instanceof ArrayBuffer) {
     return decodePicture(packet);
@@ -549,11 +544,7 @@ export const decodePacket = (packet) => {
   return { suffix, message: decode(suffix, packet.slice(newline + 1)) };
 };
 
-/**
- * @param {string} suffix
- * @param {string} payload
- * @throws {Rejection}
- */
+/** @param {string} suffix @param {string} payload @throws {Rejection} */
 export const decode = (suffix, payload) => {
   if (!Object.hasOwn(TO_PAGE, suffix)) {
     throw new Rejection("unknown_topic", suffix.slice(0, 80));

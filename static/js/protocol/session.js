@@ -12,7 +12,7 @@
  */
 
 import { isPassing } from "./denials.js";
-import { areCredentialsOld } from "./relay_credentials.js";
+import { areCredentialsOld } from "./link_health.js";
 
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
@@ -118,9 +118,7 @@ const send = (suffix, message = {}) => ({ type: "send", suffix, message });
 const LET_GO = [{ type: "control", lease: null }, { type: "close_link" }];
 
 /**
- * @param {Visit} visit
- * @param {Happening} happening
- * @returns {{visit: Visit, effects: Effect[]}}
+ * @param {Visit} visit @param {Happening} happening @returns {{visit: Visit, effects: Effect[]}}
  */
 export const reduce = (visit, happening) => {
   const handler = HANDLERS[happening.type];
@@ -199,9 +197,7 @@ const OVER = /** @type {const} */ ({
 });
 
 /**
- * @param {Phase} phase
- * @param {string} reason
- * @param {Effect[]} [more]
+ * @param {Phase} phase @param {string} reason @param {Effect[]} [more]
  * @returns {[Partial<Visit>, Effect[]]}
  */
 const over = (phase, reason, more = []) => [
@@ -244,7 +240,7 @@ const HANDLERS = {
     },
   ],
 
-  /** Nobody has the robot any more: nor has another page of the visitor's. */
+  /** The robot has no driver any more, nor has another page of the visitor's. */
   freed: ({ phase }) => [
     {
       liveElsewhere: false,
@@ -301,7 +297,7 @@ const HANDLERS = {
       startBy: null,
       returning: false,
     };
-    // Whoever waits may watch meanwhile.
+    // A waiting visitor may watch.
     const first = [
       ...LET_GO,
       { type: "remember", session: message.session },
@@ -316,9 +312,9 @@ const HANDLERS = {
     const turn = { session: message.session, startBy: now + message.seconds };
     const known = visit.session === message.session;
     if (!(waits(visit) || visit.phase === "taking") || (visit.session && !known)) {
-      return [{}]; // driven or given up meanwhile, or another page's
+      return [{}]; // no longer waiting, or an offer to another page
     }
-    // The server says it again when it cannot know whether it was heard.
+    // The server repeats an offer that it cannot know to have arrived.
     if (known && visit.phase !== "queued") {
       return [turn];
     }
@@ -480,18 +476,14 @@ const HANDLERS = {
 };
 
 /**
- * @param {string} role
- * @param {RTCIceServer[]} iceServers
- * @param {number} attempt
- * @returns {Effect}
+ * @param {string} role @param {RTCIceServer[]} iceServers @param {number} attempt @returns {Effect}
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
 /**
  * Opens the link again, and asks for new credentials where the relay may no longer take the old
  * ones: the answer opens it once more.
- * @param {Visit} visit
- * @param {number} attempt
+ * @param {Visit} visit @param {number} attempt
  * @param {number} now Unix time
  * @returns {Effect[]}
  */
@@ -518,9 +510,8 @@ export const isSigning = ({ phase, signingUntil }, now) =>
   phase === "driving" && signingUntil !== null && now < signingUntil;
 
 /**
- * What the page is to the robot: whoever waits watches, if the server lets them.
- * @param {Visit} visit
- * @returns {"driver" | "observer" | ""}
+ * What the page is to the robot: a waiting visitor watches, if the server allows it.
+ * @param {Visit} visit @returns {"driver" | "observer" | ""}
  */
 export const roleOf = ({ phase, link }) => {
   if (phase === "driving") {
@@ -531,7 +522,6 @@ export const roleOf = ({ phase, link }) => {
 
 /**
  * Over which link the page does that.
- * @param {Visit} visit
- * @returns {"driver" | "observer" | "sfu" | ""}
+ * @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""}
  */
 const linkRoleOf = (visit) => (roleOf(visit) === "observer" && visit.sfu ? "sfu" : roleOf(visit));

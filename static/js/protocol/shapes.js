@@ -72,17 +72,11 @@ export const dictionary = (shape, most) => (value) => {
 
 const DEFAULT = Symbol("default");
 
-/**
- * A field that may be left out.
- * @param {Shape} shape @param {unknown} value what it is then
- */
+/** A field that may be left out. @param {Shape} shape @param {unknown} value what it is then */
 export const optional = (shape, value) =>
   Object.assign((/** @type {unknown} */ given) => shape(given), { [DEFAULT]: () => value });
 
-/**
- * @param {Record<string, Shape>} fields
- * @returns {Shape}
- */
+/** @param {Record<string, Shape>} fields @returns {Shape} */
 export const object = (fields) => (value) => {
   if (!isObject(value)) {
     return fail("an object");
@@ -96,8 +90,7 @@ export const object = (fields) => (value) => {
 
 /**
  * @param {string} tag the field that tells which
- * @param {Record<string, Shape>} shapes
- * @returns {Shape}
+ * @param {Record<string, Shape>} shapes @returns {Shape}
  */
 export const tagged = (tag, shapes) => (value) => {
   const name = isObject(value) ? value[tag] : fail("an object");

@@ -7,13 +7,12 @@ import { backoff } from "../lib/backoff.js";
 import { unixNow } from "../lib/clock.js";
 
 const MOST_BUFFERED = 64 * 1024;
+const MOST_SILENCE = 3; // s; an open WebSocket brings a packet every second
 
 export class Socket {
   /**
-   * @param {object} options
-   * @param {string} options.url
-   * @param {(packet: unknown) => void} options.onPacket
-   * @param {() => void} options.onOpen
+   * @param {object} options @param {string} options.url
+   * @param {(packet: unknown) => void} options.onPacket @param {() => void} options.onOpen
    * @param {(code: number) => void} options.onLost
    * @param {(url: string) => WebSocket} [options.connect]
    */
@@ -55,6 +54,19 @@ export class Socket {
     this.socket = null;
     dead.close();
     this.#lost(1006);
+  }
+
+  /**
+   * Dial again when an open connection has been silent for too long: it may die without an event,
+   * and so may the process at its other end.
+   * @param {number} now Unix time @returns {number} s of silence before
+   */
+  watch(now) {
+    const silence = this.silence(now);
+    if (silence > MOST_SILENCE) {
+      this.redial();
+    }
+    return silence;
   }
 
   get isOpen() {

@@ -6,9 +6,7 @@
 
 import { encodePacket } from "./robot_api.js";
 
-/**
- * s without a heartbeat (five a second) on the data channel, until the server sends everything
- */
+/** s without a heartbeat (five a second) on the data channel, until the server sends everything */
 const DIRECT_SILENCE = 0.7;
 
 export class TransportRouter {
@@ -25,20 +23,18 @@ export class TransportRouter {
     this.link = link;
     this.clockSync = clockSync;
     this.commands = commands;
-    /** What the server was told last; every new connection to it begins anew. */
+    /** The last `page/direct` that was sent on this connection to the server. */
     this.direct = false;
-    /**
-     * The one transport on which the robot accepts commands, if it is fixed. Stops use both.
-     */
-    this.only = /** @type {"any" | import("./clock_sync.js").Transport} */ ("any");
+    /** The one transport on which the robot accepts commands, if it is fixed. Stops use both. */
+    this.only = /** @type {"any" | Transport} */ ("any");
   }
 
-  /** @param {import("./clock_sync.js").Transport} transport */
+  /** @param {Transport} transport */
   allows(transport) {
     return this.only === "any" || this.only === transport;
   }
 
-  /** @param {number} now @returns {import("./clock_sync.js").Transport} */
+  /** @param {number} now @returns {Transport} */
   transport(now) {
     if (this.only !== "any") {
       return this.only;
@@ -48,8 +44,7 @@ export class TransportRouter {
 
   /**
    * The velocity of this moment, if there is one.
-   * @param {number} now
-   * @param {number | null} frame
+   * @param {number} now @param {number | null} frame
    */
   sendVelocity(now, frame) {
     const message = this.commands.velocity(now, frame);
@@ -65,8 +60,7 @@ export class TransportRouter {
 
   /**
    * An action, by the reliable transport; on both, when it is repeated or the server unreachable.
-   * @param {object} action
-   * @param {boolean} again
+   * @param {object} action @param {boolean} again
    */
   sendAction(action, again) {
     const packet = encodePacket("command/action", action);
@@ -80,8 +74,7 @@ export class TransportRouter {
 
   /**
    * A pointer on the shared screen, by the present transport or not at all.
-   * @param {number} now
-   * @param {object} pointer
+   * @param {number} now @param {object} pointer
    */
   sendPointer(now, pointer) {
     const packet = encodePacket("command/point", pointer);

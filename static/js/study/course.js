@@ -11,15 +11,13 @@ const SIZE = 10; // CSS pixels, the radius of a checkpoint's disc
 const NEXT_SIZE = 14;
 
 /**
- * @typedef {{zones: [number, number][][], path: [number, number][],
+ * @typedef {{zones: Point[][], path: Point[],
  *   stops: (import("./guide.js").Stop & {x: number, y: number, radius: number})[]}} Marks
  */
 
 /**
  * Pure.
- * @param {any} study
- * @param {import("./guide.js").Told | null} told
- * @returns {Marks | null}
+ * @param {any} study @param {import("./guide.js").Told | null} told @returns {Marks | null}
  */
 export const marksFor = (study, told) => {
   if (!study?.checkpoints.length) {
@@ -36,12 +34,7 @@ export const marksFor = (study, told) => {
   };
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {import("../view/map/transform.js").View} view
- * @param {Marks} marks
- * @param {Record<string, string>} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
 export const drawGround = (context, view, { zones, path }, paint) => {
   context.save();
   context.lineWidth = 1;
@@ -61,12 +54,7 @@ export const drawGround = (context, view, { zones, path }, paint) => {
   context.restore();
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {import("../view/map/transform.js").View} view
- * @param {Marks} marks
- * @param {Record<string, string>} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
 export const drawStops = (context, view, { stops }, paint) => {
   context.save();
   // What is next is drawn last: nothing lies over it.
@@ -79,10 +67,8 @@ export const drawStops = (context, view, { stops }, paint) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context
- * @param {import("../view/map/transform.js").View} view
- * @param {Marks["stops"][number]} stop
- * @param {Record<string, string>} paint
+ * @param {Canvas2D} context @param {MapView} view
+ * @param {Marks["stops"][number]} stop @param {Paint} paint
  */
 const drawStop = (context, view, { x, y, radius, number, status }, paint) => {
   const [px, py] = toScreen(view, x, y);
@@ -114,22 +100,13 @@ const drawStop = (context, view, { x, y, radius, number, status }, paint) => {
   context.fillText(status === "passed" ? "✓" : String(number), px, py + 0.5);
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {number} x
- * @param {number} y
- * @param {number} radius
- */
+/** @param {Canvas2D} context @param {number} x @param {number} y @param {number} radius */
 const disc = (context, x, y, radius) => {
   context.beginPath();
   context.arc(x, y, radius, 0, 2 * Math.PI);
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {import("../view/map/transform.js").View} view
- * @param {[number, number][]} points
- */
+/** @param {Canvas2D} context @param {MapView} view @param {Point[]} points */
 const trace = (context, view, points) => {
   context.beginPath();
   for (const [x, y] of points) {

@@ -5,6 +5,7 @@
 
 import { roleOf } from "../protocol/session.js";
 import { write } from "../lib/dom.js";
+import { wrap } from "../lib/transforms.js";
 import { targetOf } from "./guide.js";
 
 const USUAL_VIEW = 1.0; // rad, for a robot that does not say what its camera sees
@@ -24,8 +25,7 @@ const EDGE = 0.92; // of half a picture: nearer to its edge the arrow points asi
  */
 export const pointTo = (pose, target, hfov) => {
   const [dx, dy] = [target.x - pose.x, target.y - pose.y];
-  const turn = Math.atan2(dy, dx) - pose.theta;
-  const bearing = Math.atan2(Math.sin(turn), Math.cos(turn));
+  const bearing = wrap(Math.atan2(dy, dx) - pose.theta);
   const share =
     Math.abs(bearing) < Math.PI / 2
       ? -Math.tan(bearing) / Math.tan(hfov / 2)
@@ -42,8 +42,7 @@ export const pointTo = (pose, target, hfov) => {
 };
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
+ * @param {GetElement} element @param {Words} words
  * @param {() => {x: number, y: number, theta: number, localized: boolean} | null} poseNow the
  *   newest pose there is
  * @param {string} language a BCP 47 tag
@@ -54,7 +53,7 @@ export const createDirectionArrow = (element, words, poseNow, language) => {
     minimumFractionDigits: 1,
     maximumFractionDigits: 1,
   });
-  return (/** @type {import("../drive/features.js").State} */ state) => {
+  return (/** @type {State} */ state) => {
     const target = roleOf(state.visit) === "driver" && state.playing ? targetOf(state) : null;
     const pose = poseNow();
     arrow.hidden = !target || !pose?.localized;

@@ -28,9 +28,9 @@ const INSTEAD = new Map([
 ]);
 
 /**
- * @param {import("../drive/features.js").State} state
- * @param {import("../view/hud/card.js").Card | null} usual what is shown without a study
- * @returns {import("../view/hud/card.js").Card | null}
+ * @param {State} state
+ * @param {Card | null} usual what is shown without a study
+ * @returns {Card | null}
  */
 export const studyCard = (state, usual) => {
   const { study, leaving } = state;
@@ -57,7 +57,7 @@ export const studyCard = (state, usual) => {
 
 /**
  * Whether the drive is over, and not only gone to another tab, or its turn missed.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const hasEnded = ({ visit }) =>
   visit.phase === "ended" && visit.reason !== "moved" && visit.reason !== "turn_missed";
@@ -65,8 +65,7 @@ export const hasEnded = ({ visit }) =>
 /**
  * How it ended, in one of the words that have a card. A visit that is left is a completed visit and
  * no completed task.
- * @param {import("../drive/features.js").State} state
- * @returns {string}
+ * @param {State} state @returns {string}
  */
 const endOf = ({ study, visit, told }) => {
   const outcome =
@@ -83,11 +82,7 @@ const endOf = ({ study, visit, told }) => {
   return ENDS.has(outcome) ? outcome : "other";
 };
 
-/**
- * @param {import("../drive/features.js").State} state
- * @param {string} end
- * @returns {import("../view/hud/card.js").Card}
- */
+/** @param {State} state @param {string} end @returns {Card} */
 const over = ({ study, endedAt, now }, end) => ({
   word:
     study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,

@@ -4,7 +4,7 @@
  * (panels.js).
  */
 
-import { ask, heard, pass } from "../autonomy/robot_action.js";
+import { ask, heard, pass } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { lazy } from "../lib/lazy.js";
@@ -15,14 +15,15 @@ import { createRecorder } from "./recorder.js";
 
 const AGAIN = 2000; // ms until a part of the page that did not arrive is fetched again
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, config, connection } = page;
-  const recorder = createRecorder({ get: store.get, report: connection.report, now: unixNow });
-  /** @type {(state: import("../drive/features.js").State) => void} */
-  let showPanels = () => undefined;
+  const { report } = connection;
+  const recorder = createRecorder({ get: store.get, report, now: unixNow, hud: page.hud });
+  /** @type {ReturnType<typeof import("./panels.js").createStudyPanels> | null} */
+  let panels = null;
   if (config.study) {
-    fetchPanels(page, (show) => (showPanels = show));
+    fetchPanels(page, (fetched) => (panels = fetched));
   }
 
   /** @param {import("./photo.js").Answer} answer */
@@ -41,9 +42,11 @@ const setUp = (page) => {
     handlers: newHandlers(store),
     actions,
     on: {
-      steered: (
-        /** @type {import("../protocol/command_stream.js").Intent} */ { linear, angular, method },
-      ) => {
+      changed: (/** @type {State} */ state) => {
+        recorder.show(state);
+        panels?.changed(state);
+      },
+      steered: (/** @type {Intent} */ { linear, angular, method }) => {
         if (linear !== 0 || angular !== 0) {
           recorder.steered(method);
         }
@@ -63,16 +66,13 @@ const setUp = (page) => {
         watchEnd(store, actions, now);
       },
     },
-    render: (/** @type {import("../drive/features.js").State} */ state) => {
-      recorder.show(state);
-      showPanels(state);
-    },
+    render: (/** @type {State} */ state) => panels?.render(state),
   };
 };
 
 /**
- * @param {import("../drive/registry.js").Page} page
- * @param {(show: (state: any) => void) => void} use
+ * @param {Page} page
+ * @param {(panels: ReturnType<typeof import("./panels.js").createStudyPanels>) => void} use
  */
 const fetchPanels = ({ store, config, words, element, map, act }, use) => {
   const panels = lazy(() => import("./panels.js"));
@@ -87,10 +87,7 @@ const fetchPanels = ({ store, config, words, element, map, act }, use) => {
   begin();
 };
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @param {(answer: import("./photo.js").Answer) => void} say
- */
+/** @param {Page} page @param {(answer: import("./photo.js").Answer) => void} say */
 const newActions = ({ store, config, driving }, say) => {
   /** @param {"keep" | "again" | "skip"} choice */
   const answerWith = (choice) => () => {
@@ -116,7 +113,7 @@ const newActions = ({ store, config, driving }, say) => {
   };
 };
 
-/** @param {import("../drive/store.js").Store} store */
+/** @param {Store} store */
 const newHandlers = (store) => ({
   "session/task": (/** @type {Omit<import("./guide.js").Told, "endsAt">} */ message) => {
     const { visit, snap, answer } = store.get();
@@ -137,7 +134,7 @@ const newHandlers = (store) => ({
   },
 });
 
-/** @param {import("../drive/registry.js").Page} page @param {number} now */
+/** @param {Page} page @param {number} now */
 const watchPhoto = ({ store, driving }, now) => {
   const { snap } = store.get();
   const { action, send } = pass(snap, now);
@@ -150,8 +147,7 @@ const watchPhoto = ({ store, driving }, now) => {
 };
 
 /**
- * @param {import("../drive/store.js").Store} store
- * @param {(answer: import("./photo.js").Answer) => void} say
+ * @param {Store} store @param {(answer: import("./photo.js").Answer) => void} say
  * @param {number} now
  */
 const watchAnswer = (store, say, now) => {
@@ -166,9 +162,7 @@ const watchAnswer = (store, say, now) => {
 
 /**
  * A study goes on by itself after its drive.
- * @param {import("../drive/store.js").Store} store
- * @param {{go_on: () => void}} actions
- * @param {number} now
+ * @param {Store} store @param {{go_on: () => void}} actions @param {number} now
  */
 const watchEnd = (store, actions, now) => {
   const { endedAt, study } = store.get();
@@ -180,5 +174,5 @@ const watchEnd = (store, actions, now) => {
   }
 };
 
-/** @type {import("../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const study = { name: "study", setUp };

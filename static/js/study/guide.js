@@ -4,7 +4,7 @@
  * sentences stand in the page.
  */
 
-import { isUnderWay } from "../autonomy/robot_action.js";
+import { isUnderWay } from "../protocol/robot_action.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
@@ -39,19 +39,14 @@ const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when i
 
 /**
  * Keep what was said, with the time at which it ends.
- * @param {Omit<Told, "endsAt">} message
- * @param {number} now
- * @returns {Told}
+ * @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told}
  */
 export const hear = (message, now) => ({
   ...message,
   endsAt: message.remaining === null ? null : now + message.remaining,
 });
 
-/**
- * @param {import("../drive/features.js").State} state
- * @returns {Guide | null} null when there is nothing to guide
- */
+/** @param {State} state @returns {Guide | null} null when there is nothing to guide */
 export const guideFor = (state) => {
   const { study, visit, told, task } = state;
   if (!study || roleOf(visit) !== "driver") {
@@ -80,16 +75,16 @@ export const guideFor = (state) => {
   };
 };
 
-/** @param {import("../drive/features.js").State} state */
+/** @param {State} state */
 const leftOf = ({ told, now }) =>
   told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now);
 
-/** @param {import("../drive/features.js").State} state */
+/** @param {State} state */
 const drivenIn = ({ began, now }) => (began === null ? null : Math.max(0, now - began.at));
 
 /**
  * A practice drive is over after its minutes, whether or not somebody says so.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 const practiceLeft = ({ study, began, now }) => {
   const left = began === null ? Infinity : Math.max(0, began.at + study.minutes * 60 - now);
@@ -116,8 +111,7 @@ export const stopsOf = ({ checkpoints }, told) => {
 
 /**
  * Where the cue leads, as far as there is a place to lead to.
- * @param {import("../drive/features.js").State} state
- * @returns {{x: number, y: number, number: number | null} | null}
+ * @param {State} state @returns {{x: number, y: number, number: number | null} | null}
  */
 export const targetOf = ({ told, study }) => {
   const leads =

@@ -20,8 +20,7 @@ export class Shown {
 
   /**
    * @param {string} word nothing when none is shown
-   * @param {number | null} number
-   * @param {number} now
+   * @param {number | null} number @param {number} now
    * @returns {Note | null} the sentence that has gone
    */
   hear(word, number, now) {

@@ -3,9 +3,8 @@
  * on the map, and what is read out of them. Fetched by pages of studies alone.
  */
 
-import { clockTime } from "../view/map/dials.js";
 import { write } from "../lib/dom.js";
-import { unixNow } from "../lib/clock.js";
+import { clockTime, unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
 import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
 import { drawGround, drawStops, marksFor } from "./course.js";
@@ -17,22 +16,21 @@ import { createDirectionArrow } from "./direction_arrow.js";
 /**
  * @param {object} page
  * @param {string} page.snapshots where the photos are listed
- * @param {import("../lib/words.js").Words} page.words
- * @param {(id: string) => HTMLElement} page.element
+ * @param {Words} page.words @param {GetElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
  * @param {(action: string) => void} page.act
- * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   const announcerQueue = new AnnouncerQueue();
-  const shows = [
+  const photo = createPhotoWindow(element, words, { list: snapshots, act });
+  const renders = [
     createPanel(element, words),
-    createPhotoWindow(element, words, { list: snapshots, act }),
+    photo.render,
     createDirectionArrow(element, words, () => map.pose, document.documentElement.lang),
   ];
   let drawn = "";
 
-  /** @param {import("../drive/features.js").State} state */
+  /** @param {State} state */
   const showCourse = ({ study, told }) => {
     const marks = marksFor(study, told);
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
@@ -47,22 +45,18 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
     }
   };
 
-  return (state) => {
-    shows.forEach((show) => show(state));
+  const render = (/** @type {State} */ state) => {
+    renders.forEach((one) => one(state));
     showCourse(state);
     write(
       element("task-said"),
       announcerQueue.hear(spoken(state, words), unixNow()) ?? announcerQueue.said,
     );
   };
+  return { changed: photo.changed, render };
 };
 
-/**
- * What is read out.
- * @param {import("../drive/features.js").State} state
- * @param {import("../lib/words.js").Words} words
- * @returns {string}
- */
+/** What is read out. @param {State} state @param {Words} words @returns {string} */
 const spoken = (state, words) => {
   const guide = guideFor(state);
   if (!guide) {

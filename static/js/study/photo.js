@@ -5,7 +5,7 @@
  */
 
 import { roleOf } from "../protocol/session.js";
-import { isUnderWay } from "../autonomy/robot_action.js";
+import { isUnderWay } from "../protocol/robot_action.js";
 
 /**
  * @typedef {object} Window
@@ -15,7 +15,7 @@ import { isUnderWay } from "../autonomy/robot_action.js";
  * @property {boolean} busy a picture, or an answer, is on its way
  */
 
-/** @param {import("../drive/features.js").State} state @returns {Window | null} */
+/** @param {State} state @returns {Window | null} */
 export const windowFor = ({ visit, told, snap, answer }) => {
   if (roleOf(visit) !== "driver" || !told || told.outcome || told.window === "shut") {
     return null;

@@ -5,10 +5,8 @@ import { windowFor } from "./photo.js";
 import { Snapshots } from "./snapshots.js";
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
+ * @param {GetElement} element @param {Words} words
  * @param {{list: string, act: (action: string) => void}} options
- * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createPhotoWindow = (element, words, { list, act }) => {
   const panel = element("photo");
@@ -30,7 +28,8 @@ export const createPhotoWindow = (element, words, { list, act }) => {
   }
   let shown = "";
 
-  return (state) => {
+  const changed = (/** @type {State} */ state) => snapshots.want(windowFor(state)?.photo ?? "");
+  const render = (/** @type {State} */ state) => {
     const what = windowFor(state);
     panel.hidden = what === null;
     panel.dataset.mode = what?.mode ?? "";
@@ -40,7 +39,6 @@ export const createPhotoWindow = (element, words, { list, act }) => {
       button.hidden = !(button.dataset.in ?? "").split(" ").includes(what?.mode ?? "");
       button.disabled = what?.busy ?? true;
     }
-    snapshots.want(what?.photo ?? "");
     if (shown !== (what?.photo ?? "")) {
       shown = what?.photo ?? "";
       image.hidden = true;
@@ -48,11 +46,11 @@ export const createPhotoWindow = (element, words, { list, act }) => {
     }
     element("photo-wait").hidden = what?.mode !== "review" || !image.hidden;
   };
+  return { changed, render };
 };
 
 /**
  * A newer server's cue has a general sentence.
- * @param {import("./photo.js").Window} what
- * @param {import("../lib/words.js").Words} words
+ * @param {import("./photo.js").Window} what @param {Words} words
  */
 export const photoSentence = ({ word }, words) => words.say(words.has(word) ? word : "photo.other");

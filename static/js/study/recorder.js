@@ -3,8 +3,6 @@
  * Works with and without a study.
  */
 
-import { alertFor } from "../view/hud/alert.js";
-import { cardFor } from "../view/hud/card.js";
 import { nameOf } from "../view/display/profiles.js";
 import { guideFor } from "./guide.js";
 import { Changes, Shown, layoutOf } from "./page_events.js";
@@ -15,13 +13,13 @@ const STEADY_MS = 400; // a window that is being pulled larger has many sizes
 const PERMISSIONS = ["camera", "microphone"];
 
 /**
- * @param {object} options
- * @param {() => import("../drive/features.js").State} options.get
+ * @param {object} options @param {() => State} options.get
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
  *   options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
+ * @param {Page["hud"]} options.hud
  */
-export const createRecorder = ({ get, report, now }) => {
+export const createRecorder = ({ get, report, now, hud }) => {
   const [cue, alert, card] = [
     new Shown("cue_shown"),
     new Shown("alert_shown"),
@@ -63,7 +61,7 @@ export const createRecorder = ({ get, report, now }) => {
     sayPermissions();
   };
 
-  /** @param {import("../drive/features.js").State} state */
+  /** @param {State} state */
   const show = (state) => {
     const at = now();
     if (isDriving() && state.visit.session !== session) {
@@ -74,8 +72,8 @@ export const createRecorder = ({ get, report, now }) => {
     if (!isDriving()) {
       return; // who waits or watches has no record
     }
-    write(alert.hear(alertFor(state)?.word ?? "", null, at));
-    write(card.hear(cardFor(state)?.word ?? "", null, at));
+    write(alert.hear(hud.alertFor(state)?.word ?? "", null, at));
+    write(card.hear(hud.cardFor(state)?.word ?? "", null, at));
     write(photo.hear(windowFor(state)?.word ?? "", null, at));
     write(map.hear({ open: state.mapOpen }));
     if (nameOf(state) !== profile) {
@@ -102,7 +100,7 @@ const newFirstFrame = (report, now) => {
     reset: () => {
       framed = -Infinity;
     },
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
     say: ({ told, playing, slow }) => {
       const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
       if (
@@ -127,7 +125,7 @@ const onResized = (tell) => {
   });
 };
 
-/** How the page is laid out now. @param {import("../drive/features.js").State} state */
+/** How the page is laid out now. @param {State} state */
 const layoutNow = (state) => ({
   interface: nameOf(state),
   layout: layoutOf(innerWidth, innerHeight),
@@ -159,8 +157,7 @@ const watchPermissions = (changed) => {
 
 /**
  * One permission, now and whenever it changes.
- * @param {string} name
- * @param {(state: string) => unknown} tell
+ * @param {string} name @param {(state: string) => unknown} tell
  */
 const watchPermission = async (name, tell) => {
   try {

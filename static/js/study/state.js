@@ -9,7 +9,7 @@ export const newSlice = () => ({
   /** how far the task of the study is, as the session manager last said: guide.js */
   told: /** @type {import("./guide.js").Told | null} */ (null),
   /** the photo that the robot has been asked for, until it can be judged */
-  snap: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
+  snap: /** @type {RobotAction | null} */ (null),
   /** what the visitor chose in the photo's window, until that has been understood: photo.js */
   answer: /** @type {import("./photo.js").Answer | null} */ (null),
   /** when the drive of a study ended, Unix seconds; null before */

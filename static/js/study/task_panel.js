@@ -3,18 +3,14 @@
  * that opens.
  */
 
-import { clockTime } from "../view/map/dials.js";
-import { write } from "../lib/dom.js";
-import { maySteer } from "./restrictions.js";
+import { clockTime } from "../lib/clock.js";
+import { make, write } from "../lib/dom.js";
+import { maySteer } from "../protocol/capabilities.js";
 import { guideFor } from "./guide.js";
 
 const OURS = ["keyboard", "stick"]; // the controllers of this page
 
-/**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
- * @returns {(state: import("../drive/features.js").State) => void}
- */
+/** @param {GetElement} element @param {Words} words @returns {(state: State) => void} */
 export const createPanel = (element, words) => {
   const panel = element("task");
   const line = /** @type {HTMLButtonElement} */ (element("task-line"));
@@ -67,7 +63,7 @@ export const createPanel = (element, words) => {
   };
 };
 
-/** @param {import("./guide.js").Guide} guide @param {import("../lib/words.js").Words} words */
+/** @param {import("./guide.js").Guide} guide @param {Words} words */
 const timeOf = ({ left, driven }, words) => {
   if (left !== null) {
     return words.say("reading.left", { time: clockTime(Math.ceil(left)) });
@@ -77,15 +73,13 @@ const timeOf = ({ left, driven }, words) => {
 
 /**
  * The sentence of a cue; a newer server's cue has a general one.
- * @param {import("./guide.js").Guide} guide
- * @param {import("../lib/words.js").Words} words
+ * @param {import("./guide.js").Guide} guide @param {Words} words
  */
 export const sentence = ({ cue, number }, words) =>
   words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
 
 /**
- * @param {import("../drive/features.js").State} state
- * @param {import("../lib/words.js").Words} words
+ * @param {State} state @param {Words} words
  * @returns {string} which controllers are off, when some are
  */
 const noteOf = (state, words) => {
@@ -94,20 +88,15 @@ const noteOf = (state, words) => {
     .join(" ");
 };
 
-/** @param {import("./guide.js").Stop} stop @param {import("../lib/words.js").Words} words */
+/** @param {import("./guide.js").Stop} stop @param {Words} words */
 const stopItem = ({ number, title, status }, words) => {
-  const item = document.createElement("li");
-  item.className = "task__stop";
+  const item = make("li", "task__stop");
   item.dataset.status = status;
   item.title = title;
-  const sign = document.createElement("span");
+  const mark = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
+  const sign = make("span", "", mark);
   sign.setAttribute("aria-hidden", "true");
-  sign.textContent = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
-  const said = document.createElement("span");
-  said.className = "visually-hidden";
-  said.textContent = words.say(`stop.${number === 0 ? "station" : "checkpoint"}.${status}`, {
-    number,
-  });
-  item.append(sign, said);
+  const word = `stop.${number === 0 ? "station" : "checkpoint"}.${status}`;
+  item.append(sign, make("span", "visually-hidden", words.say(word, { number })));
   return item;
 };

@@ -1,11 +1,11 @@
 /** Whose fault it is that there is no video. */
 
-import { isAway } from "../view/hud/standstill.js";
+import { isAway } from "../protocol/standstill.js";
 
 /**
  * Whether it is the robot that keeps the video away: it is gone or silent, has a fault, or its
  * camera gives none. Then nothing is to be looked for in the visitor's network. Pure.
- * @param {import("../drive/features.js").State} state
+ * @param {State} state
  */
 export const isRobotsFault = ({ visit, robot, faults }) =>
   !visit.online ||

@@ -36,7 +36,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store } = page;
   const lazyPanels = lazy(async () => (await import("./lazy_panels.js")).createLazyPanels(page));
@@ -103,5 +103,5 @@ const setUp = (page) => {
   };
 };
 
-/** @type {import("../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const waiting = { name: "waiting", state: newSlice, setUp };

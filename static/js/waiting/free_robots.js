@@ -9,8 +9,7 @@ const MOST = 2;
 /**
  * @param {any} list the landing page's
  * @param {string} own the robot that is waited for
- * @param {import("../lib/words.js").Words} words
- * @returns {import("../view/hud/card.js").FreeRobot[]}
+ * @param {Words} words @returns {import("../view/hud/card.js").FreeRobot[]}
  */
 export const freeRobotsIn = ({ robots }, own, words) =>
   robots
@@ -23,10 +22,7 @@ export const freeRobotsIn = ({ robots }, own, words) =>
       url,
     }));
 
-/**
- * @param {import("../drive/registry.js").Page} page
- * @returns {(now: number) => void} to be called while the visitor waits
- */
+/** @param {Page} page @returns {(now: number) => void} to be called while the visitor waits */
 export const createFreeRobots = ({ store, config, words }) => {
   let askedAt = -Infinity;
 

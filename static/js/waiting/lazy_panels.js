@@ -13,7 +13,7 @@ import { askPermission, call, permission, prepare } from "./notification.js";
 import { createPractice } from "./practice.js";
 import { saveSouvenir } from "./souvenir.js";
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createLazyPanels = (page) => {
   const {
     store,

@@ -1,7 +1,7 @@
 /**
  * Calling a visitor who looks elsewhere: two short tones, a trembling telephone, and a notification
- * where the visitor has allowed them. Loaded only for whoever waits, or is asked whether they are
- * still there.
+ * where the visitor has allowed them. Loaded only while the visitor waits, or is asked whether they
+ * are still there.
  *
  * A browser lets a page sound only after the visitor has touched it, so `prepare` is called on
  * every touch until then. Whether notifications may be shown is asked for on a click alone.

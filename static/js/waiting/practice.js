@@ -9,11 +9,9 @@ import { write } from "../lib/dom.js";
 const AGAIN = 1.5; // s between two questions while a robot is being made ready
 
 /**
- * @param {object} options
- * @param {import("../drive/store.js").Store} options.store
+ * @param {object} options @param {Store} options.store
  * @param {string | null} options.address where to ask for a robot, null where there is none
- * @param {(id: string) => HTMLElement} options.element
- * @param {import("../lib/words.js").Words} options.words
+ * @param {GetElement} options.element @param {Words} options.words
  * @param {(type: string) => boolean} options.report
  */
 export const createPractice = ({ store, address, element, words, report }) => {

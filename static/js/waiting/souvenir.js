@@ -1,6 +1,6 @@
 /**
  * A picture to keep of a visit that is over: the map with the path that was driven, how far and how
- * long, and the visitor's own photos. Drawn in the browser, for nobody else.
+ * long, and the visitor's own photos. Drawn in the browser and not uploaded.
  */
 
 import { RobotMap } from "../view/map/robot_map.js";
@@ -13,14 +13,11 @@ const PHOTO_WIDTH = (WIDTH - 4 * MARGIN) / 3;
 const PHOTO_HEIGHT = (PHOTO_WIDTH * 3) / 4;
 const MOST_PHOTOS = 9;
 
-/**
- * @typedef {{session: string, metres: number, minutes: number, trail: [number, number][][]}} Trip
- */
+/** @typedef {{session: string, metres: number, minutes: number, trail: Point[][]}} Trip */
 
 /**
  * Draw the picture and have the browser save it.
- * @param {Pick<import("../drive/registry.js").Page, "config" | "words" | "map">} page
- * @param {Trip} trip
+ * @param {Pick<Page, "config" | "words" | "map">} page @param {Trip} trip
  */
 export const saveSouvenir = async ({ config, words, map }, trip) => {
   const photos = await ownPhotos(config.snapshots, trip.session);
@@ -29,7 +26,7 @@ export const saveSouvenir = async ({ config, words, map }, trip) => {
   const canvas = document.createElement("canvas");
   canvas.width = WIDTH;
   canvas.height = HEAD + (ground && ground + MARGIN) + rows * (PHOTO_HEIGHT + MARGIN);
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  const context = /** @type {Canvas2D} */ (canvas.getContext("2d"));
   const style = getComputedStyle(document.body);
   context.fillStyle = style.backgroundColor;
   context.fillRect(0, 0, canvas.width, canvas.height);
@@ -62,7 +59,7 @@ export const factsOf = ({ metres, minutes }) => ({
   minutes: Math.max(1, Math.round(minutes)),
 });
 
-/** @param {CanvasRenderingContext2D} context @param {RobotMap} map @param {Trip["trail"]} trail */
+/** @param {Canvas2D} context @param {RobotMap} map @param {Trip["trail"]} trail */
 const drawGround = (context, map, trail) => {
   const canvas = document.createElement("canvas");
   // It is laid out, out of sight, for a map takes its size and its colours from the page.
@@ -73,17 +70,15 @@ const drawGround = (context, map, trail) => {
   map.canvas.parentElement?.append(canvas);
   const ground = new RobotMap({ canvas, frame: (draw) => draw() });
   ground.trail.pieces = trail;
-  ground.show(/** @type {import("../view/map/floor_plan.js").FloorPlan} */ (map.site), map.image);
+  ground.show(/** @type {FloorPlan} */ (map.site), map.image);
   context.drawImage(canvas, MARGIN, HEAD, WIDTH - 2 * MARGIN, MAP_HEIGHT);
+  ground.release();
   canvas.remove();
 };
 
 /**
  * As large as its place, cut at the edges.
- * @param {CanvasRenderingContext2D} context
- * @param {HTMLImageElement} photo
- * @param {number} x
- * @param {number} y
+ * @param {Canvas2D} context @param {HTMLImageElement} photo @param {number} x @param {number} y
  */
 const drawPhoto = (context, photo, x, y) => {
   const scale = Math.max(PHOTO_WIDTH / photo.naturalWidth, PHOTO_HEIGHT / photo.naturalHeight);
@@ -103,9 +98,7 @@ const drawPhoto = (context, photo, x, y) => {
 
 /**
  * The photos of a visit, the first one first; none where the server cannot be asked.
- * @param {string} list
- * @param {string} session
- * @returns {Promise<HTMLImageElement[]>}
+ * @param {string} list @param {string} session @returns {Promise<HTMLImageElement[]>}
  */
 const ownPhotos = async (list, session) => {
   try {

@@ -17,7 +17,7 @@ from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
 from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
 from surveys.importing.limesurvey_tables import LimeSurveyRow, survey_of, tables_of
-from surveys.importing.question import ImportedQuestion
+from surveys.importing.question import ImportedQuestion, values_of
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS
 
@@ -57,11 +57,8 @@ class LimeSurveyConversion(ImportedQuestion):
     def _answers(self, scale_id: str = "0") -> dict[str, Text]:
         if self.kind in _WORDED:
             return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
-        return {
-            answer.get("code"): self.texts_of(answer, "answer")
-            for answer in self.question.answers
-            if answer.row.get("scale_id", "0") == scale_id
-        }
+        listed = (one for one in self.question.answers if one.row.get("scale_id", "0") == scale_id)
+        return {one.get("code"): self.texts_of(one, "answer") for one in listed}
 
     def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
         return [
@@ -91,9 +88,8 @@ class LimeSurveyConversion(ImportedQuestion):
         if wanted.startswith("random") or self.question.attribute("random_order") == "1":
             return "shuffled"
         if wanted not in {"", "normal"}:
-            self.note.changed(
-                _("Its order (%(order)s) is replaced by the written order."), order=wanted
-            )
+            words = _("Its order (%(order)s) is replaced by the written order.")
+            self.note.changed(words, order=wanted)
         return "fixed"
 
     def _number(self, name: str) -> float | None:
@@ -110,8 +106,7 @@ class LimeSurveyConversion(ImportedQuestion):
     def single(self) -> list[Item]:
         """L, !, O, Y and G: one of the answers; O has a comment."""
         key, options = self.key(), self.options(self._answers() | self._other())
-        for code, option in options.items():
-            self.draft.remember(self.name, code, key, option["value"])
+        self.draft.remember(self.name, key, values_of(options))
         order = self._order("answer_order")
         items = [self.item("single", key, options=list(options.values()), order=order)]
         if self._has_other:
@@ -127,16 +122,12 @@ class LimeSurveyConversion(ImportedQuestion):
         key, labels = self.key(), dict(self._parts()) | self._other()
         alone = [code for code in self.question.attribute("exclude_all_others").split(";") if code]
         least, most = (self._number(f"{name}_answers") for name in ("min", "max"))
-        options = self.options(labels, alone)
-        item = self.item(
-            *("multiple", key),
-            options=list(options.values()),
-            at_least=int(least or 0),
-            at_most=int(most) if most else None,
-            order=self._order("subquestion_order"),
-        )
+        options, bounds = self.options(labels, alone), {"at_least": int(least or 0)}
+        bounds |= {"at_most": int(most)} if most else {}
+        order = self._order("subquestion_order")
+        item = self.item("multiple", key, options=list(options.values()), order=order, **bounds)
         for code, option in options.items():
-            self.draft.remember(f"{self.name}_{code}", "Y", key, option["value"])
+            self.draft.remember(f"{self.name}_{code}", key, {"Y": option["value"]})
         with_text = options if self.kind == "P" else ["other"] if self._has_other else []
         return [item, *(self.other(key, options[code]) for code in with_text)]
 
@@ -151,8 +142,7 @@ class LimeSurveyConversion(ImportedQuestion):
     def five_points(self) -> list[Item]:
         """5: one of the numbers from 1 to 5."""
         key = self.key()
-        for n in range(1, 6):
-            self.draft.remember(self.name, str(n), key, n)
+        self.draft.remember(self.name, key, {str(n): n for n in range(1, 6)})
         return [self.item("likert", key, scale=self.numbered(range(1, 6), {}, {}))]
 
     def array(self) -> list[Item]:
@@ -165,9 +155,8 @@ class LimeSurveyConversion(ImportedQuestion):
         if self.kind == "H":
             self.note.changed(_("Its columns become rows."))
         if len(answers) > MAX_POINTS:
-            self.note.changed(
-                _("A scale can have at most 11 points, so each row becomes a list of options.")
-            )
+            words = _("A scale can have at most 11 points, so each row becomes a list of options.")
+            self.note.changed(words)
             fields = {"kind": "single", "options": list(self.options(answers).values())}
             return self._by_part(fields, _("Each row becomes a separate question."))
         return [self._grid(*self.scale(answers))]
@@ -193,9 +182,7 @@ class LimeSurveyConversion(ImportedQuestion):
         for part, label in self._parts():
             key = self.key(part, *endings)
             rows.append({"key": key, "text": label})
-            for code, value in values.items():
-                name = "_".join((self.name, part, *endings))
-                self.draft.remember(name, code, key, value)
+            self.draft.remember("_".join((self.name, part, *endings)), key, values)
         order = self._order("subquestion_order")
         item = self.item("grid", self.key(*endings), scale=scale, rows=rows, order=order, **reasons)
         return item | {"text": self.draft.joined(item["text"], heading or {})}
@@ -206,14 +193,14 @@ class LimeSurveyConversion(ImportedQuestion):
         if is_number and self.question.attribute("multiflexible_checkbox") == "1":
             fields = {"kind": "multiple", "options": list(self.options(dict(columns)).values())}
             return self._by_part(fields, _("Each row becomes a separate question."))
-        content: Item = {"kind": "number" if is_number else "text"}
+        content: Item = {"kind": "text"}
         if is_number:
             least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
-            content |= {"minimum": least, "maximum": most}
+            content = {"kind": "number", "minimum": least, "maximum": most}
+        cells = ((*row, *column) for row in self._parts() for column in columns)
         parts = (
             (self.key(row, column), self.draft.joined(label, heading), content)
-            for row, label in self._parts()
-            for column, heading in columns
+            for row, label, column, heading in cells
         )
         return self.apart(_("Each cell becomes a separate question."), parts)
 
@@ -233,12 +220,9 @@ class LimeSurveyConversion(ImportedQuestion):
         suffix = self._attribute_text("suffix")
         if any(self.question.attribute_texts("prefix").values()):
             self.note.changed(_("The text before the number is not imported."))
-        return {
-            "minimum": self._number("min_num_value_n"),
-            "maximum": self._number("max_num_value_n"),
-            "whole": self.question.attribute("num_value_int_only") == "1",
-            "unit": suffix,
-        }
+        least, most = (self._number(f"{name}_num_value_n") for name in ("min", "max"))
+        is_whole = self.question.attribute("num_value_int_only") == "1"
+        return {"minimum": least, "maximum": most, "whole": is_whole, "unit": suffix}
 
     def number(self) -> list[Item]:
         """N: a number."""
@@ -263,12 +247,9 @@ class LimeSurveyConversion(ImportedQuestion):
         separator = self.question.attribute("slider_separator") or "|"
         for code, label in self._parts():
             words = {language: [*one.split(separator), "", ""] for language, one in label.items()}
-            own, *ends = (
-                {language: parts[n].strip() for language, parts in words.items()} for n in range(3)
-            )
+            own, *ends = ({one: parts[n].strip() for one, parts in words.items()} for n in range(3))
             left, right = (end if all(end.values()) else {} for end in ends)
-            fields = self.slider(low, high, left, right, max(int(step), 1))
-            yield self.key(code), own, fields
+            yield self.key(code), own, self.slider(low, high, left, right, max(int(step), 1))
 
     def day(self) -> list[Item]:
         """D: a day."""
@@ -377,7 +358,7 @@ class Lss(SurveyFormat):
         self.into.page(title, intro, condition)
         for question in group.parts:
             if self.survey.get("format") == "S":
-                self.into.page(title, None, condition)
+                self.into.page(title, {}, condition)
             self._ask(question)
 
     def _ask(self, question: LimeSurveyRow) -> None:
@@ -399,11 +380,8 @@ class Lss(SurveyFormat):
 
     def _remark(self, asked: LimeSurveyConversion) -> None:
         note, question = asked.note, asked.question
-        lost = [
-            words
-            for name, words in _UNSUPPORTED.items()
-            if question.attribute(name) not in {"", "0", "N"}
-        ]
+        found = [name for name in _UNSUPPORTED if question.attribute(name) not in {"", "0", "N"}]
+        lost = [_UNSUPPORTED[name] for name in found]
         for words in [*lost, "validation"] if question.get("preg") else lost:
             note.changed(_("Not imported: %(what)s."), what=words)
         if any(part.get("relevance") not in {"", "1"} for part in question.parts):

@@ -48,10 +48,9 @@ class QualtricsConversion(ImportedQuestion):
         self.settings: Payload = mapping(mapping(payload.get("Validation")).get("Settings"))
         self.configuration: Payload = mapping(payload.get("Configuration"))
         self._choices = by_id(payload.get("Choices"))
-        self._in_languages = {
-            language_of(code): mapping(one)
-            for code, one in mapping(payload.get("Language")).items()
-        } | {draft.languages[0]: payload}
+        texts = mapping(payload.get("Language")).items()
+        self._in_languages = {language_of(code): mapping(one) for code, one in texts}
+        self._in_languages[draft.languages[0]] = dict(payload)
 
     def raw_text(self) -> Raw:
         texts = self._in_languages.items()
@@ -133,7 +132,7 @@ class QualtricsConversion(ImportedQuestion):
         items = [self.item(kind, key, options=listed, order=self._order(), **bounds)]
         for one in labels:
             if option := options.get(codes[one]):
-                self.draft.remember(self.id, one, key, option["value"])
+                self.draft.remember(self.id, key, {one: option["value"]})
                 if _is_set(self._choices[one], "TextEntry"):
                     items.append(self.other(key, option))
         return items
@@ -168,9 +167,8 @@ class QualtricsConversion(ImportedQuestion):
             return self._choices_by_row("multiple")
         answers = self._labels("Answers", "AnswerOrder")
         if len(answers) > MAX_POINTS:
-            self.note.changed(
-                _("A scale can have at most 11 points, so each row becomes a list of options.")
-            )
+            words = _("A scale can have at most 11 points, so each row becomes a list of options.")
+            self.note.changed(words)
             return self._choices_by_row("single")
         if self.sub_selector not in {"", "SingleAnswer"}:
             self.note.changed(_("It becomes statements on a scale."))
@@ -179,8 +177,8 @@ class QualtricsConversion(ImportedQuestion):
     def _grid(self, scale: str, values: Mapping[str, int], reasons: Mapping[str, bool]) -> Item:
         key = self.key()
         rows = [{"key": own, "text": label} for own, label in self._rows()]
-        for answer, value in values.items() if len(rows) == 1 else ():
-            self.draft.remember(self.id, answer, str(rows[0]["key"]), value)
+        if len(rows) == 1:
+            self.draft.remember(self.id, str(rows[0]["key"]), values)
         return self.item("grid", key, scale=scale, rows=rows, order=self._order(), **reasons)
 
     def _choices_by_row(self, kind: str) -> list[Item]:
@@ -366,11 +364,9 @@ class Qsf(SurveyFormat):
         }
         # The first payload of each kind of element.
         self.payloads = {str(one.get("Element")): one.get("Payload") for one in elements[::-1]}
-        self.blocks = {
-            str(block.get("ID") or n): block
-            for n, block in by_id(self.payloads.get("BL")).items()
-            if isinstance(block, dict)
-        }
+        blocks = by_id(self.payloads.get("BL")).items()
+        listed = ((n, block) for n, block in blocks if isinstance(block, dict))
+        self.blocks = {str(block.get("ID") or n): block for n, block in listed}
         self.into = Draft("qualtrics", self.label, self._languages())
 
     @classmethod
@@ -398,22 +394,16 @@ class Qsf(SurveyFormat):
 
     def _languages(self) -> list[str]:
         first = language_of(str(self.entry.get("SurveyLanguage") or "EN")) or "en"
-        found = [
-            language_of(code)
-            for payload in self.questions.values()
-            for code, texts in mapping(payload.get("Language")).items()
-            if mapping(texts).get("QuestionText")
-        ]
+        translated = (mapping(one.get("Language")).items() for one in self.questions.values())
+        texts = ((code, mapping(one)) for listed in translated for code, one in listed)
+        found = [language_of(code) for code, one in texts if one.get("QuestionText")]
         return [language for language in dict.fromkeys([first, *found]) if language]
 
     def _blocks_in_order(self) -> list[dict[str, Any]]:
         flow = mapping(self.payloads.get("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
-        return [
-            self.blocks[one]
-            for one in dict.fromkeys(order)
-            if one in self.blocks and self.blocks[one].get("Type") != "Trash"
-        ]
+        blocks = [self.blocks[one] for one in dict.fromkeys(order) if one in self.blocks]
+        return [block for block in blocks if block.get("Type") != "Trash"]
 
     def _flow(self, flow: list[Any], depth: int = 0) -> Iterator[str]:
         """Yield the ids of the blocks in the order of the flow, and report its other parts."""
@@ -432,16 +422,15 @@ class Qsf(SurveyFormat):
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
         options = mapping(block.get("Options"))
         shuffled = str(options.get("RandomizeQuestions", "false")) not in {"false", "", "None"}
-        self.into.page(is_shuffled=shuffled)
+        order = "shuffled" if shuffled else "fixed"
+        self.into.page({}, {}, order=order)
         if str(options.get("Looping", "None")) not in {"None", "", "false"}:
-            self.into.leave_out(
-                _("Block: %(name)s") % {"name": block.get("Description")},
-                _("Loops are not imported: the questions are asked once."),
-            )
+            name = _("Block: %(name)s") % {"name": block.get("Description")}
+            self.into.leave_out(name, _("Loops are not imported: the questions are asked once."))
         for one in map(mapping, by_id(block.get("BlockElements")).values()):
             question = str(one.get("QuestionID"))
             if one.get("Type") == "Page Break":
-                self.into.page(is_shuffled=shuffled)
+                self.into.page({}, {}, order=order)
             elif one.get("Type") == "Question" and question in self.questions:
                 yield question
                 self._ask(self.questions[question], has_skip=bool(one.get("SkipLogic")))

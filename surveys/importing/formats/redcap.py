@@ -18,7 +18,7 @@ from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
-from surveys.importing.question import ImportedQuestion
+from surveys.importing.question import ImportedQuestion, values_of
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
@@ -137,8 +137,7 @@ class RedcapField(ImportedQuestion):
         """radio, dropdown, yesno, truefalse: one of its choices."""
         options = self.options(self._labels())
         item = self.item("single", options=list(options.values()), order=self._order())
-        for code, option in options.items():
-            self.draft.remember(self.name, code, item["key"], option["value"])
+        self.draft.remember(self.name, item["key"], values_of(options))
         return [item]
 
     def several(self) -> list[Item]:
@@ -150,7 +149,7 @@ class RedcapField(ImportedQuestion):
         found = list(options.values())
         item = self.item("multiple", options=found, at_most=bound, order=self._order())
         for code, option in options.items():
-            self.draft.remember(f"{self.name}({code})", "1", item["key"], option["value"])
+            self.draft.remember(f"{self.name}({code})", item["key"], {"1": option["value"]})
         return [item]
 
     def sliders(self) -> list[Item]:
@@ -175,17 +174,15 @@ class RedcapField(ImportedQuestion):
         name, values, reasons = self.scale(self._labels())
         required = [bool(field.common().get("required")) for field in fields]
         if any(required) and not all(required):
-            self.note.changed(
-                _("The file requires an answer in some rows only; here all rows are optional.")
-            )
+            words = _("The file requires an answer in some rows only; here all rows are optional.")
+            self.note.changed(words)
         if any(field._is_set("ranking") for field in fields):  # noqa: SLF001 - another of this class
             self.note.changed(_("Respondents can choose a column in several rows."))
         rows = []
         for field in fields:
             key = field.key()
             rows.append({"key": key, "text": field.text()})
-            for code, value in values.items():
-                self.draft.remember(field.name, code, key, value)
+            self.draft.remember(field.name, key, values)
             field._remark()  # noqa: SLF001 - another of this class
         own = {"key": self.draft.key(self.row["matrix"], self.note), "kind": "grid", "rows": rows}
         text = heading or self.draft.same(self.row["matrix"])
@@ -255,15 +252,14 @@ class Redcap(SurveyFormat):
     @classmethod
     def is_in(cls, document: bytes) -> bool:
         head = document[:2000].lower()
-        return all(
-            any(name.encode() in head for name in COLUMNS[column]) for column in ("name", "form")
-        )
+        needed = (COLUMNS[column] for column in ("name", "form"))
+        return all(any(name.encode() in head for name in names) for names in needed)
 
     def convert(self) -> None:
         self.into.title = self.into.same(_title(self.form) or "REDCap")
         self.into.source = f"REDCap, {self.form}" if self.form else "REDCap"
         for form, rows in groupby(self.rows, key=lambda row: row["form"]):
-            self.into.page(self.into.same(_title(form)) if form and not self.form else {})
+            self.into.page(self.into.same(_title(form)) if form and not self.form else {}, {})
             for matrix, run in groupby(rows, key=_matrix_of):
                 if matrix is not None:
                     self._grid(list(run))
@@ -310,9 +306,8 @@ class Redcap(SurveyFormat):
         with self.into.trying(notes[0]):
             heading = self._heading(rows[0]) if rows[0]["header"].strip() else {}
             if not heading:
-                notes[0].changed(
-                    _("Its matrix has no heading, so the name of the matrix is shown.")
-                )
+                words = _("Its matrix has no heading, so the name of the matrix is shown.")
+                notes[0].changed(words)
             condition = self._condition(notes[0], rows[0])
             item = fields[0].grid(fields, heading)
             self.into.ask(notes[0], [item], condition)
@@ -343,12 +338,8 @@ def rows_of(document: bytes) -> Iterator[Row]:
         words = _("This is not a valid CSV file: %(problem)s.") % {"problem": error}
         raise BadDefinitionError([words]) from error
     headings = [one.strip().strip('"').lower() for one in table[0]]
-    places = {
-        column: headings.index(name)
-        for column, names in COLUMNS.items()
-        for name in reversed(names)
-        if name in headings
-    }
+    columns = ((column, name) for column, names in COLUMNS.items() for name in reversed(names))
+    places = {column: headings.index(name) for column, name in columns if name in headings}
     lacking = [COLUMNS[one][0] for one in ("name", "type", "label") if one not in places]
     if lacking:
         words = _("The file has no column %(names)s.") % {"names": ", ".join(lacking)}

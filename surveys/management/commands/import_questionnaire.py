@@ -20,24 +20,19 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("file", type=Path, help="the exported file")
-        parser.add_argument(
-            "--save", action="store_true", help="store the questionnaire after the report"
-        )
-        parser.add_argument("--name", default="", help="its name; default: made of its title")
-        parser.add_argument(
-            "--language", default="en", help="language of the texts of a REDCap file"
-        )
-        parser.add_argument("--form", default="", help="import only this form of a REDCap file")
+        add = parser.add_argument
+        add("file", type=Path, help="the exported file")
+        add("--save", action="store_true", help="store the questionnaire after the report")
+        add("--name", default="", help="its name; default: made of its title")
+        add("--language", default="en", help="language of the texts of a REDCap file")
+        add("--form", default="", help="import only this form of a REDCap file")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         path: Path = options["file"]
         try:
             with path.open("rb") as file:
                 document = file.read(MAX_FILE + 1)
-            found = import_survey(
-                document, *(options[name] for name in ("language", "form", "name"))
-            )
+            found = import_survey(document, options["language"], options["form"], options["name"])
             self._write_report(found.report)
             self._save(found, save=options["save"])
         except BadDefinitionError as error:

@@ -1,6 +1,4 @@
-"""`manage.py backup FILE`: the database, secrets, credentials and media of a running site in one
-file.
-"""
+"""`manage.py backup FILE`: a site's database, secrets, credentials and media in one file."""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -14,8 +12,6 @@ from telepresence_site.ops.backup.whole import back_up
 
 
 class Command(BaseCommand):
-    """Never overwrites anything."""
-
     help = (
         "Write everything that cannot be recreated into one new file that "
         "only its owner can read; the site can keep running."
@@ -23,9 +19,8 @@ class Command(BaseCommand):
     requires_system_checks: list[str] = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument(
-            "file", type=Path, help="such as /backup/telepresence-2026-11-21.tar.gz"
-        )
+        example = "such as /backup/telepresence-2026-11-21.tar.gz"
+        parser.add_argument("file", type=Path, help=example)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         try:

@@ -1,6 +1,4 @@
-"""`manage.py forget`: what has been kept long enough goes. To be run daily; `--dry-run` only
-counts.
-"""
+"""`manage.py forget`: deletes what is older than settings.RETENTION_DAYS. Run it daily."""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -14,8 +12,6 @@ from telepresence_site.ops.retention import empty_write_ahead_log, forget_all
 
 
 class Command(BaseCommand):
-    """Keep to settings.RETENTION_DAYS, and say what was done."""
-
     help = "Delete what is older than the RETENTION_ settings allow; run it daily."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

@@ -1,6 +1,4 @@
-"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox; of
-no use by hand.
-"""
+"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox."""
 
 from typing import Any
 
@@ -12,8 +10,6 @@ from telepresence_site.rehearsal.play import PlayFailed, carry_out
 
 
 class Command(BaseCommand):
-    """Carry out the orders of a sandbox."""
-
     help = "Started by run_bots --speed and rehearse_study in a sandbox; do not run it by hand."
     requires_system_checks: list[str] = []
 

@@ -27,26 +27,17 @@ def _sizes(text: str) -> list[int]:
 
 
 class Command(BaseCommand):
-    """Simulates a study with the statistics that will analyse it."""
-
     help = "Estimate the power of the declared analyses, and the number of participants needed."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study, or name:version")
-        parser.add_argument(
-            "--participants",
-            type=_sizes,
-            default=SIZES,
-            help="numbers of participants, separated by commas [16,24,32,48,64]",
-        )
-        parser.add_argument(
-            "--studies",
-            type=int,
-            default=STUDIES,
-            help=f"studies to simulate for each number [{STUDIES}]",
-        )
-        parser.add_argument("--seed", type=int, default=1, help="random seed [1]")
-        parser.add_argument("--json", action="store_true", help="write the table as JSON")
+        add = parser.add_argument
+        add("study", help="name of the study, or name:version")
+        participants = "numbers of participants, separated by commas [16,24,32,48,64]"
+        add("--participants", type=_sizes, default=SIZES, help=participants)
+        studies = f"studies to simulate for each number [{STUDIES}]"
+        add("--studies", type=int, default=STUDIES, help=studies)
+        add("--seed", type=int, default=1, help="random seed [1]")
+        add("--json", action="store_true", help="write the table as JSON")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study = study_named(options["study"]).as_definition()
@@ -61,24 +52,24 @@ class Command(BaseCommand):
 
 
 def _orders(study: StudyDefinition) -> dict[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the orders of conditions by the conditions of a participant, as the study has them."""
+    """Return the orders of each set of conditions that a participant can have; its key has the
+    conditions in the order of the study.
+    """
     found: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
-    written = {condition.key: place for place, condition in enumerate(study.conditions)}
+    keys = [condition.key for condition in study.conditions]
     for access in ("open", "invitation"):
         for cell in cells(study, access):
-            own = tuple(sorted(cell.conditions, key=lambda key: written[key]))
+            own = tuple(sorted(cell.conditions, key=keys.index))
             found.setdefault(own, []).append(cell.conditions)
     return found
 
 
 def as_json(table: Table) -> str:
-    """Return a table as JSON: its head, rows of texts, and notes."""
     rows = [[cell.text for cell in row] for row in table.rows]
     return json.dumps({"head": table.head, "rows": rows, "notes": table.notes}, ensure_ascii=False)
 
 
 def as_text(table: Table) -> str:
-    """Return a table as lines of columns, with its notes below."""
     rows = [table.head, *([cell.text for cell in row] for row in table.rows)]
     widths = [max(len(row[n]) for row in rows) for n in range(len(table.head))]
     lines = [

@@ -1,4 +1,4 @@
-"""`manage.py run_bots STUDY`: scripted participants take part, at real time on this site or many
+"""`manage.py run_bots STUDY`: scripted participants take part, in real time on this site or many
 times faster in a sandbox.
 """
 
@@ -19,83 +19,46 @@ from experiments.management.study_lookup import study_named
 from experiments.models import Study
 from robots.processes import ended_by_signals, interrupted_by_signals
 from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, line_of, play
-from telepresence_site.rehearsal.room import sandbox_folder
+from telepresence_site.rehearsal.sandbox import sandbox_folder
 
 FASTEST = 50.0
 
 
 class Command(BaseCommand):
-    """Let bots take part in a study."""
-
     help = (
         "Let bots take part in a study: with --url on a running site, with "
         "--speed in a sandbox that runs faster than real time."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study, or name:version")
-        parser.add_argument(
-            "--participants", type=int, default=2, metavar="N", help="how many bots (default 2)"
+        add = parser.add_argument
+        add("study", help="name of the study, or name:version")
+        for name, default, metavar, text in (
+            ("--participants", 2, "N", "how many bots (default 2)"),
+            ("--seed", 1, "S", "seed for everything that the bots decide"),
+            ("--at-once", 2, "K", "how many take part at a time (default 2)"),
+            ("--visits", 1, "V", "how often each of them takes part (default once)"),
+        ):
+            add(name, type=int, default=default, metavar=metavar, help=text)
+        speed = "in a sandbox, at most this many times faster than real time"
+        add("--speed", type=float, metavar="X", help=speed)
+        url = "the site where they take part, which must use this database"
+        add("--url", default="http://127.0.0.1:8000", help=url)
+        ends = "how bots end: usual, every, or names separated by commas: " + ", ".join(Ending)
+        add("--endings", default="usual", help=ends)
+        shifts = (
+            "shift answers: question@circumstance=value:size, such as easy@assist=steer:0.8;"
+            " separate several circumstances by commas"
         )
-        parser.add_argument(
-            "--seed",
-            type=int,
-            default=1,
-            metavar="S",
-            help="seed for everything that the bots decide",
-        )
-        parser.add_argument(
-            "--speed",
-            type=float,
-            metavar="X",
-            help="in a sandbox, at most this many times faster than real time",
-        )
-        parser.add_argument(
-            "--url",
-            default="http://127.0.0.1:8000",
-            help="the site where they take part, which must use this database",
-        )
-        parser.add_argument(
-            "--at-once",
-            type=int,
-            default=2,
-            metavar="K",
-            help="how many take part at a time (default 2)",
-        )
-        parser.add_argument(
-            "--endings",
-            default="usual",
-            help="how bots end: usual, every, or names separated by commas: " + ", ".join(Ending),
-        )
-        parser.add_argument(
-            "--visits",
-            type=int,
-            default=1,
-            metavar="V",
-            help="how often each of them takes part (default once)",
-        )
-        parser.add_argument(
-            "--effect",
-            action="append",
-            default=[],
-            metavar="E",
-            help=(
-                "shift answers: question@circumstance=value:size, such as"
-                " easy@assist=steer:0.8; separate several circumstances by commas"
-            ),
-        )
-        parser.add_argument(
-            "--dataset",
-            type=Path,
-            metavar="DIR",
-            help="with --speed, a new folder for the dataset of the bots",
-        )
-        parser.add_argument("--report", type=Path, help="a file for the bots' diaries, as JSON")
+        add("--effect", action="append", default=[], metavar="E", help=shifts)
+        folder = "with --speed, a new folder for the dataset of the bots"
+        add("--dataset", type=Path, metavar="DIR", help=folder)
+        add("--report", type=Path, help="a file for the bots' diaries, as JSON")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study, orders = study_named(options["study"]), _orders(options)
         diaries = (
-            self._beside(study, orders, options["url"])
+            self._on_site(study, orders, options["url"])
             if options["speed"] is None
             else self._in_sandbox(study, orders)
         )
@@ -106,10 +69,10 @@ class Command(BaseCommand):
         if stuck:
             raise CommandError("Some bots got stuck in the study; see above.")
 
-    def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
+    def _on_site(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
         if study.status == Study.Status.CLOSED:
             raise CommandError("The study is closed: it accepts no new participants.")
-        # a bot waits minutes for a site that does not answer, and leaves nothing behind
+        # A bot waits minutes for a site that does not answer, and there is nothing to clean up.
         with ended_by_signals():
             bots = crowd_of(study, orders, url, lambda one: self.stdout.write(line_of(one)))
             diaries = asyncio.run(bots.run())
@@ -122,24 +85,20 @@ class Command(BaseCommand):
                     played = play(study, orders, folder, self.stdout.write)
             except (PlayFailed, KeyboardInterrupt) as error:
                 raise CommandError(str(error) or "Stopped before the bots finished.") from error
-        times = played.seconds / max(played.real_seconds, 1e-6)
         for sentence in played.report.problems:
             self.stdout.write(f"  {sentence}")
+        simulated, real = played.seconds / 60.0, played.real_seconds / 60.0
         self.stdout.write(
-            f"{played.seconds / 60.0:.1f} simulated minutes took "
-            f"{played.real_seconds / 60.0:.1f} real ones: {times:.1f} times real "
-            "time."
+            f"{simulated:.1f} simulated minutes took {real:.1f} real ones:"
+            f" {simulated / max(real, 1e-6):.1f} times real time."
         )
         return played.diaries
 
 
 def _orders(options: dict[str, Any]) -> Orders:
     speed = options["speed"] or 1.0
-    if (
-        not 1.0 <= speed <= FASTEST
-        or options["participants"] < 1
-        or min(options["at_once"], options["visits"]) < 1
-    ):
+    counts = (options["participants"], options["at_once"], options["visits"])
+    if not 1.0 <= speed <= FASTEST or min(counts) < 1:
         raise CommandError(
             f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1."
         )
@@ -156,12 +115,9 @@ def _orders(options: dict[str, Any]) -> Orders:
             effect(text)
     except EffectError as error:
         raise CommandError(str(error)) from error
-    endings = [
-        str(ending)
-        for ending in _endings(options["endings"], options["participants"], options["seed"])
-    ]
+    endings = _endings(options["endings"], options["participants"], options["seed"])
     return Orders(
-        endings,
+        [str(ending) for ending in endings],
         options["seed"],
         speed,
         options["at_once"],

@@ -8,23 +8,19 @@ from django.conf import settings
 from django.core.management.base import BaseCommand
 
 from robots.processes import END_SIGNALS
-from telepresence_site.children import TELLS
+from telepresence_site.children import NOTICE_PREFIX
 from telepresence_site.practice.robots import prepare
 from telepresence_site.practice.supervisor import READY, Supervisor
 from telepresence_site.rehearsal.runner import RehearsalRunner
 
 
 class Command(BaseCommand):
-    """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, and the
-    rehearsals that pages ask for, until Ctrl-C.
-    """
-
     help = (
         "Run simulated robots on which visitors practise while they wait for "
         "a real one (PRACTICE_ROBOTS sets how many at once), and the rehearsals "
         "of studies that researchers start from a page."
     )
-    # of the settings; to check every page takes a second
+    # only those of settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
 
     def handle(self, *_args: Any, **_options: Any) -> None:
@@ -38,5 +34,5 @@ class Command(BaseCommand):
         supervisor.run(stopping, RehearsalRunner(supervisor.children).look)
 
     def _tell(self, sentence: str) -> None:
-        self.stdout.write(f"{TELLS}{sentence}")
+        self.stdout.write(f"{NOTICE_PREFIX}{sentence}")
         self.stdout.flush()

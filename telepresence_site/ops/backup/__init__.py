@@ -1,3 +1,1 @@
-"""The whole site in one file and back: archive (pure files), databases (one way for each engine),
-and what joins them.
-"""
+"""Backup and restore of a whole site: archives, databases, and whole.py, which joins them."""

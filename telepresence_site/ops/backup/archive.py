@@ -1,9 +1,6 @@
-"""One file with everything: a gzipped tar whose last member, `manifest.json`, has the size and
-SHA-256 of every other.
-
-The manifest stands last because it is known last: what was cut off has none. Nothing is trusted
-that it does not name, and nothing is put into place before all of it has been read and found to be
-what it was.
+"""A backup: a gzipped tar whose last member, `manifest.json`, has the size and SHA-256 of every
+other, so that a truncated backup has no manifest. A restore accepts only members that the manifest
+names, and uses none before all of them have been verified.
 """
 
 import hashlib
@@ -29,24 +26,19 @@ GB = 1024**3
 
 
 class BackupError(Exception):
-    """A backup cannot be made, or not be restored; the message is one sentence."""
+    """A backup cannot be made or restored; the message is one sentence."""
 
     @property
-    def problems(self) -> list[str]:
-        """The message, for robots.files.limited_process."""
+    def problems(self) -> list[str]:  # for robots.files.limited_process
         return [str(self)]
 
 
 class FileFacts(msgspec.Struct):
-    """What the manifest says of a file."""
-
     size: Annotated[int, msgspec.Meta(ge=0)]
     sha256: str
 
 
 class Manifest(msgspec.Struct):
-    """The end of an archive."""
-
     format: int
     made_at: str
     engine: str
@@ -56,8 +48,6 @@ class Manifest(msgspec.Struct):
 
 
 class _Hashing(io.RawIOBase):
-    """A file that is hashed while it is read."""
-
     def __init__(self, file: BinaryIO) -> None:
         self._file, self.digest = file, hashlib.sha256()
 
@@ -73,15 +63,15 @@ class _Hashing(io.RawIOBase):
 def write(
     target: Path, members: Iterable[tuple[str, Path]], facts: dict[str, Any]
 ) -> dict[str, Any]:
-    """Write an archive and return its manifest.
+    """Write an archive that only its owner can read, and return its manifest.
 
     Args:
-        target: where; what is there already is never overwritten. Only its owner can read it.
+        target: a new file.
         members: (name in the archive, file).
-        facts: what else the manifest says.
+        facts: further fields of the manifest.
 
     Raises:
-        BackupError: something is there already, or cannot be read or written.
+        BackupError: the target exists, or a file cannot be read or written.
     """
     if target.exists():
         raise BackupError(
@@ -115,15 +105,10 @@ def _write(
 
 
 def unpack(source: str, directory: str, largest: int) -> dict[str, Any]:
-    """Unpack an archive into an empty directory, check every file, and return the manifest.
-
-    Args:
-        source: the archive.
-        directory: where to.
-        largest: bytes to which the archive may unpack.
+    """Unpack an archive into an empty directory, verify every file, and return the manifest.
 
     Raises:
-        BackupError: it cannot be read, is not what was written, or is larger.
+        BackupError: it cannot be read, is damaged, or unpacks to more than `largest` bytes.
     """
     found: dict[str, dict[str, Any]] = {}
     manifest: bytes | None = None

@@ -1,7 +1,6 @@
-"""A database into one file and back, with each engine's own means: SQLite's online backup,
-PostgreSQL's pg_dump and pg_restore.
+"""Dumps and restores the database: SQLite's online backup, PostgreSQL's pg_dump and pg_restore.
 
-Both give one moment of a running site. A database is restored only where none is: no table at all.
+Both copy one moment of a running site. A restore needs a database without tables.
 """
 
 import os
@@ -17,13 +16,17 @@ from django.db import connection
 from telepresence_site.ops.backup.archive import BackupError
 
 MEMBERS = {"sqlite": "database.sqlite3", "postgresql": "database.pgdump"}
-OPTIONS = {
-    **{
-        name: f"PG{name.upper()}"
-        for name in ("sslmode", "sslrootcert", "sslcert", "sslkey", "service", "passfile")
-    },
+PG_OPTIONS = ("sslmode", "sslrootcert", "sslcert", "sslkey", "service", "passfile")
+# libpq's environment variables, by Django's settings and by options of the connection
+VARIABLES = {
+    "HOST": "PGHOST",
+    "PORT": "PGPORT",
+    "USER": "PGUSER",
+    "PASSWORD": "PGPASSWORD",
+    "NAME": "PGDATABASE",
+    **{name: f"PG{name.upper()}" for name in PG_OPTIONS},
     "connect_timeout": "PGCONNECT_TIMEOUT",
-    "target_session_attrs": "PGTARGETSESSIONATTRS",  # of several servers the primary
+    "target_session_attrs": "PGTARGETSESSIONATTRS",  # the primary of several servers
 }
 
 
@@ -31,7 +34,7 @@ def member() -> str:
     """Return the name of the dump in an archive.
 
     Raises:
-        BackupError: this engine has other means.
+        BackupError: this engine has its own tools.
     """
     if connection.vendor not in MEMBERS:
         raise BackupError(
@@ -42,42 +45,29 @@ def member() -> str:
 
 
 def dump(path: Path) -> None:
-    """Write the database into a new file."""
     if connection.vendor == "sqlite":
-        with (
-            closing(sqlite3.connect(_sqlite_file())) as source,
-            closing(sqlite3.connect(path)) as target,
-        ):
-            source.backup(target)
+        _copy_sqlite(_sqlite_file(), path)
     else:
         _run("pg_dump", "--format=custom", "--no-owner", "--no-privileges", f"--file={path}")
     path.chmod(0o600)
 
 
 def load(path: Path) -> None:
-    """Fill the empty database from a file."""
     if connection.vendor == "sqlite":
-        with (
-            closing(sqlite3.connect(path)) as source,
-            closing(sqlite3.connect(_sqlite_file())) as target,
-        ):
-            source.backup(target)
+        _copy_sqlite(path, _sqlite_file())
         _sqlite_file().chmod(0o600)
     else:
-        # All of it or nothing.
-        _run(
-            "pg_restore",
-            "--single-transaction",
-            "--exit-on-error",
-            "--no-owner",
-            "--no-privileges",
-            f"--dbname={_name()}",
-            str(path),
-        )
+        whole = ("--single-transaction", "--exit-on-error", "--no-owner", "--no-privileges")
+        database = f"--dbname={connection.settings_dict['NAME']}"
+        _run("pg_restore", *whole, database, str(path))
+
+
+def _copy_sqlite(source: Path, target: Path) -> None:
+    with closing(sqlite3.connect(source)) as of, closing(sqlite3.connect(target)) as to:
+        of.backup(to)
 
 
 def is_empty() -> bool:
-    """Tell whether there is no table."""
     if connection.vendor == "sqlite" and not _sqlite_file().exists():
         return True
     with connection.cursor() as cursor:
@@ -88,42 +78,21 @@ def _sqlite_file() -> Path:
     return Path(str(connection.settings_dict["NAME"]))
 
 
-def _name() -> str:
-    return str(connection.settings_dict["NAME"])
-
-
 def _run(program: str, *arguments: str) -> None:
     found = shutil.which(program)
     if found is None:
         raise BackupError(f"{program} is not installed (Debian: apt install postgresql-client).")
+    given: dict[str, Any] = {**connection.settings_dict.get("OPTIONS", {})}
+    given |= connection.settings_dict
+    # in the environment, because other users can read a password on a command line
+    variables = {VARIABLES[name]: str(given[name]) for name in VARIABLES if given.get(name)}
     done = subprocess.run(
         [found, *arguments],
-        env={**os.environ, **_environment()},
+        env={**os.environ, **variables},
         capture_output=True,
         text=True,
         check=False,
     )
     if done.returncode:
-        raise BackupError(
-            f"{program} failed:"
-            f" {done.stderr.strip().splitlines()[-1] if done.stderr.strip() else done.returncode}"
-        )
-
-
-def _environment() -> dict[str, str]:
-    """Return libpq's variables: a password does not belong on a command line."""
-    given: dict[str, Any] = connection.settings_dict
-    names = {
-        "PGHOST": "HOST",
-        "PGPORT": "PORT",
-        "PGUSER": "USER",
-        "PGPASSWORD": "PASSWORD",
-        "PGDATABASE": "NAME",
-    }
-    variables = {variable: str(given[name]) for variable, name in names.items() if given.get(name)}
-    options = {
-        variable: str(given["OPTIONS"][name])
-        for name, variable in OPTIONS.items()
-        if given.get("OPTIONS", {}).get(name)
-    }
-    return variables | options
+        last_line = done.stderr.strip().splitlines()[-1:]
+        raise BackupError(f"{program} failed: {last_line[0] if last_line else done.returncode}")

@@ -1,6 +1,4 @@
-"""Backup and restore of a site: its database, and the files in VAR_DIR that are not made again by
-themselves.
-"""
+"""Backup and restore of a site: its database, and the files in VAR_DIR that are not recreated."""
 
 import shutil
 import tempfile
@@ -18,31 +16,31 @@ from robots.files.limited_process import ChildLimits, ImportRefusedError, run_li
 from telepresence_site.ops.backup import archive, databases
 from telepresence_site.ops.backup.archive import BackupError
 
-# Not the broker's store (robots and servers publish again what it must hold), logs, collected
-# files, sandboxes, mail.
+# Not the broker's store (robots and servers republish its content), logs, static files, sandboxes
+# and mail.
 FOLDERS = ("secrets", "credentials", "media", "sites")
 LARGEST = 20 * archive.GB  # bytes, unless the operator allows more
 RESERVE = archive.GB  # bytes of the disk that a restore leaves free
 UNPACKING = ChildLimits(memory=2 * archive.GB, processor=4 * 3600, elapsed=8 * 3600.0)
-# Every command makes one where there is none, so that it is there before anything can be restored.
-REPLACED = Path("secrets/secret_key")
+REPLACED = Path("secrets/secret_key")  # every command creates it, also `restore`
 
 
 def back_up(target: Path, now: datetime) -> dict[str, Any]:
-    """Write everything into one new file, while the site runs, and return what the manifest says.
+    """Write everything into one new file, while the site runs, and return the manifest.
 
     Raises:
-        BackupError: it could not be done; nothing is left behind.
+        BackupError: it failed; no file is left.
     """
     name = databases.member()
     with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="backup-") as directory:
         dump = Path(directory) / name
         databases.dump(dump)
+        applied = MigrationLoader(connection).applied_migrations
         facts = {
             "made_at": now.isoformat(),
             "engine": connection.vendor,
-            "migrations": _applied(),
-            "key": _key(),
+            "migrations": sorted(f"{app}.{name}" for app, name in applied),
+            "key": _key_id(),
         }
         return archive.write(target, [(name, dump), *_files()], facts)
 
@@ -50,11 +48,10 @@ def back_up(target: Path, now: datetime) -> dict[str, Any]:
 def restore(
     source: Path, *, check_only: bool = False, largest: int = LARGEST
 ) -> tuple[dict[str, Any], list[str]]:
-    """Fill an empty site from a backup; return the manifest and what the operator should know, in
-    sentences.
+    """Fill an empty site from a backup; return the manifest and sentences for the operator.
 
-    With `check_only` nothing is changed: the backup is read to its end and every checksum compared.
-    It may unpack to `largest` bytes, and to what the disk has room for.
+    With `check_only` the backup is read to its end and every checksum verified, and nothing is
+    changed. It may unpack to `largest` bytes, if the disk has that much room.
 
     Raises:
         BackupError: the backup is damaged or not for this site, or the site is not empty; nothing
@@ -65,12 +62,15 @@ def restore(
     with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="restore-") as directory:
         staged = Path(directory)
         manifest = _unpacked(source, staged, largest)
-        words = _fits(manifest)
+        words = _check_fits(manifest)
         if not check_only:
             databases.load(staged / databases.member())
             for name in manifest["files"]:
                 if name.partition("/")[0] in FOLDERS:
-                    _put(staged / name, settings.VAR_DIR / name)
+                    target = settings.VAR_DIR / name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    (staged / name).chmod(0o600)
+                    shutil.move(staged / name, target)
     return manifest, words
 
 
@@ -106,7 +106,7 @@ def _must_be_empty() -> None:
         )
 
 
-def _fits(manifest: dict[str, Any]) -> list[str]:
+def _check_fits(manifest: dict[str, Any]) -> list[str]:
     if manifest["engine"] != connection.vendor:
         raise BackupError(
             f"The backup is of a {manifest['engine']} database, but DATABASE_URL "
@@ -125,7 +125,7 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
     words = []
     if known - set(manifest["migrations"]):
         words.append("The backup is from an older version: run manage.py migrate.")
-    if "secrets/secret_key" not in manifest["files"] and manifest["key"] != _key():
+    if "secrets/secret_key" not in manifest["files"] and manifest["key"] != _key_id():
         words.append(
             "SECRET_KEY differs from that of the backup: everybody has to log in again, and "
             "links that were sent no longer work."
@@ -133,17 +133,7 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
     return words
 
 
-def _applied() -> list[str]:
-    return sorted(f"{app}.{name}" for app, name in MigrationLoader(connection).applied_migrations)
-
-
-def _key() -> str:
-    """Return what tells two secret keys apart and gives neither away."""
+def _key_id() -> str:
+    """Return a text that identifies the secret key without revealing it."""
     digest = salted_hmac("telepresence_site.backing_up", "which key", algorithm="sha256")
     return digest.hexdigest()[:16]
-
-
-def _put(staged: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    staged.chmod(0o600)
-    shutil.move(staged, target)

@@ -71,7 +71,7 @@ def test_the_first_page_tells_that_nothing_is_recorded(client, staff):
 
 @pytest.fixture
 def helper(client):
-    """Somebody who may change people, and is no administrator."""
+    """A user with permission to change people who is not an administrator."""
     user = person("helper", is_staff=True)
     user.user_permissions.set(
         Permission.objects.filter(codename__in=["view_user", "change_user", "delete_user"])
@@ -80,7 +80,7 @@ def helper(client):
     return user
 
 
-def test_whoever_may_change_people_makes_nobody_an_administrator(client, helper):
+def test_permission_to_change_people_makes_no_administrators(client, helper):
     page = reverse("admin:accounts_user_change", args=[helper.pk])
     form = {
         "username": "helper",
@@ -104,7 +104,7 @@ def test_whoever_may_change_people_makes_nobody_an_administrator(client, helper)
     )
 
 
-def test_whoever_may_change_people_changes_no_administrator_nor_their_password(client, helper):
+def test_permission_to_change_people_excludes_administrators_and_their_passwords(client, helper):
     boss = person("boss", is_staff=True, is_superuser=True)
     for name in ("admin:accounts_user_change", "admin:auth_user_password_change"):
         secret = "eleven blue ladders"
@@ -128,11 +128,11 @@ def test_whoever_may_change_people_changes_no_administrator_nor_their_password(c
     "lookup",
     ["robot_sessions", "participations", "robot_permits", "password__startswith", "id__startswith"],
 )
-def test_whoever_may_change_people_does_not_ask_whose_something_is(client, helper, lookup):
+def test_permission_to_change_people_allows_no_hidden_filters(client, helper, lookup):
     assert client.get(reverse(PEOPLE), {lookup: str(helper.pk)}).status_code == 400
 
 
-def test_whoever_may_change_people_filters_them(client, helper):
+def test_permission_to_change_people_allows_the_shown_filters(client, helper):
     for lookup, value in (("is_staff__exact", "1"), ("date_joined__year", helper.date_joined.year)):
         assert client.get(reverse(PEOPLE), {lookup: value}).context["cl"].result_count == 1
 

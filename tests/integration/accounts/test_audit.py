@@ -50,7 +50,7 @@ def test_an_entry_outlives_the_account_and_leads_to_nobody_then():
     assert not any(word in str(entry) for word in ("lovelace", "example.org", "Countess"))
 
 
-def test_what_is_done_in_the_administration_is_noted_without_its_words(client):
+def test_changes_in_the_administration_are_noted_without_their_text(client):
     boss, ada = person("boss", is_staff=True, is_superuser=True), person("ada")
     client.force_login(boss)
     client.post(
@@ -62,7 +62,7 @@ def test_what_is_done_in_the_administration_is_noted_without_its_words(client):
     assert "Countess" not in str(AuditEntry.objects.values().get())
 
 
-def test_who_is_let_onto_a_robot_and_who_no_longer_is_noted(client):
+def test_granted_and_taken_permits_are_noted(client):
     owner, ada = person("owner", is_staff=True), person("ada")
     robot = Robot.objects.create(name="giraff", title="Giraff", owner=owner)
     client.force_login(owner)

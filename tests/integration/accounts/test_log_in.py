@@ -11,6 +11,7 @@ from tests.support.browsers.html_page import faults, read
 from tests.support.people import PASSWORD, person
 
 pytestmark = pytest.mark.django_db
+FRESH = "eleven blue ladders"
 
 
 def log_in(client, login, password=PASSWORD, **more):
@@ -55,10 +56,8 @@ def test_a_wrong_log_in_says_so_and_signs_nobody_in(client, login, password):
 
 def test_an_unknown_name_and_a_wrong_password_are_answered_alike(client):
     person()
-    errors = [
-        log_in(client, login, "wrong").context["form"].non_field_errors()
-        for login in ("ada", "nobody")
-    ]
+    answers = [log_in(client, login, "wrong") for login in ("ada", "nobody")]
+    errors = [answer.context["form"].non_field_errors() for answer in answers]
     assert errors[0] == errors[1]
 
 
@@ -80,11 +79,8 @@ def test_guessing_is_stopped_even_when_the_sixth_guess_is_right(client):
     assert 300 <= int(refused["Retry-After"]) <= 330
     assert not signed_in(client)
     page = read(refused)
-    assert any(
-        "Too many failed login attempts" in e.text
-        for e in page.elements
-        if e.attributes.get("role") == "alert"
-    )
+    alerts = [e.text for e in page.elements if e.attributes.get("role") == "alert"]
+    assert any("Too many failed login attempts" in text for text in alerts)
     assert faults(page) == []
 
 
@@ -156,18 +152,17 @@ def test_a_changed_device_cookie_makes_no_device_known(client):
 def test_device_that_resets_the_password_can_log_in_while_others_guess(client):
     person("ada", email="ada@example.org")
     guess_from_elsewhere(Client(), ACCOUNT_GUESSES.limit)
-    fresh = reset_password(client)
-    assert log_in_from(client, "203.0.113.9", "ada", fresh).status_code == 302
+    _link, page = reset_link(client)
+    client.post(page.request["PATH_INFO"], {"password1": FRESH, "password2": FRESH})
+    assert log_in_from(client, "203.0.113.9", "ada", FRESH).status_code == 302
 
 
-def reset_password(client) -> str:
-    """Replace Ada's password through the link in the e-mail; return the new one."""
-    client.post(reverse("account_reset_password"), {"email": "ada@example.org"})
+def reset_link(client):
+    """Return the link in the e-mail that resets Ada's password, and the page behind it."""
+    sent = client.post(reverse("account_reset_password"), {"email": "ada@example.org"})
+    assert sent.status_code == 302
     link = re.search(r"https?://testserver(/\S+)", mail.outbox[0].body)[1]
-    form = client.get(link, follow=True).request["PATH_INFO"]
-    fresh = "eleven blue ladders"
-    client.post(form, {"password1": fresh, "password2": fresh})
-    return fresh
+    return link, client.get(link, follow=True)
 
 
 def test_the_device_cookie_is_for_log_in_pages_only_and_names_nobody(client):
@@ -178,7 +173,7 @@ def test_the_device_cookie_is_for_log_in_pages_only_and_names_nobody(client):
     assert "ada" not in cookie.value
 
 
-def test_who_logs_in_after_a_few_wrong_guesses_is_answered_as_ever(client):
+def test_a_log_in_after_a_few_wrong_guesses_succeeds(client):
     person()
     assert [log_in(client, "ada", "wrong").status_code for _ in range(4)] == [200] * 4
     assert log_in(client, "ada").status_code == 302
@@ -186,18 +181,13 @@ def test_who_logs_in_after_a_few_wrong_guesses_is_answered_as_ever(client):
 
 def test_a_script_that_guesses_reads_the_same_code(client):
     person()
-    codes = [
-        client.post(
-            reverse("account_login"),
-            {"login": "ada", "password": "wrong"},
-            headers={"x-requested-with": "XMLHttpRequest"},
-        ).status_code
-        for _ in range(6)
-    ]
+    script, wrong = {"x-requested-with": "XMLHttpRequest"}, {"login": "ada", "password": "wrong"}
+    url = reverse("account_login")
+    codes = [client.post(url, wrong, headers=script).status_code for _ in range(6)]
     assert codes == [400] * 5 + [429]
 
 
-def test_wrong_passwords_of_somebody_who_is_signed_in_are_counted_alike(client):
+def test_wrong_passwords_of_a_logged_in_user_are_counted_too(client):
     client.force_login(person())
     url = reverse("account_reauthenticate")
     codes = [client.post(url, {"password": "wrong"}).status_code for _ in range(6)]
@@ -235,17 +225,10 @@ def test_logging_out_takes_a_post(client):
 
 def test_a_forgotten_password_is_replaced_through_a_link_that_works_once(client):
     person("ada", email="ada@example.org")
-    assert (
-        client.post(reverse("account_reset_password"), {"email": "ada@example.org"}).status_code
-        == 302
-    )
-    link = re.search(r"https?://testserver(/\S+)", mail.outbox[0].body)[1]
-    page = client.get(link, follow=True)
-    form = page.request["PATH_INFO"]
+    link, page = reset_link(client)
     assert "Choose a new password" in read(page).text
-    fresh = "eleven blue ladders"
-    client.post(form, {"password1": fresh, "password2": fresh})
-    assert User.objects.get().check_password(fresh)
+    client.post(page.request["PATH_INFO"], {"password1": FRESH, "password2": FRESH})
+    assert User.objects.get().check_password(FRESH)
     assert "This link has expired" in read(client.get(link, follow=True)).text
 
 
@@ -260,21 +243,10 @@ def test_asking_for_a_new_password_does_not_tell_who_has_an_account(client):
 
 def test_a_password_is_changed_with_the_old_one(client):
     client.force_login(person())
-    fresh = "eleven blue ladders"
-    url = reverse("account_change_password")
-    assert (
-        client.post(
-            url, {"oldpassword": "wrong", "password1": fresh, "password2": fresh}
-        ).status_code
-        == 200
-    )
-    assert (
-        client.post(
-            url, {"oldpassword": PASSWORD, "password1": fresh, "password2": fresh}
-        ).status_code
-        == 302
-    )
-    assert User.objects.get().check_password(fresh)
+    url, fresh = reverse("account_change_password"), {"password1": FRESH, "password2": FRESH}
+    assert client.post(url, {"oldpassword": "wrong"} | fresh).status_code == 200
+    assert client.post(url, {"oldpassword": PASSWORD} | fresh).status_code == 302
+    assert User.objects.get().check_password(FRESH)
 
 
 def test_the_administration_has_no_door_of_its_own_at_which_guesses_are_not_counted(client):
@@ -291,11 +263,8 @@ def test_behind_a_proxy_of_ours_each_visitors_guesses_are_counted_alone(client, 
     settings.ACCOUNT_RATE_LIMITS = {"login": "3/m/ip"}
 
     def code(address):
-        return client.post(
-            reverse("account_login"),
-            {"login": "ada", "password": "guess"},
-            headers={"x-forwarded-for": address},
-        ).status_code
+        guess, url = {"login": "ada", "password": "guess"}, reverse("account_login")
+        return client.post(url, guess, headers={"x-forwarded-for": address}).status_code
 
     assert [code("198.51.100.7") for _ in range(4)] == [200, 200, 200, 429]
     assert code("198.51.100.8") == 200

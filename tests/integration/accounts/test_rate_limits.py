@@ -1,4 +1,4 @@
-"""Who asks too often is told to wait."""
+"""Clients over a limit get 429 and the time to wait."""
 
 import itertools
 from types import SimpleNamespace
@@ -47,7 +47,7 @@ def test_reading_is_counted_only_where_that_was_asked_for(rf):
     assert [asking(rf, counted, method="get").status_code for _ in range(3)] == [200, 200, 429]
 
 
-def test_where_only_refusals_count_whoever_does_all_right_is_never_told_to_wait(rf):
+def test_a_limit_of_refusals_does_not_count_correct_requests(rf):
     codes = [200] * 5 + [403, 403] + [200]
     view = limited(Attempts(f"test-{next(NUMBERS)}", limit=2), refusals={403})(
         lambda _request: HttpResponse(status=codes.pop(0))

@@ -75,7 +75,7 @@ def test_a_wrong_field_is_named_and_its_error_is_tied_to_it(client, change, fiel
     assert faults(page) == []
 
 
-def test_what_was_typed_stays_but_the_password(client):
+def test_a_refused_form_keeps_its_values_but_the_password(client):
     page = read(sign_up(client, username="a b"))
     values = {e.attributes.get("name"): e.attributes.get("value") for e in page.all("input")}
     assert values["username"] == "a b"

@@ -1,18 +1,17 @@
-"""The agent runs on Windows and on newer Pythons: what only POSIX has, and what 3.12 and 3.13 no
-longer have, is not called unguarded.
+"""The agent runs on Windows and on newer Pythons: it calls nothing unguarded that only POSIX has or
+that 3.12 and 3.13 removed.
 
-`mypy --platform win32 --python-version 3.13` finds the same from the types, in `make lint`; this
-says it in a second, and knows what types do not tell: which loop watches foreign sockets, and which
-paths are Linux's own.
+`mypy --platform win32 --python-version 3.13` in `make lint` finds the same from types; this test
+takes a second, and also knows which event loop watches foreign sockets, and paths of Linux.
 """
 
 import ast
-import subprocess
 import sys
 
 import pytest
 
 from tests.support.paths import ROOT
+from tests.support.programs.finished import run
 
 SOURCES = [ROOT / "robots" / "__init__.py"] + [
     path
@@ -48,66 +47,28 @@ ONLY_POSIX = {
     ),
     "multiprocessing": "set_start_method",
 }
-# Of whatever object: a loop cannot do these on Windows (the control loop there watches sockets, and
-# can start no process).
+# Methods of any object: the control loop cannot do these on Windows, where it watches sockets and
+# cannot start processes.
 OF_ANYTHING = {
-    "add_signal_handler",
-    "create_unix_connection",
-    "create_unix_server",
-    "connect_read_pipe",
-    "connect_write_pipe",
-    "subprocess_exec",
-    "subprocess_shell",
+    *("add_signal_handler", "create_unix_connection", "create_unix_server"),
+    *("connect_read_pipe", "connect_write_pipe", "subprocess_exec", "subprocess_shell"),
 }
 POSIX_MODULES = {
-    "crypt",
-    "fcntl",
-    "grp",
-    "posix",
-    "pty",
-    "pwd",
-    "resource",
-    "spwd",
-    "syslog",
-    "termios",
-    "tty",
-    "uvloop",
+    *("crypt", "fcntl", "grp", "posix", "pty", "pwd", "resource", "spwd", "syslog", "termios"),
+    *("tty", "uvloop"),
 }
-GONE = {  # in 3.12, 3.13
-    "asynchat",
-    "asyncore",
-    "distutils",
-    "imp",
-    "smtpd",
-    "aifc",
-    "audioop",
-    "cgi",
-    "cgitb",
-    "chunk",
-    "crypt",
-    "imghdr",
-    "lib2to3",
-    "mailcap",
-    "msilib",
-    "nis",
-    "nntplib",
-    "ossaudiodev",
-    "pipes",
-    "sndhdr",
-    "spwd",
-    "sunau",
-    "telnetlib",
-    "uu",
-    "xdrlib",
-    "pkg_resources",
-    "setuptools",
+REMOVED = {  # in 3.12, 3.13
+    *("asynchat", "asyncore", "distutils", "imp", "smtpd", "aifc", "audioop", "cgi", "cgitb"),
+    *("chunk", "crypt", "imghdr", "lib2to3", "mailcap", "msilib", "nis", "nntplib", "pipes"),
+    *("ossaudiodev", "sndhdr", "spwd", "sunau", "telnetlib", "uu", "xdrlib"),
+    *("pkg_resources", "setuptools"),
 }
 # of subprocess
 OPTIONS = {"preexec_fn", "pass_fds", "process_group", "umask", "user", "group", "extra_groups"}
 PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/", "/bin/", "/home/")
 GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
 EXCUSES = {"NotImplementedError", "AttributeError"}
-# What people are told, and a word of theirs that is compared.
+# Texts for users, and one that is compared with a user's input.
 PATHS_IN_WORDS = {"robots/__init__.py", "robots/agent/devices/words.py"}
 
 
@@ -135,15 +96,13 @@ def leaves(body: list[ast.stmt]) -> bool:
 
 
 class Finder(ast.NodeVisitor):
-    """Collects (line, what) of everything that is called without having asked on which system it
-    runs.
-    """
+    """Collects (line, name) of all calls that are not guarded by a check of the system."""
 
     def __init__(self, *, words: bool = False) -> None:
         self.found: list[tuple[int, str]] = []
         self.guarded = 0
         self.words = words
-        self.said: set[int] = set()  # texts that nobody opens
+        self.said: set[int] = set()
 
     def within_guard(self, nodes) -> None:
         self.guarded += 1
@@ -152,7 +111,7 @@ class Finder(ast.NodeVisitor):
         self.guarded -= 1
 
     def block(self, body: list[ast.stmt]) -> None:
-        """Visit statements in order: what follows a return on other systems is guarded."""
+        """Visit statements in order: code after a return on other systems is guarded."""
         left = 0
         for statement in body:
             self.visit(statement)
@@ -214,16 +173,12 @@ class Finder(ast.NodeVisitor):
                 self.add(node, f"{node.module}.{alias.name}")
 
     def imported(self, node: ast.stmt, module: str) -> None:
-        if module.partition(".")[0] in POSIX_MODULES | GONE:
+        if module.partition(".")[0] in POSIX_MODULES | REMOVED:
             self.add(node, module)
 
     def visit_Call(self, node: ast.Call) -> None:
-        if dotted(node.func) in {
-            "subprocess.Popen",
-            "subprocess.run",
-            "subprocess.call",
-            "subprocess.check_output",
-        }:
+        module, _, name = dotted(node.func).rpartition(".")
+        if module == "subprocess" and name in {"Popen", "run", "call", "check_output"}:
             for keyword in node.keywords:
                 if keyword.arg in OPTIONS:
                     self.add(node, f"{keyword.arg}=")
@@ -278,7 +233,7 @@ def test_the_agent_calls_nothing_that_windows_or_a_newer_python_lacks(path):
         ("def f():\n    if sys.platform == 'win32':\n        log()\n    os.nice(1)", ["os.nice"]),
     ],
 )
-def test_what_is_called_unguarded_is_found(source, found):
+def test_an_unguarded_call_is_found(source, found):
     assert problems(source) == found
 
 
@@ -295,21 +250,14 @@ def test_what_is_called_unguarded_is_found(source, found):
         "import os\nos.replace('a', 'b')",
     ],
 )
-def test_what_is_guarded_or_everywhere_is_let_through(source):
+def test_guarded_or_portable_calls_are_accepted(source):
     assert problems(source) == []
 
 
 def test_the_control_loop_is_one_that_watches_foreign_sockets_on_windows_too():
-    """asyncio.run would give Windows a loop that cannot, and the broker's client brings a socket of
-    its own.
-    """
-    calls = [
-        node
-        for node in ast.walk(
-            ast.parse((ROOT / "robots/agent/control/loop.py").read_text(encoding="utf-8"))
-        )
-        if isinstance(node, ast.Call)
-    ]
+    """Unlike the loop of asyncio.run on Windows; the broker's client has its own socket."""
+    tree = ast.parse((ROOT / "robots/agent/control/loop.py").read_text(encoding="utf-8"))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     loops = [
         keyword.value
         for call in calls
@@ -327,22 +275,11 @@ def test_the_agents_modules_are_written_in_the_grammar_of_the_oldest_python():
 
 
 def test_the_agent_is_imported_without_a_module_that_windows_lacks():
-    """What others' modules import by themselves is theirs to guard; this is that none of ours makes
-    them need it.
-    """
-    blocked = sorted(
-        POSIX_MODULES - {"posix", "crypt", "spwd", "pwd", "grp", "tty"}
-    )  # the standard library itself asks for these when they are there
+    # the standard library itself imports these where they exist
+    blocked = sorted(POSIX_MODULES - {"posix", "crypt", "spwd", "pwd", "grp", "tty"})
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent,"
         " robots.agent.adapters.simulator.adapter, robots.agent.adapters.moos.adapter"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    done = run(sys.executable, "-c", code)
     assert done.returncode == 0, done.stderr

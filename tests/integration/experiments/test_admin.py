@@ -21,6 +21,7 @@ from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_site import cabin_with_giraff
 
@@ -30,14 +31,6 @@ LIST, ADD = "admin:experiments_study_changelist", "admin:experiments_study_add"
 
 def at(name: str, row: Study, *args) -> str:
     return reverse(f"admin:experiments_study_{name}", args=[row.pk, *args])
-
-
-def member(client, role: str | None, slug: str = "cabin-study", username: str = "rosa"):
-    user = person(username, is_staff=True)
-    if role:
-        StudyMember.objects.create(slug=slug, user=user, role=role)
-    client.force_login(user)
-    return user
 
 
 @pytest.fixture
@@ -105,7 +98,7 @@ def test_a_file_never_replaces_a_version_that_is_here_already(client, boss, stud
 
 
 def test_name_of_a_foreign_study_is_refused(client, study):
-    user = member(client, None)
+    user = signed_in(client, "")
     user.user_permissions.set(Permission.objects.filter(codename="add_study"))
     answer = client.post(reverse(ADD), {"document": json.dumps({**STUDY, "version": 2})})
     assert "The name cabin-study is taken" in read(answer).text
@@ -191,7 +184,7 @@ def status_by_page(client, row: Study) -> dict[str, int]:
 
 
 def test_a_study_of_others_is_not_there_on_any_page(client, study):
-    member(client, "owner", slug="another")
+    signed_in(client, "owner", slug="another")
     statuses = status_by_page(client, study)
     assert statuses.pop("change") == 302  # Django's own way to say so
     assert set(statuses.values()) == {404}
@@ -210,7 +203,7 @@ def test_users_without_staff_status_are_sent_to_log_in(client, study):
 
 
 def test_a_viewer_looks_and_changes_nothing(client, study):
-    member(client, "viewer")
+    signed_in(client, "viewer")
     statuses = status_by_page(client, study)
     assert {name for name, status in statuses.items() if status == 404} == {"publish", "links"}
     about = at("section", study, "about")
@@ -239,7 +232,7 @@ def test_a_viewer_looks_and_changes_nothing(client, study):
 
 
 def test_an_owner_without_any_permission_of_the_models_builds_and_publishes(client, study):
-    member(client, "owner")
+    signed_in(client, "owner")
     assert set(status_by_page(client, study).values()) == {200}
     assert client.post(at("publish", study), {"reason": WHY}).status_code == 302
     assert Study.objects.get().status == Study.Status.PUBLISHED
@@ -362,9 +355,9 @@ def test_only_a_draft_that_nobody_took_part_in_is_deleted(client, boss, publishe
 
 
 @pytest.mark.parametrize("way", ["page", "rows"])
-def test_the_name_of_a_study_that_is_gone_belongs_to_whoever_takes_it_next(client, study, way):
+def test_the_name_of_a_deleted_study_belongs_to_its_next_owner(client, study, way):
     second = publishing.new_version(study, NOW)
-    StudyMember.objects.create(slug="another", user=member(client, "owner"), role="viewer")
+    StudyMember.objects.create(slug="another", user=signed_in(client, "owner"), role="viewer")
     client.post(at("delete", second), {"post": "yes"})
     assert StudyMember.objects.filter(slug=study.slug).count() == 1, "a version is left"
     if way == "page":
@@ -417,7 +410,7 @@ def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss,
     text = read(client.get(at("change", published))).text
     assert all(code in text for code in codes.values())
     assert "turned away" not in text
-    member(client, "viewer")
+    signed_in(client, "viewer")
     assert codes["done"] not in read(client.get(at("change", published))).text
 
 

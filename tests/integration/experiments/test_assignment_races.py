@@ -108,9 +108,7 @@ EVEN = {"best_probability": 1.0}
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_two_who_are_assigned_at_the_same_moment_never_get_the_same_of_two_equal_cells(
-    database, rounds
-):
+def test_two_simultaneous_assignments_fill_two_equal_cells(database, rounds):
     keys = django(database, f"allocation, count = {EVEN}, {2 * rounds}\n" + PREPARE)
     told = race(database, keys)
     rows = django(database, COUNT)
@@ -120,7 +118,7 @@ def test_two_who_are_assigned_at_the_same_moment_never_get_the_same_of_two_equal
     assert {stage for _, _, stage in rows} == {"under_way"}
 
 
-def test_the_last_place_goes_to_one_and_one_participant_in_two_processes_gets_one_cell(database):
+def test_the_last_place_is_given_once_and_a_participant_gets_one_cell(database):
     keys = django(database, "allocation, count = {'quota': 1}, 4\n" + PREPARE)
     told = race(database, [keys[0], keys[0], keys[1], keys[2], keys[3], keys[3]])
     assert told[0][0] == told[0][1]

@@ -27,6 +27,7 @@ from tests.support.programs.repository_doubles import (
     ZenodoDouble,
     running,
 )
+from tests.support.studies.members import member
 from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
@@ -181,9 +182,7 @@ def test_the_export_page_offers_it_to_owners_alone(client, study):
     page = reverse("analysis_export", args=[study.slug])
     action = reverse("analysis_deposit", args=[study.slug])
     for role, status in (("researcher", 404), ("owner", 404)):
-        user = person(role)
-        StudyMember.objects.create(slug=study.slug, user=user, role=role)
-        client.force_login(user)
+        client.force_login(member(role, study.slug))
         shown = client.get(page).content.decode()
         assert (action in shown) is (role == "owner")
         assert client.post(action, {"to": "nowhere", "token": "x"}).status_code == status

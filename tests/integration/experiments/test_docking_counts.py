@@ -44,7 +44,7 @@ def test_contacts_that_meet_for_half_a_second_end_nothing_and_are_an_attempt():
     assert cues(engine)[-3:] == ["dock_again", "dock_hold", "completed"]
 
 
-def test_whoever_goes_on_pushing_is_told_to_let_go_until_they_do():
+def test_drivers_are_asked_to_release_the_controls_until_they_do():
     engine = run(almost_home().touch(20.0, released=False).records)
     assert (engine.result.outcome, engine.progress.cue.key) == (None, "dock_hold")
     engine = run(almost_home().touch(20.0, released=False).dock().records)
@@ -55,7 +55,7 @@ def test_a_robot_that_still_rolls_on_its_contacts_is_not_docked():
     assert run(almost_home().touch(20.0, linear=0.1).records).result.outcome is None
 
 
-def test_what_the_robot_does_not_call_docked_ends_no_task():
+def test_a_task_ends_only_when_the_robot_reports_docked():
     drive = almost_home()
     drive.x, drive.y = HOME
     for _ in range(40):
@@ -117,9 +117,7 @@ STATE = st.tuples(
 
 @settings(max_examples=150, deadline=None)
 @given(states=st.lists(STATE, max_size=60), seed=st.randoms(use_true_random=False))
-def test_no_task_is_ever_completed_without_resting_on_the_contacts_for_as_long_as_the_rule_says(
-    states, seed
-):
+def test_no_task_completes_without_resting_on_the_contacts_for_the_required_time(states, seed):
     drive = almost_home()
     drive.x, drive.y = HOME
     for step, contact, docked, linear, released in states:
@@ -214,7 +212,7 @@ class Hands:
         )
 
 
-def test_a_participant_who_slides_in_askew_is_not_done_and_drives_on_into_the_station():
+def test_a_robot_that_docks_askew_is_not_done_until_it_rests_in_the_station():
     hands = Hands(Pose2D(-0.5, -0.09, 0.26))  # 15 degrees askew
     hands.steer(8.0, 0.2, -0.15)
     assert 1 <= hands.contacts() <= 7, (

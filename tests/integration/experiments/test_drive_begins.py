@@ -5,7 +5,6 @@ and it goes on by itself.
 import datetime
 from typing import Any
 
-import msgspec
 import pytest
 from django.core import mail
 
@@ -119,9 +118,7 @@ def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     assert not Drive.objects.exists()
 
 
-def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_restarts_in_between(
-    robot, study
-):
+def test_the_second_participant_does_not_begin_where_the_first_ended(robot, study):
     first = begin(robot, "ada", study)
     stands_away(robot)
     store.end(str(first.session_id), "cancelled", "left", NOW)
@@ -166,9 +163,7 @@ def test_the_same_happens_a_second_time(robot, study):
         store.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
 
 
-def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(
-    robot, study
-):
+def test_a_robot_carried_away_during_an_offer_is_offered_again_at_its_station(robot, study):
     stands_away(robot)
     ada = first_time_user(study, "ada")
     waiting = ask(robot, ada, NOW)
@@ -217,7 +212,7 @@ def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(rob
     assert mail.outbox == []
 
 
-def test_who_drives_for_themselves_need_not_begin_at_the_station(robot, study):
+def test_drives_outside_of_a_study_need_not_begin_at_the_station(robot, study):
     stands_away(robot)
     assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), store.TakeGranted)
 

@@ -25,7 +25,7 @@ from experiments.extraction.selection import Selection
 from experiments.models import Coding, CodingEdit, Drive, Participant, TaskEvent
 from robots.api import messages as m
 from robots.api.codec import encode
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions import protocol
 from sessions.models import Session, SessionEvent, Snapshot
 from sessions.recording.builder import RecordBuilder

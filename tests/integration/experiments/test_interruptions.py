@@ -27,7 +27,7 @@ from experiments.participation.journey import JourneyPlace
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
 from experiments.tasks.runner import PATIENCE, Runner
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions.leases import store as leases
 from sessions.models import Session
 from surveys.models import Answer, Response
@@ -71,7 +71,7 @@ LIMIT = {"try": 120.0, "task": 300.0}  # seconds
 
 @pytest.fixture
 def walker() -> Walker:
-    """Somebody in a study of every kind of step, at a site whose robot is online."""
+    """A participant in a study with every kind of step, at a site whose robot is online."""
     robot = cabin_robot()
     study = p.published(small_study(steps=EVERY_KIND, conditions=[small_conditions()[0]]))
     found = Walker(study, person("ada"), robot)
@@ -193,14 +193,14 @@ def comes_out_right(
                 go_on(walker, ask)
         except CutError:
             was_cut = True
-            transaction.set_rollback(False)  # outside of a test each request stands for itself
+            transaction.set_rollback(False)  # outside of tests, each request has its own
         assert go_on(walker, ask) == expected, f"cut at write {number}"
         transaction.set_rollback(True)
     return was_cut
 
 
 @pytest.mark.nightly
-def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if_nothing_had_been(
+def test_a_step_interrupted_anywhere_and_requested_again_gives_the_same_result(
     walker,
 ):
     for slug, version in (("ict", 2), ("experience", 1)):
@@ -259,9 +259,7 @@ def test_a_drive_whose_network_stays_away_is_lost_once_and_its_late_states_are_k
 
 
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
-def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried_again(
-    walker, place
-):
+def test_a_step_can_be_repeated_after_a_network_failure_before_motion(walker, place):
     drive, runner, _records = driving(brought(walker, place))
     leases.end(str(drive.session_id), "connection_lost", "visitor_silent", timezone.now())
     over(runner, drive, moved=False)
@@ -318,7 +316,7 @@ def test_a_drive_without_a_picture_ends_with_its_turn_and_may_be_tried_again(wal
 
 
 @pytest.mark.parametrize("place", READ, ids=lambda place: place.step)
-def test_who_reads_until_their_log_in_is_over_goes_on_where_they_were(walker, place):
+def test_participants_whose_login_expires_continue_where_they_were(walker, place):
     brought(walker, place)
     before = counted(walker)
     walker.client.cookies.pop(settings.SESSION_COOKIE_NAME)

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from django.contrib.admin.models import LogEntry
 
-from experiments import publishing
+from experiments import publishing, resources
 from experiments.definition.shipped import shipped
 from experiments.models import FrozenStudyError, Participant, Rehearsal, Study, StudyMember
 from experiments.publishing import NotPublishableError, publish, store
@@ -145,21 +145,21 @@ def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
 
 
 def test_without_sites_and_robots_a_study_cannot_be_run():
-    found = sentences(publishing.obstacles_here(small_study()))
+    found = sentences(resources.obstacles_here(small_study()))
     assert "Course of giraff at cabin: there is no site cabin." in found
     assert "Condition all_open: there is no robot of the series giraff." in found
 
 
 def test_with_its_site_and_robot_nothing_stands_in_the_way():
     cabin_with_giraff()
-    assert publishing.obstacles_here(small_study()) == []
+    assert resources.obstacles_here(small_study()) == []
 
 
 def test_a_robot_that_is_elsewhere_stands_in_the_way():
     cabin_with_giraff().robots.update(floor_plan=None)
     robot_at(store_floor_plan(OFFICE), "far", "giraff")
     assert "Condition shut: there is no giraff at the site cabin." in sentences(
-        publishing.obstacles_here(small_study())
+        resources.obstacles_here(small_study())
     )
 
 
@@ -168,7 +168,7 @@ def test_a_series_can_do_what_each_of_its_robots_can():
     robot_at(plan, "lame", "giraff", capabilities=("velocity",))
     tilting = [{**condition, "actions": ["tilt"]} for condition in STUDY["conditions"]]
     assert "Condition all_open: giraff cannot do the action tilt." in sentences(
-        publishing.obstacles_here(small_study(conditions=tilting))
+        resources.obstacles_here(small_study(conditions=tilting))
     )
 
 
@@ -176,7 +176,7 @@ def test_the_shipped_studies_can_be_run_in_the_office():
     office = store_floor_plan(OFFICE)
     for name in ("giraff", "rhodon"):
         robot_at(office, name, name)
-    assert {slug: publishing.obstacles_here(study) for slug, study in shipped().items()} == {
+    assert {slug: resources.obstacles_here(study) for slug, study in shipped().items()} == {
         "exploration": [],
         "assistance": [],
     }
@@ -320,4 +320,4 @@ def test_first_user_of_a_study_becomes_its_only_owner():
 
 def test_a_site_without_a_plan_is_none_to_make_a_course_on():
     FloorPlan.objects.filter(pk=cabin_with_giraff().pk).update(plan={})
-    assert publishing.sites() == {}
+    assert resources.sites() == {}

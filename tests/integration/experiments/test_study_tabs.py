@@ -4,12 +4,13 @@ import pytest
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from experiments.models import Rehearsal, StudyMember
+from experiments.models import Rehearsal
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import NotComputedError
 from tests.support.browsers.html_page import read
 from tests.support.people import person
 from tests.support.sessions import replays
+from tests.support.studies.members import member, signed_in
 
 pytestmark = pytest.mark.django_db
 ALL = [
@@ -27,7 +28,7 @@ ALL = [
 
 @pytest.fixture
 def drive(monkeypatch):
-    """A drive of a study; its analysis cannot be computed, and has a page all the same."""
+    """A drive of a study whose analysis cannot be computed but has a page."""
 
     def refuse(*_args):
         raise NotComputedError("not now")
@@ -101,17 +102,13 @@ def test_every_page_of_a_study_has_the_same_tabs_and_its_own_is_marked(client, d
 
 @pytest.mark.parametrize("role", ["viewer", "researcher", "owner"])
 def test_each_tab_that_a_researcher_sees_opens(client, drive, role):
-    user = person("rosa", is_staff=True)
-    StudyMember.objects.create(slug="cabin-study", user=user, role=role)
-    client.force_login(user)
+    signed_in(client, role)
     for text, url, _is_here in tabs(client.get(reverse("study_live", args=["cabin-study"]))):
         assert client.get(url, follow=True).status_code in {200, 503}, text
 
 
-def test_whoever_is_no_staff_sees_the_tabs_outside_of_the_administration(client, drive):
-    user = person("vera")
-    StudyMember.objects.create(slug="cabin-study", user=user, role="viewer")
-    client.force_login(user)
+def test_members_without_staff_status_see_only_tabs_outside_of_the_administration(client, drive):
+    client.force_login(member("viewer"))
     found = tabs(client.get(reverse("study_live", args=["cabin-study"])))
     assert [text for text, _url, _is_here in found] == ["Live", "Coding", "Analysis", "Export"]
 

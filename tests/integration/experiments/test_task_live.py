@@ -16,7 +16,6 @@ from experiments.models import Drive, Participant, TaskEvent
 from robots.api import codec, messages
 from robots.models import Robot, RobotPresence
 from sessions import protocol
-from sessions.consumers import relay
 from sessions.leases import store
 from sessions.models import Session
 from tests.support.people import person

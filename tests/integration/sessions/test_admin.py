@@ -54,13 +54,6 @@ def assistant(client):
     return user
 
 
-@pytest.fixture
-def giraff():
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
-    )
-
-
 def state(seq: int, **changes) -> dict:
     command = messages.AppliedCommand(
         seq=seq, stamp=seq * 0.25, method="keyboard", way="mqtt", age=0.02, linear=0.3, angular=0.0

@@ -112,7 +112,7 @@ def test_everybody_reads_what_the_site_shows(giraff):
     assert Client().get("/api/v1/robots/giraff/").json()["robot"] == told
 
 
-def test_nobody_is_named(giraff):
+def test_list_of_robots_names_no_visitor(giraff):
     session = at(giraff, "driving")
     text = Client().get("/api/v1/robots/").content.decode()
     assert session.visitor.username not in text
@@ -134,7 +134,7 @@ def test_a_robots_state_is_one_word(giraff, change, state):
     assert Client().get("/api/v1/robots/giraff/").json()["robot"]["state"] == state
 
 
-def test_what_an_offline_robot_said_last_is_not_told_as_news(giraff, bearer):
+def test_last_report_of_an_offline_robot_is_left_out(giraff, bearer):
     RobotPresence.objects.update(connection="OFFLINE")
     told = Client().get("/api/v1/robots/giraff/", headers=bearer).json()["robot"]
     assert (told["charge"], told["docked"], told["pose"]) == (None, None, None)
@@ -298,7 +298,7 @@ def test_reading_robots_costs_the_same_after_many_sessions(giraff, address):
     assert len(asked) <= 3
 
 
-def test_who_reads_the_robots_too_often_is_told_to_wait(giraff):
+def test_reading_the_robots_is_rate_limited(giraff):
     reader = Client()
     codes = [reader.get("/api/v1/robots/").status_code for _ in range(READ.limit)]
     assert codes == [200] * READ.limit

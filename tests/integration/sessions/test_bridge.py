@@ -35,25 +35,15 @@ def page(site, who, **options):
     return SocketPage(site, site.cookies[who], **options)
 
 
-async def drive(page):
-    await page.say("session/take", protocol.Take(takeover=True))
-    return await page.expect("session/granted")
-
-
 async def leave(page):
     await page.say("session/leave", protocol.Leave())
     await page.expect("session/ended")
 
 
-async def watch(page):
-    await page.say("session/observe", protocol.Observe())
-    await page.expect("session/observing")
-
-
 @pytest.mark.nightly
 async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps(site):
     async with RobotDouble(site) as robot, page(site, "ada") as ada:
-        granted = await drive(ada)
+        granted = await ada.take(takeover=True)
         await until(lambda: robot.commands("lease"))
         assert robot.commands("lease")[-1].peer == granted.peer
         await ada.say("signal", m.SdpOffer(sdp="v=0", role="screen", session="forged", epoch=99))
@@ -107,14 +97,14 @@ async def test_two_web_processes_share_a_robot_and_its_driver_moves_between_them
         page(site, "ada", port=port) as there,
         page(site, "bob", port=port) as bob,
     ):
-        granted = await drive(here)
-        await watch(bob)
+        granted = await here.take(takeover=True)
+        await bob.observe()
         await tune_in(robot, here, bob)
         await robot.say(
             "state", words.state(seq=8, session=granted.session, epoch=granted.epoch, viewers=2)
         )
         await bob.expect("room", lambda room: room.driving and room.driver == "ada")
-        moved = await drive(there)
+        moved = await there.take(takeover=True)
         ended = await here.expect("session/ended")
         assert (ended.session, ended.outcome, moved.session) == (
             granted.session,
@@ -308,8 +298,8 @@ class Liars:
         )
         for end in (self.robot, self.ada, self.bob):
             await end.__aenter__()
-        self.granted = await drive(self.ada)
-        await watch(self.bob)
+        self.granted = await self.ada.take(takeover=True)
+        await self.bob.observe()
         await until(lambda: self.robot.commands("lease"))
         self.robot.got = []
         self.reading = [asyncio.create_task(drain(end)) for end in (self.ada, self.bob)]
@@ -376,7 +366,7 @@ def test_a_real_socket_passes_all_stops_and_no_malformed_or_forged_frame(liars, 
 
 async def test_the_broker_may_restart_under_a_drive(site):
     async with page(site, "ada") as ada:
-        granted = await drive(ada)
+        granted = await ada.take(takeover=True)
         site.stop("broker")
         presence = await ada.expect("robot")
         assert (presence.online, presence.reason) == (False, "server")
@@ -406,7 +396,7 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
     try:
         async with RobotDouble(site) as robot, page(site, "ada") as ada, page(site, "bob") as bob:
             await robot.say("connection", words.online(), retain=True)
-            granted = await drive(ada)
+            granted = await ada.take(takeover=True)
             speaking = asyncio.create_task(robot_speaks(robot, granted))
             await until(
                 lambda: (
@@ -423,7 +413,7 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
             await ada.say("session/leave", protocol.Leave())
             await ada.expect("session/ended")
             assert (await bob.expect("session/offered")).session == queued.session
-            granted = await drive(bob)
+            granted = await bob.take(takeover=True)
             assert granted.session == queued.session
             await leave(bob)
             speaking.cancel()

@@ -1,4 +1,4 @@
-"""The page that checks browser and network, and the line that says back what it is told."""
+"""The page that checks browser and network, and the WebSocket that echoes."""
 
 import json
 import re
@@ -10,12 +10,12 @@ from django.contrib.auth.models import AnonymousUser
 from accounts.models import User
 from robots.models import Robot, RobotPermit
 from sessions import protocol
-from sessions.consumers.connection_check import LONGEST, MOST_ECHOES, CheckConsumer
+from sessions.consumers.connection_check import MAX_ECHOES, MAX_LENGTH, CheckConsumer
 from telepresence_site import asgi
 from tests.support.browsers.pages import ORIGIN
 from tests.support.patience import patient
 
-# a consumer looks after the connections of its thread, whoever opened them
+# a consumer closes all connections of its thread, also those of the test
 pytestmark = pytest.mark.django_db
 
 
@@ -65,7 +65,7 @@ async def opened() -> WebsocketCommunicator:
 
 async def test_the_line_says_back_a_few_short_words_to_anybody():
     line = await opened()
-    for _ in range(MOST_ECHOES):
+    for _ in range(MAX_ECHOES):
         await line.send_to("?")
         assert await line.receive_from(timeout=patient(5)) == "?"
     await line.send_to("?")
@@ -95,7 +95,7 @@ async def test_an_address_has_so_many_lines_open(monkeypatch):
 
 async def test_the_line_says_back_nothing_long():
     line = await opened()
-    await line.send_to("?" * (LONGEST + 1))
+    await line.send_to("?" * (MAX_LENGTH + 1))
     assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"
     await line.disconnect()
 

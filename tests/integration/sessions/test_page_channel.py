@@ -30,21 +30,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 AT_ONCE = 5.0  # s; a page asks by itself once a minute
 
 
-@pytest.fixture
-def robot(db):
-    return create_robot(name="giraff", connection="ONLINE", last_seen_at=timezone.now())
-
-
-@pytest.fixture
-def ada(db):
-    return User.objects.create_user("ada", password="x")
-
-
-@pytest.fixture
-def bob(db):
-    return User.objects.create_user("bob", password="x")
-
-
 async def drive(page):
     """Take the robot, and wait until the page listens to the layer."""
     granted = await page.take()
@@ -59,8 +44,7 @@ async def test_a_message_reaches_the_page_of_its_session_and_no_other(bridge, ro
         message = protocol.OperatorMessage(session=session, text="Mind the cat.")
         assert await sync_to_async(page_channel.send_notice)("giraff", message)
         assert await driver.expect("session/operator_message") == message
-        await other.say("session/observe", protocol.Observe())
-        await other.expect("session/observing")
+        await other.observe()
         assert other.told("session/operator_message") == []
 
 

@@ -26,13 +26,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
-def robot(db):
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
-    )
-
-
-@pytest.fixture
 def key(robot):
     return make_screen_key(robot, timezone.now())
 
@@ -148,8 +141,7 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         granted = await page.take()
         shown = await display.expect("screen")
         assert (shown.visitor, shown.session, shown.study) == ("Ada", granted.session, False)
-        await watching.say("session/observe", protocol.Observe())
-        await watching.expect("session/observing")
+        await watching.observe()
         said = m.Words(
             stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello"
         )
@@ -165,9 +157,7 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         assert watching.told("words") == []
 
 
-async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_other(
-    bridge, robot, key
-):
+async def test_waiting_visitor_and_people_at_a_stopped_robot_chat(bridge, robot, key):
     create = sync_to_async(get_user_model().objects.create_user)
     ada, bob = await create("ada", display_name="Ada"), await create("bob", display_name="Bob")
     stop = m.Safety(estop=True, estop_source="screen:Giraff")
@@ -182,8 +172,7 @@ async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_o
     ):
         bridge.say("giraff", "state", words.state(safety=stop))
         for one in (page, second):
-            await one.say("session/take", protocol.Take())
-            queued = await one.expect("session/queued")
+            queued = await one.queue()
             assert queued.reason == "paused: estop"
         shown = await display.expect("screen", lambda screen: screen.waiting is not None)
         assert (shown.waiting, shown.visitor, shown.session) == ("Ada", None, None)
@@ -204,9 +193,7 @@ async def test_who_waits_at_a_stopped_robot_and_the_people_there_write_to_each_o
         assert bridge.commands("command/action") == [], "the robot has no part in it"
 
 
-async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_servers_clock(
-    bridge, robot, key
-):
+async def test_a_screens_action_has_its_role_and_the_servers_timestamp(bridge, robot, key):
     async with Display(key) as display:
         await display.expect("screen")
         await display.say(
@@ -239,8 +226,7 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
     ):
         granted = await page.take()
         await display.expect("screen", lambda shown: shown.visitor == "Ada")
-        await watching.say("session/observe", protocol.Observe())
-        await watching.expect("session/observing")
+        await watching.observe()
         await page.say(
             "command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x")
         )

@@ -33,12 +33,6 @@ def practice(settings, tmp_path):
 
 
 @pytest.fixture
-def giraff():
-    now = timezone.now()
-    return create_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=now)
-
-
-@pytest.fixture
 def tries(client):
     assert client.post(reverse("try_now")).url == reverse("try_robot")
     return User.objects.get(kind=User.Kind.VISITOR)
@@ -68,7 +62,7 @@ def test_how_long_a_trial_lasts_is_said_beside_its_button(client, settings):
     assert "This takes a few seconds.<" in client.get(reverse("try_robot")).content.decode()
 
 
-def test_who_still_waits_when_there_is_no_trial_any_more_reads_so(client, tries, settings):
+def test_visitor_who_waits_reads_that_trials_have_been_turned_off(client, tries, settings):
     settings.PRACTICE_ROBOTS = 0
     assert client.get(reverse("practice")).status_code == 404
     assert "This site offers no trial" in client.get(reverse("try_robot")).content.decode()
@@ -87,7 +81,7 @@ def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
     assert client.get(plan.json()["image"]).status_code == 200
 
 
-def test_nobody_is_led_to_a_robot_that_is_about_to_be_started_anew(client, tries, practice):
+def test_robot_that_is_about_to_restart_is_not_offered(client, tries, practice):
     is_there(practice)
     RobotPresence.objects.filter(pk=practice.pk).update(boot="first")
     now = timezone.now()
@@ -139,7 +133,7 @@ def test_trying_twice_is_a_new_visitor_and_the_page_alone_is_nobodys(client, tri
     assert client.get(reverse("try_robot")).url == reverse("home")
 
 
-def test_somebody_with_an_account_tries_as_who_they_are(client):
+def test_user_with_an_account_practises_under_that_account(client):
     ada = User.objects.create_user("ada", password="x")
     client.force_login(ada)
     client.post(reverse("try_now"))

@@ -44,11 +44,6 @@ def ada():
     return get_user_model().objects.create_user("ada", display_name="Ada L.", password="x")
 
 
-@pytest.fixture
-def bob():
-    return get_user_model().objects.create_user("bob", password="x")
-
-
 def config_of(response):
     return json.loads(
         re.search(

@@ -44,6 +44,14 @@ class Taking:
 
 
 @pytest.fixture
+def researcher(client):
+    """An administrator who is signed in."""
+    user = person("boss", is_staff=True, is_superuser=True)
+    client.force_login(user)
+    return user
+
+
+@pytest.fixture
 def take(client):
     """Begin a questionnaire as the signed-in ada."""
 

@@ -24,13 +24,6 @@ LIST = "admin:surveys_questionnaire_changelist"
 ADD = "admin:surveys_questionnaire_add"
 
 
-@pytest.fixture
-def researcher(client):
-    boss = person("boss", is_staff=True, is_superuser=True)
-    client.force_login(boss)
-    return boss
-
-
 def staff_with(client, *codenames: str) -> User:
     user = person("assistant", is_staff=True)
     user.user_permissions.set(

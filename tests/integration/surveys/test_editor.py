@@ -4,7 +4,7 @@ import pytest
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from experiments import publishing
+from experiments import publishing, resources
 from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
 from surveys.questionnaires import freeze, is_usable, problems_of, shipped, store
@@ -14,14 +14,7 @@ from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, defined, item, rows
 from tests.support.studies.study_pages import form_of
 
-pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def boss(client):
-    user = person("boss", is_staff=True, is_superuser=True)
-    client.force_login(user)
-    return user
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("researcher")]
 
 
 def at(row: Questionnaire, *place: str) -> str:
@@ -82,7 +75,7 @@ def test_a_questionnaire_is_written_from_empty_until_a_study_can_use_it(client, 
     send(client, at(row, "questions", "q3"), required="on", **texts("text", "Again?"), **labels)
     assert [one.value for one in stored().question("q3").item.options][1] == "no_en"
     assert is_usable(Questionnaire.objects.get())
-    assert ("the-doors", 1) in publishing.known_here().questionnaires
+    assert ("the-doors", 1) in resources.known_here().questionnaires
     assert "Complete: a study can use it" in read(client.get(at(row))).text
 
 
@@ -121,7 +114,7 @@ def test_a_question_of_every_type_has_a_page(client, row, kind):
 def test_an_incomplete_draft_is_kept_and_never_used(client, row):
     with pytest.raises(BadDefinitionError):
         freeze(row, NOW)
-    assert (row.slug, 1) not in publishing.known_here().questionnaires
+    assert (row.slug, 1) not in resources.known_here().questionnaires
     messages = [e.text for e in read(client.get(at(row, "questions", "q1"))).all("li")]
     assert "Text (English, Spanish) is missing." in messages
     listed = read(client.get(reverse("admin:surveys_questionnaire_changelist"))).text

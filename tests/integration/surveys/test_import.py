@@ -41,13 +41,6 @@ FRUIT = qsf(
 )
 
 
-@pytest.fixture
-def researcher(client):
-    boss = person("boss", is_staff=True, is_superuser=True)
-    client.force_login(boss)
-    return boss
-
-
 def own_faults(page) -> list[str]:
     """Return what is wrong with a page beside what is Django's own: its scripts, landmarks and
     headings; the button of a submit row says what it does by its value.

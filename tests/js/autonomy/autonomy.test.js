@@ -17,7 +17,8 @@ import {
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
-import { mayWriteWaiting, offerFor } from "../../../static/js/autonomy/offer.js";
+import { offerFor } from "../../../static/js/autonomy/offer.js";
+import { mayWriteWaiting } from "../../../static/js/protocol/capabilities.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
 import { newState } from "../../../static/js/drive/features.js";
@@ -31,7 +32,7 @@ import {
   messageOf,
   pass,
   wishOf,
-} from "../../../static/js/autonomy/robot_action.js";
+} from "../../../static/js/protocol/robot_action.js";
 
 const TEMPLATE = readFileSync(
   new URL("../../../templates/sessions/_words.html", import.meta.url),

@@ -1,13 +1,58 @@
-/** What the features of the drive page bring: static/js/drive/registry.js, and which there are. */
+/** The features of the drive page and their registry: static/js/drive/registry.js. */
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
 import { FIRST, LATER, SLICES, newState } from "../../../static/js/drive/features.js";
 import { Registry } from "../../../static/js/drive/registry.js";
+import { createScheduler } from "../../../static/js/drive/scheduler.js";
+
+/** Collects the errors that features' boundaries note during a test. */
+const notedErrors = (context) => {
+  const errors = [];
+  globalThis.reportError = ({ message }) => errors.push(message);
+  context.after(() => delete globalThis.reportError);
+  return errors;
+};
+
+describe("an error in a feature", () => {
+  const fail = () => {
+    throw new Error("broken");
+  };
+
+  test("is noted and stops no other feature", (context) => {
+    const [errors, registry, log] = [notedErrors(context), new Registry(), []];
+    const parts = (run) => ({ handlers: { state: run }, on: { tick: run }, render: run });
+    registry.add({ ...parts(fail), actions: { sound: fail } });
+    registry.add(parts(() => log.push("ran")));
+    assert.equal(registry.handle("state", {}, "mqtt"), true);
+    registry.emit("tick", 1);
+    registry.render({});
+    assert.equal(registry.act("sound"), true);
+    assert.deepEqual(log, ["ran", "ran", "ran"]);
+    assert.deepEqual(errors, ["broken", "broken", "broken", "broken"]);
+  });
+
+  test("does not delay the velocity, which is sent first in each tick", (context) => {
+    const [errors, log] = [notedErrors(context), []];
+    context.mock.timers.enable({ apis: ["setInterval"] });
+    const registry = new Registry();
+    registry.add({ on: { tick: () => log.push("tick"), poll: fail, second: fail } });
+    createScheduler({
+      store: { update: () => undefined },
+      emit: registry.emit.bind(registry),
+      connection: { grantedAt: () => -Infinity },
+      driving: { sendVelocity: () => log.push("velocity") },
+      video: { frameAge: () => null },
+    }).begin();
+    context.mock.timers.tick(100);
+    assert.deepEqual(log, ["velocity", "tick", "velocity", "tick"]);
+    assert.deepEqual(errors, ["broken", "broken"]);
+  });
+});
 
 describe("the registry", () => {
-  test("hands a message to every feature that takes it, in order, and says when none does", () => {
+  test("passes a message to each feature with a handler and reports when there is none", () => {
     const [registry, log] = [new Registry(), []];
     registry.add({
       handlers: { state: (message, transport) => log.push(["one", message, transport]) },
@@ -18,7 +63,7 @@ describe("the registry", () => {
     assert.deepEqual(log, [["one", 1, "mqtt"], "two"]);
   });
 
-  test("runs an action by its name, with its argument, and says when there is none", () => {
+  test("runs an action by its name with its argument and reports when there is none", () => {
     const [registry, log] = [new Registry(), []];
     registry.add({
       actions: {
@@ -34,7 +79,7 @@ describe("the registry", () => {
     assert.deepEqual(done, [true, true, true, false]);
   });
 
-  test("renders all features and tells those that listen what happens", () => {
+  test("renders all features and calls the listeners of an event", () => {
     const [registry, log] = [new Registry(), []];
     registry.add({
       render: (state) => log.push(`render ${state}`),
@@ -48,7 +93,7 @@ describe("the registry", () => {
   });
 });
 
-describe("a feature that comes later than the first", () => {
+describe("a feature that is loaded later", () => {
   const late = (registry) => {
     const log = [];
     registry.add({
@@ -59,7 +104,7 @@ describe("a feature that comes later than the first", () => {
     return log;
   };
 
-  test("hears once, in order, what it missed, but for what comes again by itself", () => {
+  test("receives once, in order, what it missed, except for what is repeated soon", () => {
     const [registry, first] = [new Registry(), []];
     registry.add({ handlers: { path: () => first.push("path") } });
     registry.emit("granted", "lease");
@@ -70,7 +115,7 @@ describe("a feature that comes later than the first", () => {
     assert.deepEqual(first, ["path"]);
   });
 
-  test("hears from then on what happens, and nothing of before once all features are there", () => {
+  test("receives new events, and no old ones after all features are loaded", () => {
     const registry = new Registry();
     const log = late(registry);
     registry.emit("granted", "lease");
@@ -84,12 +129,12 @@ describe("a feature that comes later than the first", () => {
 describe("the features", async () => {
   const all = [...FIRST, ...(await Promise.all(LATER.map((fetch) => fetch())))];
 
-  test("have names of their own", () => {
+  test("have different names", () => {
     const names = all.map(({ name }) => name);
     assert.equal(new Set(names).size, names.length);
   });
 
-  test("keep what they show in slices that do not overlap", () => {
+  test("have slices of the state that do not overlap", () => {
     const fields = SLICES.flatMap((newSlice) => Object.keys(newSlice()));
     assert.deepEqual([...new Set(fields)].sort(), [...fields].sort());
     assert.deepEqual(Object.keys(newState()).sort(), [...fields].sort());

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { ask } from "../../../static/js/autonomy/robot_action.js";
+import { ask } from "../../../static/js/protocol/robot_action.js";
 import {
   DOUBT,
   lineFor,

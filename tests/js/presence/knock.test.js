@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { ask } from "../../../static/js/autonomy/robot_action.js";
+import { ask } from "../../../static/js/protocol/robot_action.js";
 import { createKnock, lineOfKnock } from "../../../static/js/presence/knock.js";
 import { createChime } from "../../../static/js/pages/screen/chime.js";
 import { sceneFor } from "../../../static/js/pages/screen/scene.js";

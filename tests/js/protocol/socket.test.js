@@ -3,6 +3,7 @@ import { mock, test } from "node:test";
 
 import { Socket } from "../../../static/js/protocol/socket.js";
 import { backoff } from "../../../static/js/lib/backoff.js";
+import { unixNow } from "../../../static/js/lib/clock.js";
 import { freshId } from "../../../static/js/lib/ids.js";
 
 const rig = () => {
@@ -32,7 +33,7 @@ const rig = () => {
   return { socket, dialled, log, open };
 };
 
-test("it dials again for ever, later each time, and at once after it was open", (context) => {
+test("reconnects for ever with growing pauses that reset after a connection", (context) => {
   context.mock.timers.enable({ apis: ["setTimeout"] });
   const { socket, dialled, open } = rig();
   socket.open();
@@ -56,7 +57,7 @@ test("a closed socket is not dialled again", (context) => {
   assert.equal(dialled.length, 1);
 });
 
-test("a socket that was given up is heard no more", (context) => {
+test("packets of an abandoned socket are ignored", (context) => {
   context.mock.timers.enable({ apis: ["setTimeout"] });
   const { socket, dialled, log, open } = rig();
   socket.open();
@@ -70,7 +71,22 @@ test("a socket that was given up is heard no more", (context) => {
   socket.close();
 });
 
-test("nothing is kept for later: what cannot be sent, or is old on a full line, is dropped", () => {
+test("an open socket that has been silent for too long is dialled again", (context) => {
+  context.mock.timers.enable({ apis: ["setTimeout"] });
+  const { socket, dialled, log, open } = rig();
+  socket.open();
+  assert.equal(socket.watch(unixNow() + 60), 0);
+  open(dialled[0]);
+  socket.watch(socket.receivedAt + 2);
+  assert.deepEqual(log, ["open"]);
+  assert.equal(Math.round(socket.watch(socket.receivedAt + 4)), 4);
+  context.mock.timers.tick(5000);
+  assert.deepEqual(log, ["open", "lost 1006"]);
+  assert.equal(dialled.length, 2);
+  socket.close();
+});
+
+test("a message that cannot be sent, or is old in a full buffer, is dropped", () => {
   const { socket, dialled, open } = rig();
   socket.open();
   assert.equal(socket.send("a"), false);

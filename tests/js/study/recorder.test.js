@@ -18,7 +18,7 @@ Object.defineProperty(globalThis, "navigator", {
   configurable: true,
 });
 
-test("a recorder that comes while the robot is driven writes once what has been so", async () => {
+test("a recorder that is loaded during a drive records what already applies, once", async () => {
   const state = newState({});
   state.visit = { ...state.visit, phase: "driving", session: "one" };
   /** @type {string[]} */
@@ -27,6 +27,7 @@ test("a recorder that comes while the robot is driven writes once what has been 
     get: () => state,
     report: (type, data) => written.push(data?.name ? `${type} ${data.name}` : type) > 0,
     now: () => 0,
+    hud: { alertFor: () => null, cardFor: () => null },
   });
   recorder.steered("keyboard");
   await new Promise((heard) => setTimeout(heard));

@@ -13,7 +13,7 @@ import {
   nameOf,
   profileOf,
 } from "../../../static/js/view/display/profiles.js";
-import { recallProfile, rememberProfile } from "../../../static/js/drive/storage.js";
+import { recallProfile, rememberProfile } from "../../../static/js/lib/storage.js";
 import { newState } from "../../../static/js/drive/features.js";
 import { Figures, pickMore, pathKindOf } from "../../../static/js/view/technical/figures.js";
 

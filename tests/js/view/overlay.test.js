@@ -2,12 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
-import {
-  Track,
-  along,
-  robotFromMap,
-  mapFromRobot,
-} from "../../../static/js/view/overlay/transforms.js";
+import { Track, along, robotFromMap, mapFromRobot } from "../../../static/js/lib/transforms.js";
 import {
   boxOf,
   depthOf,
@@ -24,7 +19,7 @@ import {
   lineSteps,
   reachOf,
   sweep,
-} from "../../../static/js/view/overlay/swept_path.js";
+} from "../../../static/js/lib/swept_path.js";
 
 const TRUTH = JSON.parse(
   readFileSync(new URL("../../golden/projection.json", import.meta.url), "utf8"),

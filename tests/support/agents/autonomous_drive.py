@@ -1,6 +1,4 @@
-"""A simulated robot that finds its way or helps its driver, and what the control loop does with its
-wishes.
-"""
+"""A simulated robot that navigates or assists, with the control loop's part."""
 
 import asyncio
 import time
@@ -24,9 +22,7 @@ def made(profile: str = "giraff", **options: str) -> AutonomyAdapter:
 
 
 class Drive:
-    """A robot whose wishes reach its wheels, as the agent's control loop does it, with everything
-    that it says.
-    """
+    """A robot whose wanted velocities reach its wheels, and everything that it reports."""
 
     def __init__(self, adapter: AutonomyAdapter) -> None:
         self.adapter = adapter

@@ -1,6 +1,4 @@
-"""From a key to a robot that moves, without page and network: somebody at the keys, the page's ramp
-and steps, a simulated Giraff.
-"""
+"""From a key to a moving robot: a person, the page's ramp and steps, a simulated Giraff."""
 
 import math
 import random
@@ -18,7 +16,7 @@ from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions import protocol
-from tests.support.browsers.first_time_user import Keys, Mind
+from tests.support.browsers.first_time_user import Keys, UserDecisions
 
 DT = 0.02
 START, RISE = 0.35, 0.9  # static/js/input/speeds.js
@@ -78,7 +76,7 @@ class Person:
         )
         stops = [{"number": stop.number, "x": stop.x, "y": stop.y} for stop in course.checkpoints]
         self.guide = Guide.of({"checkpoints": stops}, plan, "giraff")
-        self.node = Mind(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
+        self.node = UserDecisions(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
         self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
         self.sim.set_doors(
             {door.name: "closed" if door.name in self.closed else "open" for door in plan.doors}
@@ -86,9 +84,7 @@ class Person:
         self.cue, self.step, self.dock = "", "Normal", DockState()
 
     def drive(self, passed: int, within: float) -> float | None:
-        """Pass the checkpoints after `passed` and dock; return the seconds, None when it took
-        longer than `within`.
-        """
+        """Pass the checkpoints after `passed` and dock; return the seconds, or None."""
         keyboard, seen, next_look = (
             Keyboard(),
             deque[Pose2D](maxlen=max(1, round(self.late / DT))),

@@ -1,6 +1,4 @@
-"""A control loop with a scripted robot, a broker in memory, and a media side that only listens; and
-a driver who does not tire.
-"""
+"""A control loop with a scripted robot, a broker in memory and a media double."""
 
 import random
 
@@ -71,9 +69,7 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """Use as a context manager. Time is virtual: it passes only while the test waits.
-    `ThreadedControlRig` is the one in real time.
-    """
+    """A context manager in virtual time, which passes only while the test waits."""
 
     def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
         self.time = self.clock()

@@ -1,6 +1,4 @@
-"""The changes of controller that the model allows, written independently of the kernel's table: one
-line a change, as `controller, event, controller`.
-"""
+"""The model's changes of controller, independent of the kernel's: before, event, after."""
 
 ALLOWED = """
     none,       driven,           driver

@@ -6,9 +6,7 @@ from robots.models import FloorPlan
 
 
 def report_in_dock(plan: FloorPlan, series: str, **changes: Any) -> dict[str, Any]:
-    """Return a state as `Robot.report` keeps it; a site without a station for the robot has it at
-    its origin.
-    """
+    """Return a stored state in the station, or at the origin of a site without one."""
     dock = next(
         (dock for dock in plan.plan.get("docks", ()) if dock["type"] == series),
         {"x": 0.0, "y": 0.0, "theta": 0.0},

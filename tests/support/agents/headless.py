@@ -30,11 +30,7 @@ class Headless:
     def __init__(
         self, body: Body, area: Area, rng: np.random.Generator, *, period: float = THINKING
     ) -> None:
-        """Read the map.
-
-        Raises:
-            AreaError: nothing can find its way there.
-        """
+        """Read the map; raises AreaError."""
         self._laser = LaserSource(Laser(x=0.0))  # sweeps come with their mount
         self.monitor = CollisionMonitor(body.footprint, body.limits, [self._laser])
         self._told = ZERO
@@ -59,17 +55,11 @@ class Headless:
         self.node.place(pose)
 
     def begin(self, action: Action) -> None:
-        """Begin a goto, follow, dock, undock or relocalize.
-
-        Raises:
-            ActionError: it cannot be done, with the reason.
-        """
+        """Start a goto, follow, dock, undock or relocalize; raises ActionError."""
         self.node.begin(action)
 
     def step(self, moment: SensorSnapshot) -> Velocity:
-        """Take a moment, its newest sweep included, and return what the running action wants, ZERO
-        without one; 20 Hz or more.
-        """
+        """Take a moment and return the action's velocity, ZERO without one; 20 Hz or more."""
         before, self._moment = self._moment, moment
         new = moment.beams is not None and (before is None or moment.beams is not before.beams)
         self.monitor.moved(moment.stamp, moment.odometry)

@@ -1,6 +1,4 @@
-"""A simulated robot with its own autonomy, stepped as fast as the computer can: no process, no
-clock.
-"""
+"""A simulated robot with its own autonomy, without process and clock."""
 
 import math
 
@@ -23,9 +21,7 @@ def office() -> Area:
 
 
 class HeadlessRobot:
-    """`sim` is the truth, `autonomy` what drives; `placed` tells it at the beginning where it
-    stands.
-    """
+    """`sim` is the truth, `autonomy` drives; `placed` gives it its pose at the start."""
 
     def __init__(self, series="giraff", *, start="dock", seed=1, area=None, placed=True, people=0):
         self.area = area or office()
@@ -43,9 +39,7 @@ class HeadlessRobot:
         self.fastest = 0.0
 
     def step(self, driver=None, level="off"):
-        """One tick; a `driver`'s velocity goes through the assistance instead of what an action
-        wants.
-        """
+        """One tick; a `driver`'s velocity passes the assistance and replaces an action's."""
         if self.sim.time + 1e-9 >= self.look_at:
             self.look_at += 1.0 / self.sim.model.laser.rate
             self.beams = self.sim.beams() or self.beams

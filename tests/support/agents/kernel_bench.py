@@ -1,6 +1,4 @@
-"""A safety kernel on a bench: time that the test turns, a driver whose clock is off by a known
-amount, and a record of every output.
-"""
+"""A safety kernel in the test's own time, with a driver whose clock has a known offset."""
 
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,6 +1,4 @@
-"""A driver whose every order says when it was given: the angular velocity grows by a step every 50
-ms, and tells its age when it arrives.
-"""
+"""A driver whose angular velocity grows by a step every 50 ms, and so tells its age."""
 
 import time
 
@@ -14,9 +12,7 @@ TOGETHER = 0.1  # s
 
 
 class DatedOrders:
-    """Good for fifty seconds. Ages are as exact as a step of two and the robot's clock, which is
-    ours.
-    """
+    """Good for fifty seconds; ages are exact to two steps and the clocks."""
 
     def __init__(self, began=None):
         self.began = time.monotonic() if began is None else began

@@ -1,6 +1,4 @@
-"""A map made into a site on the pages of the administration, by Django's test client: uploaded,
-proposed, checked and saved as it is shown.
-"""
+"""A site made from a map on the administration's pages, by Django's test client."""
 
 from pathlib import Path
 

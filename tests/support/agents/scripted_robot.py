@@ -1,6 +1,4 @@
-"""An adapter whose robot does what the test says: it records every velocity with its time, and has
-a watchdog of its own.
-"""
+"""An adapter that records every velocity with its time, and has its own watchdog."""
 
 import asyncio
 import threading
@@ -140,9 +138,7 @@ class ScriptedRobot:
         return velocities[-1][1] if velocities else ZERO
 
     def base_at(self, moment):
-        """What the base does at a moment: what it was last told, or nothing when its watchdog has
-        struck.
-        """
+        """The base's velocity at a moment, zero after its watchdog."""
         before = [(at, velocity) for at, velocity in self.velocities() if at <= moment]
         return before[-1][1] if before and moment - before[-1][0] < self.profile.watchdog else ZERO
 
@@ -198,9 +194,7 @@ class NavigatingRobot(ScriptedRobot):
 
 
 class SelfDrivingRobot(ScriptedRobot):
-    """One whose navigation runs in the agent (contract.Navigating): `wish` is what it wants while
-    an action runs.
-    """
+    """A robot whose navigation runs in the agent; `wish` is its wanted velocity."""
 
     wish = ZERO
     dock = None

@@ -10,9 +10,7 @@ from tests.support.patience import patient
 
 @dataclass(frozen=True)
 class Row:
-    """One step of the simulator: what it was told, what it did, where it was (robot's clock, SI
-    units).
-    """
+    """One step of the simulator: command, motion and pose (robot's clock, SI units)."""
 
     stamp: float
     commanded_linear: float

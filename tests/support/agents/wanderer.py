@@ -23,9 +23,7 @@ TICK = 0.02
 
 
 class Ways:
-    """A raster over what is free of a map, all of one piece, and shortest ways on it that shun the
-    walls.
-    """
+    """A raster over the connected free space of a map, and shortest paths away from walls."""
 
     def __init__(self, grid: OccupancyGrid, clearance: float = CLEARANCE) -> None:
         room = (

@@ -1,4 +1,4 @@
-"""A small study with a participant for every way in which taking part can go."""
+"""A small study with a participant for every course and end of participation."""
 
 from dataclasses import replace
 

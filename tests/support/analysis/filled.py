@@ -1,5 +1,5 @@
-"""Messages with every field filled with a value that is recognised wherever it turns up, made from
-the types of their fields: a new message, or a new field, is filled by itself.
+"""Messages with every field filled with a recognisable value. The values are derived from the types
+of the fields, so new messages and fields are filled too.
 """
 
 import inspect
@@ -46,15 +46,13 @@ class Filler:
         self._numbers = itertools.count(1)
 
     def word(self) -> str:
-        """Return a word that nothing else has."""
+        """Return a unique word."""
         return f"{MARK}{next(self._numbers):0{DIGITS}x}"
 
     def key(self) -> str:
-        """Return the id of a row."""
         return str(uuid.UUID(bytes=self._rng.bytes(16), version=4))
 
     def hash(self) -> str:
-        """Return a SHA-256."""
         return str(self._rng.bytes(32).hex())
 
     def time(self) -> float:
@@ -62,7 +60,7 @@ class Filler:
         return self._now + next(self._numbers) / 1024
 
     def count(self) -> int:
-        """Return a number that nothing else has."""
+        """Return a unique number."""
         return LARGE + next(self._numbers) * 7919
 
     def anything(self) -> dict[str, Any]:

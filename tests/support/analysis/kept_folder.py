@@ -1,6 +1,4 @@
-"""What is made once for the sources as they are, kept beside them, and used by every process of
-every lane.
-"""
+"""Folders that are computed once for a state of the sources and shared by all test processes."""
 
 import fcntl
 import hashlib
@@ -15,8 +13,8 @@ FORGOTTEN_S = 24 * 3600.0
 
 
 def kept_folder(name: str, sources: Iterable[Path], make: Callable[[Path], None]) -> Path:
-    """Return the folder that `make` has filled: by the first process to need it, and anew when one
-    of the sources changes.
+    """Return a folder that `make` has filled. The first process that needs it calls `make`, and
+    again after one of the sources has changed.
     """
     parent = ROOT / ".pytest_cache" / name
     parent.mkdir(parents=True, exist_ok=True)

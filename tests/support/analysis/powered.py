@@ -48,6 +48,6 @@ def powered_study(
 
 
 def expected(condition: int, difference: float, **more: float) -> dict[str, Any]:
-    """What is expected of the task time in a condition."""
+    """The expected task time in a condition."""
     about = {"measure": "task_time", "condition": f"c{condition}", "difference": difference}
     return {**about, **more}

@@ -81,12 +81,10 @@ class AdapterConformance:
 
     @abstractmethod
     def make(self) -> Adapter:
-        """Return a new adapter of a robot that stands where it can drive a metre ahead."""
+        """Return a new adapter of a robot at rest that can drive a metre ahead."""
 
     def obeyed_at(self, adapter: Adapter) -> float:
-        """Return when the last velocity that moves reached the robot, Unix seconds; 0 where nobody
-        knows.
-        """
+        """Return when the last non-zero velocity reached the robot, Unix seconds; 0 if unknown."""
         return 0.0
 
     @pytest.fixture(autouse=True)
@@ -149,7 +147,7 @@ class AdapterConformance:
         ahead = Velocity(linear=0.2, angular=0.0)
         assert await sent(adapter, ahead, ahead) == ahead
 
-        # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
+        # The watchdog brakes a robot whose velocities are late, and it accelerates again.
         def goes_steadily(state: RcaState) -> bool:
             return (
                 state.distance > start.distance + 0.17 and abs(state.velocity.linear - 0.2) < 0.05

@@ -1,5 +1,5 @@
-"""A server in a process of its own, which can be frozen, let go on, and killed: what it has not
-read then lies in its sockets.
+"""A server in a process of its own, which can be frozen, resumed and killed; unread data then wait
+in its sockets.
 """
 
 import contextlib

@@ -1,6 +1,4 @@
-"""What the modules of OpenMORA accept, and what they ignore without a word; read from their
-sources, which each rule names.
-"""
+"""What the modules of OpenMORA accept or silently ignore, from the source that each rule names."""
 
 from robots.api.geometry import Pose2D
 

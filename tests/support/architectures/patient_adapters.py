@@ -19,11 +19,8 @@ SECONDS = (
 
 
 def make_patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have adapters wait longer for a robot that says nothing.
-
-    One that says nothing for a second is given up, and one that does not answer for a quarter is
-    not driven; here that second may be the machine's, which has others to serve. With the real
-    limits they are tested in tests/timing.
+    """Have adapters wait longer for a silent robot, because a busy computer may delay its readings
+    and answers. tests/timing tests the real limits.
     """
     for module, names in SECONDS:
         for name in names:

@@ -1,5 +1,5 @@
-"""What every adapter of an outside RCA must do besides `AdapterConformance`: the same simulated
-robot stands behind each protocol.
+"""What every adapter of an outside RCA must do besides `AdapterConformance`, with the same
+simulated robot behind each protocol.
 
 A test module subclasses `RcaConformance` and gives a rig (tests/support/architectures/rca_world.py)
 once a class.
@@ -39,7 +39,7 @@ LATE = 1.5  # s until a goal is accepted
 
 
 async def heard(adapter: Adapter, until, seconds: float = 10.0):
-    """Read progress until it says what is waited for, while states are read as the agent does."""
+    """Read progress until a condition, while states are read as the agent does."""
 
     async def reading():
         async for _ in adapter.states():
@@ -151,7 +151,7 @@ class RcaConformance(AdapterConformance):
     async def test_it_goes_where_it_is_told_and_its_state_says_so(self, adapter: Adapter) -> None:
         before, began = self.rig.world.truth, await self.here(adapter)
 
-        # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
+        # The watchdog brakes a robot whose velocities are late, and it accelerates again.
         def goes_as_told(state: RcaState) -> bool:
             return (
                 state.distance > 0.17
@@ -189,8 +189,7 @@ class RcaConformance(AdapterConformance):
                 and abs(wrap_angle(state.pose.theta - truth.theta)) < 0.05
             )
 
-        # The first pose may still be one of before the robot was put here, which the architecture
-        # keeps for whoever comes.
+        # The architecture may first repeat the pose from before the robot was placed here.
         await wait_for(adapter, is_right)
         await drive(adapter, AHEAD, lambda s: s.distance > 0.12)
         stood = await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
@@ -222,29 +221,33 @@ class RcaConformance(AdapterConformance):
         ]
         assert sum(abs(told - true) < 0.08 for told, true in pairs) > 0.9 * len(pairs) > 50
 
-    async def test_its_battery_is_told(self, adapter: Adapter) -> None:
+    async def test_battery_is_reported(self, adapter: Adapter) -> None:
         state = await wait_for(
             adapter, lambda s: s.battery.voltage is not None or s.battery.charge is not None
         )
-        really, told = self.rig.world.sim, state.battery
-        assert told.voltage is None or told.voltage == pytest.approx(really.voltage(), abs=0.05)
-        assert told.charge is None or told.charge == pytest.approx(really.charge, abs=0.1)
+        sim, found = self.rig.world.sim, state.battery
+        assert found.voltage is None or found.voltage == pytest.approx(sim.voltage(), abs=0.05)
+        assert found.charge is None or found.charge == pytest.approx(sim.charge, abs=0.1)
         assert not state.battery.charging
         assert not state.charger_contact
 
     async def test_it_is_sent_somewhere_and_says_when_it_is_there(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        goal = self.rig.world.truth.compose(Pose2D(0.4, 0.0, 0.0))
-        await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+        goal = await self.start_goto(adapter, 0.4)
         news = await heard(adapter, ended("g"))
         assert [each.status for each in news] == ["RUNNING", "FINISHED"], news
         assert self.rig.world.truth.distance(goal) < 0.25
 
-    async def on_its_way(self, adapter: Adapter) -> None:
-        """Start a goto of 2 m, and wait until the robot drives."""
-        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
+    async def start_goto(self, adapter: Adapter, ahead: float = 2.0) -> Pose2D:
+        """Start the action "g" to a point so many metres ahead; return that."""
+        goal = self.rig.world.truth.compose(Pose2D(ahead, 0.0, 0.0))
         await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+        return goal
+
+    async def start_driving(self, adapter: Adapter) -> None:
+        """Start a goto, and wait until the robot drives."""
+        await self.start_goto(adapter)
         await wait_for(adapter, lambda s: self.rig.world.sim.motion.linear > 0.2)
 
     async def has_stopped(self, seconds: float = 3.0) -> None:
@@ -255,7 +258,7 @@ class RcaConformance(AdapterConformance):
     async def test_a_journey_that_is_cancelled_stops(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        await self.on_its_way(adapter)
+        await self.start_driving(adapter)
         await cancelled(adapter, "g")
         assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
         await self.has_stopped()
@@ -263,7 +266,7 @@ class RcaConformance(AdapterConformance):
     async def test_a_cancel_that_was_lost_does_not_count(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        await self.on_its_way(adapter)
+        await self.start_driving(adapter)
         self.rig.world.ignored_cancels = 1
         assert await cancelled(adapter, "g") > 1
         assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
@@ -274,7 +277,7 @@ class RcaConformance(AdapterConformance):
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        await self.on_its_way(adapter)
+        await self.start_driving(adapter)
         self.rig.world.ignored_cancels = math.inf
         for _ in range(4):
             assert not await adapter.cancel("g")
@@ -293,9 +296,8 @@ class RcaConformance(AdapterConformance):
         if "goto" not in adapter.profile.capabilities:
             return
         self.rig.world.accept_after = LATE
-        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
         with contextlib.suppress(AdapterError):
-            await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+            await self.start_goto(adapter)
         await cancelled(adapter, "g")
         await self.has_stopped()
         await stays(self.rig, LATE)
@@ -319,10 +321,9 @@ class RcaConformance(AdapterConformance):
         if "goto" not in adapter.profile.capabilities:
             return
         self.rig.world.accept_after = math.inf
-        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
         before = self.rig.world.cancels
         try:
-            await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
+            await self.start_goto(adapter)
         except AdapterError:
             await cancelled(adapter, "g")
         else:
@@ -335,7 +336,7 @@ class RcaConformance(AdapterConformance):
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        await self.on_its_way(adapter)
+        await self.start_driving(adapter)
         before = self.rig.world.cancels
         if by == "the same agent":
             adapter._lose("the cable was cut")
@@ -353,9 +354,7 @@ class RcaConformance(AdapterConformance):
     async def test_a_journey_that_fails_says_so(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
-        await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
-        await wait_for(adapter, lambda s: self.rig.world.sim.motion.linear > 0.2)
+        await self.start_driving(adapter)
         self.rig.loop.call_soon_threadsafe(self.rig.world.cancel)
         last = (await heard(adapter, ended("g")))[-1]
         assert last.status == "FAILED"
@@ -380,10 +379,7 @@ class RcaConformance(AdapterConformance):
             with pytest.raises(AdapterError):
                 await adapter.start(Relocalize(action_id="r", stamp=0.0, x=1.0, y=1.0, theta=0.0))
             return
-        truth = self.rig.world.truth
-        await adapter.start(
-            Relocalize(action_id="r", stamp=0.0, x=truth.x, y=truth.y, theta=truth.theta)
-        )
+        await adapter.start(relocalize("r", self.rig.world.truth))
         assert (await heard(adapter, ended("r")))[-1].status == "FINISHED"
 
     async def test_told_where_it_is_it_says_so_itself_when_it_has_been_relocalized(
@@ -394,17 +390,11 @@ class RcaConformance(AdapterConformance):
         await self.here(adapter)
         for number, aside in enumerate((2.5, -2.0)):
             place = self.rig.world.truth.compose(Pose2D(aside, 0.0, 0.0))
-            await adapter.start(
-                Relocalize(
-                    action_id=f"r{number}", stamp=0.0, x=place.x, y=place.y, theta=place.theta
-                )
-            )
-            assert [news.status for news in await heard(adapter, ended(f"r{number}"), 15.0)] == [
-                "RUNNING",
-                "FINISHED",
-            ]
-            told = (await some(adapter.states(), 1))[0].pose
-            assert math.hypot(told.x - place.x, told.y - place.y) < 0.1
+            await adapter.start(relocalize(f"r{number}", place))
+            news = await heard(adapter, ended(f"r{number}"), 15.0)
+            assert [each.status for each in news] == ["RUNNING", "FINISHED"]
+            pose = (await some(adapter.states(), 1))[0].pose
+            assert math.hypot(pose.x - place.x, pose.y - place.y) < 0.1
 
     async def test_a_localization_that_does_not_listen_makes_relocalizing_fail_with_the_reason(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
@@ -416,9 +406,7 @@ class RcaConformance(AdapterConformance):
             monkeypatch.setattr(module, "LONGEST_RELOCALIZATION", 3.0)
         self.rig.world.deaf = True
         place = self.rig.world.truth.compose(Pose2D(2.5, 0.0, 0.0))
-        await adapter.start(
-            Relocalize(action_id="r", stamp=0.0, x=place.x, y=place.y, theta=place.theta)
-        )
+        await adapter.start(relocalize("r", place))
         last = (await heard(adapter, ended("r")))[-1]
         assert last.status == "FAILED"
         assert "disagrees" in last.reason or "does not answer" in last.reason
@@ -447,9 +435,7 @@ class RcaConformance(AdapterConformance):
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
-        goal = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
-        await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
-        await wait_for(adapter, lambda s: self.rig.world.sim.motion.linear > 0.2)
+        await self.start_driving(adapter)
         dying = asyncio.get_running_loop().run_in_executor(None, self.rig.kill)
         with pytest.raises(AdapterError):
             await wait_for(adapter, lambda _: False)
@@ -458,6 +444,10 @@ class RcaConformance(AdapterConformance):
         await again(adapter)
         assert (await heard(adapter, ended("g"), 20.0))[-1].status == "FAILED"
         assert await adapter.cancel("g")
+
+
+def relocalize(action_id: str, place: Pose2D) -> Relocalize:
+    return Relocalize(action_id=action_id, stamp=0.0, **place._asdict())
 
 
 async def standing(rig: RcaRig, seconds: float = 3.0) -> None:

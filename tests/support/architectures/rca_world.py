@@ -1,8 +1,5 @@
-"""The simulated robot behind an architecture of its own: it obeys velocities, finds short ways by
-itself, and docks.
-
-Stands for ROS, MOOS and the like in the tests of their adapters; `RcaRig` runs it in a thread
-beside the test.
+"""The simulated robot behind an architecture of its own, for the tests of adapters: it obeys
+velocities, plans short paths, and docks. `RcaRig` runs it in a thread beside the test.
 """
 
 import asyncio
@@ -256,7 +253,7 @@ class RcaRig:
             if self.running:
                 try:
                     await self.say(count)
-                except Exception as error:
+                except Exception as error:  # of any kind: the test fails with it
                     if self.running:
                         self.errors.append(error)
             count += 1

@@ -127,9 +127,7 @@ class RosbridgeServer:
             await client.send(json.dumps(_json(message)))
 
     async def _typed(self, client, message, of, op):
-        """The type of a topic is fixed by whoever names it first, for as long as anybody has to do
-        with it.
-        """
+        """The first client of a topic fixes its type, until its last client has left."""
         self._forget()
         topic, kind = message["topic"], message.get("type")
         if kind is not None and self.types.setdefault(topic, kind) != kind:

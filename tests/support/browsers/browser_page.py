@@ -1,6 +1,4 @@
-"""A real Chromium that watches a robot: a static page, and the signalling that a server would
-carry.
-"""
+"""A real Chromium that watches a robot: a static page, with signalling in this process."""
 
 import threading
 from collections.abc import AsyncIterator
@@ -43,13 +41,8 @@ class BrowserPage:
     def __init__(
         self, page: Page, media: MediaSide, exchange: Exchange, peer: str, role: Role
     ) -> None:
-        self.page, self.media, self.exchange, self.peer, self.role = (
-            page,
-            media,
-            exchange,
-            peer,
-            role,
-        )
+        self.page, self.media, self.exchange = page, media, exchange
+        self.peer, self.role = peer, role
 
     @classmethod
     async def open(
@@ -62,7 +55,7 @@ class BrowserPage:
         *,
         role: Role = "observer",
     ) -> "BrowserPage":
-        """Open the page; it does not offer before `watch`."""
+        """Open the page, which does not offer before `watch`."""
         self = cls(await (await browser.new_context()).new_page(), media, exchange, peer, role)
         await self.page.expose_function("sendOffer", self._offer)
         await self.page.expose_function("sendCandidate", self._candidate)
@@ -70,11 +63,9 @@ class BrowserPage:
         return self
 
     async def watch(self, **options: Any) -> None:
-        """Connect."""
         await self.page.evaluate("options => watch(options)", options)
 
     async def report(self) -> dict[str, Any]:
-        """Return what the page saw so far."""
         return await self.page.evaluate("() => report")
 
     async def report_when(self, condition: str, timeout: float = 15.0) -> dict[str, Any]:
@@ -85,13 +76,9 @@ class BrowserPage:
     async def _offer(self, sdp: str) -> str | None:
         answered = len(self.exchange.answers(self.peer))
         self.media.signal(self.peer, SdpOffer(sdp=sdp, role=self.role))
-        await until(
-            lambda: (
-                len(self.exchange.answers(self.peer)) > answered or self.exchange.byes(self.peer)
-            )
-        )
-        answers = self.exchange.answers(self.peer)
-        return answers[-1] if len(answers) > answered else None
+        answers = lambda: self.exchange.answers(self.peer)
+        await until(lambda: len(answers()) > answered or self.exchange.byes(self.peer))
+        return answers()[-1] if len(answers()) > answered else None
 
     def _candidate(self, candidate: dict[str, Any]) -> None:
         message = Candidate(

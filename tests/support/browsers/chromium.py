@@ -1,19 +1,11 @@
-"""The Chromium of the tests: Debian's, without a window. Another is named by the environment
-variable CHROMIUM.
-"""
+"""The Chromium of the tests: Debian's, headless, or the one that the variable CHROMIUM names."""
 
 import os
 
-# The same engine as chromium's own, without the parts of a desktop's browser: half of the work to
-# start one, two thirds of it to play a video.
+# The engine without the desktop browser: half of the CPU time to start, two thirds to play a video.
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium-headless-shell")
 FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
+    *("--disable-background-networking", "--disable-component-update"),
     "--autoplay-policy=no-user-gesture-required",
 ]

@@ -1,6 +1,4 @@
-"""Visitors of a running demo: one who drives a robot, and one who waits for it and practises
-meanwhile.
-"""
+"""Visitors of a running demo: one drives a robot, another waits for it and practises."""
 
 import contextlib
 import math
@@ -21,8 +19,8 @@ from tests.support.sessions.site import Site, free_port
 ADDRESS = re.compile(r"event=simulator_connected .*address=127\.0\.0\.1:(\d+)")
 PRACTICE = "practice-1"
 TURN = 0.1  # rad
-HELD_LOOKS = 20  # a tenth of a second each, before a key that moves nothing is pressed again
-# Of the demo: what its terminal calls each part, and a word of its command line.
+HELD_POLLS = 20  # of 0.1 s each, before a key that moves nothing is pressed again
+# The parts of the demo: their name on the terminal, and words of their command line.
 PARTS = {
     "broker": ("run_broker",),
     "session manager": ("run_session_manager",),
@@ -51,46 +49,32 @@ class People:
     # --- Ana ---
 
     def ana_sets_out(self) -> None:
-        """Ana takes the robot and leaves its dock; Cy comes meanwhile and waits."""
+        """Ana takes the robot, Cy joins the queue, and the robot leaves its dock."""
         self.ana.drive("giraff")
-        self._cy_waits()
-        self._leaves_the_dock(self.ana)
-
-    def ana_drives(self, within: float = 30.0) -> float:
-        """Ana turns her robot by its keys, and presses them again as long as nothing moves; return
-        the seconds that it took.
-        """
-        return self._turns(self.ana, "simulated-Giraff", within)
-
-    def _leaves_the_dock(self, visitor: Visitor) -> None:
-        expect(visitor.page.locator("#offer")).to_have_attribute(
+        self.cy.open("giraff", go=True)
+        expect(self.cy.page.locator("#card")).to_have_attribute("data-card", "queued.next")
+        expect(self.ana.page.locator("#offer")).to_have_attribute(
             "data-word", "task.done.undock", timeout=patient(25) * 1000
         )
 
-    def _turns(self, visitor: Visitor, log: str, within: float) -> float:
-        began, deadline = time.monotonic(), time.monotonic() + patient(within)
-        before = None
+    def ana_drives(self, within: float = 30.0) -> None:
+        """Ana turns her robot with a key, which she presses again while nothing moves."""
+        deadline, before = time.monotonic() + patient(within), None
         while time.monotonic() < deadline:
-            visitor.page.keyboard.down("ArrowLeft")
-            for _ in range(HELD_LOOKS):
-                now = self._theta(log)
-                before = now if before is None else before  # a robot that was started anew
-                if (
-                    now is not None
-                    and before is not None
-                    and abs(math.remainder(now - before, math.tau)) > TURN
-                ):
-                    visitor.page.keyboard.up("ArrowLeft")
-                    return time.monotonic() - began
-                visitor.page.wait_for_timeout(100)
-            visitor.page.keyboard.up("ArrowLeft")
-        state = {name: visitor.page_data(name) for name in ("phase", "link", "transport")}
-        raise AssertionError(
-            f"no turn within {within} s: {state}; the demo said: {self.demo.said()}"
-        )
+            self.ana.page.keyboard.down("ArrowLeft")
+            for _ in range(HELD_POLLS):
+                now = self._theta("simulated-Giraff")
+                before = now if before is None else before  # the robot may have been restarted
+                if now is not None and abs(math.remainder(now - before, math.tau)) > TURN:
+                    self.ana.page.keyboard.up("ArrowLeft")
+                    return
+                self.ana.page.wait_for_timeout(100)
+            self.ana.page.keyboard.up("ArrowLeft")
+        state = {name: self.ana.page_data(name) for name in ("phase", "link", "transport")}
+        raise AssertionError(f"no turn within {within} s: {state}; the demo: {self.demo.said()}")
 
     def _theta(self, log: str) -> float | None:
-        """Return where a simulated robot really looks; None while it is not there."""
+        """Return the true heading of a simulated robot; None while it does not run."""
         found = ADDRESS.findall((self.demo.var / "log" / f"{log}.log").read_text(errors="replace"))
         with contextlib.suppress(OSError, AssertionError):
             if found:
@@ -101,27 +85,18 @@ class People:
 
     # --- Cy ---
 
-    def _cy_waits(self) -> None:
-        self.cy.open("giraff", go=True)
-        expect(self.cy.page.locator("#card")).to_have_attribute("data-card", "queued.next")
-
     @property
     def _frame(self) -> FrameLocator:
         return self.cy.page.frame_locator("#practice-frame")
 
-    def cy_practises(self) -> float:
-        """Cy asks for a practice robot, drives it, and goes back to the queue; return the seconds
-        until it moved.
-        """
-        began = time.monotonic()
+    def cy_practises(self) -> None:
+        """Cy takes a practice robot, sees it move, and returns to the queue."""
         self.cy_begins_to_practise()
         moving = self._frame.locator(
             "#offer[data-word='task.undock'], #offer[data-word='task.done.undock']"
         )
         expect(moving).to_be_visible(timeout=patient(15) * 1000)
-        took = time.monotonic() - began
         self.cy_stops_practising()
-        return took
 
     def cy_stops_practising(self) -> None:
         self.cy.page.locator("#practice-end").click()
@@ -133,34 +108,26 @@ class People:
         self.cy_sees_the_practice_robot()
 
     def cy_sees_the_practice_robot(self) -> None:
-        expect(self._frame.locator("#drive-page[data-playing]")).to_be_visible(
-            timeout=patient(40) * 1000
-        )
+        playing = self._frame.locator("#drive-page[data-playing]")
+        expect(playing).to_be_visible(timeout=patient(40) * 1000)
 
     def cy_sees_no_practice_robot(self) -> None:
-        expect(self._frame.locator("#drive-page:not([data-playing])")).to_be_visible(
-            timeout=patient(20) * 1000
-        )
+        still = self._frame.locator("#drive-page:not([data-playing])")
+        expect(still).to_be_visible(timeout=patient(20) * 1000)
 
-    # --- who is killed ---
+    # --- the parts ---
 
     def kill(self, *parts: str) -> list[str]:
-        """Kill parts of the demo at once, and return what its terminal says of each death, when all
-        are back.
-        """
+        """Kill parts of the demo at once; return its sentence about each once all run again."""
         return self.kill_members({part: self.demo.member(*PARTS[part]) for part in parts})
 
     def kill_members(self, members: dict[str, psutil.Process]) -> list[str]:
-        """Kill processes by the parts that cannot be without them."""
+        """Kill a process of each of these parts."""
         said = len(self.demo.said())
         for process in members.values():
             process.kill()
-        deaths = [
-            self.demo.waits_to_say(
-                rf"The {part} ended: .*Starting it again in .* s\.", 10, said
-            ).group(0)
-            for part in members
-        ]
+        ended = "The {} ended: .*Starting it again in .* s\\."
+        deaths = [self.demo.waits_to_say(ended.format(part), 10, said)[0] for part in members]
         for part in members:
             self.demo.waits_to_say(rf"The {part} is back after .* s\.", 40, said)
         return deaths

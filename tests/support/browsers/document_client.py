@@ -1,9 +1,8 @@
 """A program that drives a robot, written from docs/reference/robot-api.md alone: WebSocket, JSON,
 pictures through the server, no WebRTC.
 
-It imports nothing of the project on purpose: what it needs and the document does not say is a fault
-of the document. Times are those of this process; `moved` is when the robot's states last said that
-it turns by our commands.
+It imports nothing of the project on purpose: a missing detail is a fault of the document. Times are
+those of this process.
 """
 
 import asyncio
@@ -18,7 +17,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
 TICK, BEAT, HASTY_BEAT = 0.05, 0.2, 0.1
-HASTY = 3.0  # s after a grant, a new boot, or a server that is back
+HASTY = 3.0  # s of frequent heartbeats after a grant, a new boot or a reconnection
 PICTURE_AGAIN = 0.7
 SILENCE = 3.0
 FIRST_PAUSE, LONGEST_PAUSE = 0.25, 1.0
@@ -26,13 +25,10 @@ PICTURE = b"picture\n"
 
 
 class DocumentClient:
-    """Use with `async with`; drives by itself as soon as it is granted the robot, turning on the
-    spot at `angular` rad/s.
+    """Use with `async with`; turns on the spot at `angular` rad/s as soon as the robot is granted.
 
-    Args:
-        url: of the site, http://.
-        cookie: of a session that is signed in.
-        robot: whom to drive.
+    `url` is the site's, `cookie` that of a logged-in session; `moved` is when the robot's states
+    last showed a turn by our commands.
     """
 
     def __init__(self, url, cookie, robot="giraff", *, angular=0.4):
@@ -43,14 +39,12 @@ class DocumentClient:
         self.epoch = self.seq = self.beats = 0
         self.socket = self.echo = self.frame = self.state = None
         self.driving = self.online = False
-        self.moved = self.last_received_at = self.hasty_until = self.asked_at = self.zero_until = (
-            0.0
-        )
+        self.moved = self.last_received_at = 0.0
+        self.hasty_until = self.asked_at = self.zero_until = 0.0
         self.state_seq = -1
         self.take_at = float("inf")
-        self.heard, self.denied = Counter(), Counter()
-        self.faults, self.told = [], []  # as of now; and (when, faults) of every change
-        self.ended = None
+        self.received, self.denied = Counter(), Counter()
+        self.faults, self.ended = [], None
 
     async def __aenter__(self):
         self._tasks = [asyncio.create_task(self._stay()), asyncio.create_task(self._tick())]
@@ -67,8 +61,8 @@ class DocumentClient:
     # --- the connection ---
 
     async def _stay(self):
-        """Connect for ever: at once, then after pauses that double up to a second, each shortened
-        by chance.
+        """Keep connecting: at once, then after pauses that double up to a second, each shortened at
+        random.
         """
         pause = 0.0
         while True:
@@ -84,13 +78,13 @@ class DocumentClient:
                     pause = 0.0
                     await self._talk(socket)
             except (WebSocketException, OSError, TimeoutError):
-                self.heard["lost"] += 1
+                self.received["lost"] += 1
             self.socket = None
             pause = min(LONGEST_PAUSE, pause * 2) or FIRST_PAUSE
 
     async def _talk(self, socket):
-        """Hear until the socket ends or says nothing for too long; an open one brings
-        `server/status` once a second.
+        """Receive until the socket ends or is silent for too long: `server/status` arrives once a
+        second.
         """
         self.socket, self.last_received_at = socket, time.time()
         await self._take()
@@ -103,8 +97,8 @@ class DocumentClient:
                 await self._picture(frame)
             else:
                 suffix, _, payload = frame.partition("\n")
-                self.heard[suffix] += 1
-                await self._hear(suffix, json.loads(payload))
+                self.received[suffix] += 1
+                await self._receive(suffix, json.loads(payload))
 
     async def _take(self):
         known = {"session": self.session, "peer": self.peer}
@@ -115,18 +109,15 @@ class DocumentClient:
         if self.socket is not None:
             await self.socket.send(f"{suffix}\n{json.dumps(message)}")
 
-    # --- what is heard ---
+    # --- incoming ---
 
-    async def _hear(self, suffix, message):
+    async def _receive(self, suffix, message):
         now = time.time()
         if suffix == "session/granted":
             if (message["session"], message["epoch"]) != (self.session, self.epoch):
                 self.seq = 0
-            self.session, self.epoch, self.peer = (
-                message["session"],
-                message["epoch"],
-                message["peer"],
-            )
+            self.session, self.epoch = message["session"], message["epoch"]
+            self.peer = message["peer"]
             self.driving = True
             self._hurry()
         elif suffix == "session/offered":
@@ -134,22 +125,15 @@ class DocumentClient:
         elif suffix in {"session/ended", "session/refused"}:
             self.ended, self.driving, self.session, self.peer = message, False, None, None
         elif suffix == "heartbeat":
-            self.echo = {
-                "peer": "robot",
-                "n": message["n"],
-                "stamp": message["stamp"],
-                "received": now,
-            }
+            echoed = {"n": message["n"], "stamp": message["stamp"]}
+            self.echo = {"peer": "robot", "received": now, **echoed}
         elif suffix == "state":
             self._state(message, now)
         elif suffix in {"hello", "robot"}:
             self.online = message["online"]
             self._hurry()
         elif suffix == "server/status":
-            faults = message.get("faults", [])
-            if [fault["part"] for fault in faults] != [fault["part"] for fault in self.faults]:
-                self.told.append((now, faults))
-            self.faults = faults
+            self.faults = message.get("faults", [])
         elif suffix == "denied":
             self.denied[f"{message['suffix']} {message['reason']}"] += 1
             if message["suffix"] == "session/take" and message["reason"] == "unavailable":
@@ -178,12 +162,10 @@ class DocumentClient:
 
     async def _ask(self):
         self.asked_at = time.time()
-        await self._say(
-            "command/picture",
-            {"stamp": self.asked_at} | ({"seen": self.frame} if self.frame else {}),
-        )
+        seen = {"seen": self.frame} if self.frame else {}
+        await self._say("command/picture", {"stamp": self.asked_at} | seen)
 
-    # --- what is said ---
+    # --- outgoing ---
 
     async def _tick(self):
         beat_at = 0.0
@@ -199,38 +181,27 @@ class DocumentClient:
                     continue
                 if now - beat_at >= (HASTY_BEAT if now < self.hasty_until else BEAT) - TICK / 2:
                     beat_at, self.beats = now, self.beats + 1
-                    await self._say(
-                        "command/heartbeat",
-                        {"n": self.beats, "stamp": now}
-                        | ({"echo": self.echo} if self.echo else {}),
-                    )
+                    echo = {"echo": self.echo} if self.echo else {}
+                    await self._say("command/heartbeat", {"n": self.beats, "stamp": now} | echo)
                 if now - self.asked_at >= PICTURE_AGAIN:
                     await self._ask()
-                self.seq += 1
-                angular = 0.0 if now < self.zero_until else self.angular
-                velocity = {
-                    "session": self.session,
-                    "epoch": self.epoch,
-                    "seq": self.seq,
-                    "stamp": now,
-                    "linear": 0.0,
-                    "angular": angular,
-                }
-                await self._say(
-                    "command/velocity",
-                    velocity
-                    | {"method": "keyboard"}
-                    | ({"frame": self.frame} if self.frame else {}),
-                )
+                await self._say("command/velocity", self._velocity(now))
 
-    # --- what a test asks ---
+    def _velocity(self, now):
+        self.seq += 1
+        velocity = {"session": self.session, "epoch": self.epoch, "seq": self.seq, "stamp": now}
+        angular = 0.0 if now < self.zero_until else self.angular
+        velocity |= {"linear": 0.0, "angular": angular, "method": "keyboard"}
+        return velocity | ({"frame": self.frame} if self.frame else {})
+
+    # --- for tests ---
 
     async def until(self, condition, seconds, what):
-        """Wait for a condition; fail saying what never came, and what was heard instead."""
+        """Wait for a condition; an error says what was missing, and what was received instead."""
         deadline = time.monotonic() + seconds
         while not condition():
             why = (
-                f"heard {dict(self.heard)}, faults {self.faults}, ended {self.ended}, denied"
+                f"received {dict(self.received)}, faults {self.faults}, ended {self.ended}, denied"
                 f" {dict(self.denied)}, refused {(self.state or {}).get('refused')}"
             )
             assert time.monotonic() < deadline, f"{what} did not come within {seconds} s: {why}"
@@ -243,10 +214,7 @@ class DocumentClient:
         return self.moved - since
 
     async def names(self, part, seconds):
-        """Wait until a part is said to fail; return the fault."""
-        await self.until(
-            lambda: part in [fault["part"] for fault in self.faults],
-            seconds,
-            f"the word that {part} fails",
-        )
-        return next(fault for fault in self.faults if fault["part"] == part)
+        """Wait until the server reports a fault of a part, and return it."""
+        found = lambda: [fault for fault in self.faults if fault["part"] == part]
+        await self.until(found, seconds, f"the fault of {part}")
+        return found()[0]

@@ -1,6 +1,4 @@
-"""The drive page in a Chromium: to open it, to drive with it, and to see what it said and what the
-robot did.
-"""
+"""The drive page in a Chromium: opened and driven with, and what it sent."""
 
 import asyncio
 import time
@@ -10,7 +8,7 @@ from typing import Any
 
 from playwright.async_api import Browser, Page
 
-from robots.api.messages import Stop
+from robots.api.messages import Action, Stop
 from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.patience import HELD, patient
 
@@ -21,44 +19,53 @@ WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
 async def opened(
     browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE, *, query: str = ""
 ) -> AsyncIterator[Page]:
-    """Open the page; what it complains about, its content policy included, fails the test."""
+    """Open the page; its errors, those of its content policy included, fail the test."""
     touch = size != WIDE
     context = await browser.new_context(
         viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch
     )
     page = await context.new_page()
     complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on(
-        "console",
-        lambda line: (
-            complaints.append(line.text)
-            if line.type == "error" and "WebSocket connection" not in line.text
-            else None
-        ),
-    )
+    note_errors(page, complaints, but="WebSocket connection")
     await page.goto(site.url + query)
     yield page
     await context.close()
     assert complaints == []
 
 
+@asynccontextmanager
+async def driven(
+    browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE
+) -> AsyncIterator[Page]:
+    """Open the page, take the robot, and wait until it can be driven."""
+    async with opened(browser, site, size, query="?go=1") as page:
+        await driving(page)
+        yield page
+
+
+def note_errors(page: Page, complaints: list[str], but: str = "nothing") -> None:
+    """Note all errors of a page's scripts and on its console, but those that mention `but`."""
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    is_one = lambda line: line.type == "error" and but not in line.text
+    page.on("console", lambda line: complaints.append(line.text) if is_one(line) else None)
+
+
 async def driving(page: Page) -> None:
-    await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=40_000)
+    await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=60_000)
 
 
-async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
-    """Wait for a condition and return what it gave."""
+async def until(condition: Callable[[], Any], seconds: float = 15.0) -> Any:
+    """Wait until a condition is true, and return its value."""
     deadline = time.monotonic() + patient(seconds)
     while not (found := condition()):
-        assert time.monotonic() < deadline, "nothing of the kind happened"
+        assert time.monotonic() < deadline, "the condition did not come true"
         await asyncio.sleep(0.02)
     return found
 
 
-async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 10.0) -> Any:
-    """Hold a key until a condition gives something, and on; return that. A link that is replaced
-    lets go of every key, and people press again.
+async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 15.0) -> Any:
+    """Hold a key until a condition is true, keep it down, and return the condition's value. Pressed
+    again after `HELD`, as a page releases all keys when its link is replaced.
     """
     deadline = time.monotonic() + patient(seconds)
     while True:
@@ -68,22 +75,27 @@ async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: floa
             if found := condition():
                 return found
             await asyncio.sleep(0.02)
-        assert time.monotonic() < deadline, f"nothing of the kind happened while {key} was held"
+        assert time.monotonic() < deadline, f"the condition did not come true while {key} was held"
         await page.keyboard.up(key)
 
 
-def stops(site: FakeRobotPage, way: str | None = None) -> list[Stop]:
-    return [action for action in site.said("command/action", way) if isinstance(action, Stop)]
+def actions(site: FakeRobotPage, kind: type[Action], transport: str | None = None) -> list[Any]:
+    """Return the actions of a kind that pages have sent."""
+    return [one for one in site.received("command/action", transport) if isinstance(one, kind)]
+
+
+def stops(site: FakeRobotPage, transport: str | None = None) -> list[Stop]:
+    return actions(site, Stop, transport)
 
 
 def stands(site: FakeRobotPage) -> bool:
-    """Whether the page said so last, which the robot may be held up for too long to believe, and it
-    is so.
+    """Tell whether the page's last velocity is zero, and the robot is at rest: one that missed
+    velocities may be so earlier.
     """
-    last, motion = site.said("command/velocity")[-1], site.simulation.motion
+    last, motion = site.received("command/velocity")[-1], site.simulation.motion
     return last.linear == last.angular == motion.linear == motion.angular == 0.0
 
 
 def moves(site: FakeRobotPage) -> int:
-    """Return how many commands to move the page has said."""
-    return sum(1 for command in site.said("command/velocity") if command.linear or command.angular)
+    """Return how many velocities other than zero the pages have sent."""
+    return sum(1 for one in site.received("command/velocity") if one.linear or one.angular)

@@ -1,6 +1,4 @@
-"""What the drive page shows in the course of visits: generators that bring a page from one scene to
-the next, and name it, for a test that looks at every one.
-"""
+"""The scenes of drives: generators that lead a page from scene to scene, and yield their names."""
 
 import time
 from collections.abc import AsyncIterator
@@ -12,13 +10,13 @@ from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from sessions import protocol
 from tests.support.agents.told_task import tell
-from tests.support.browsers.drive_page import driving, until
+from tests.support.browsers.drive_page import actions, driving, until
 from tests.support.browsers.fake_robot_page import PRACTICE
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.patience import PRESSED
 
 Scenes = AsyncIterator[str]
-FREE = {"state": "available", "drives": True, "url": PRACTICE}  # as the landing page's list has it
+FREE = {"state": "available", "drives": True, "url": PRACTICE}  # as in the landing page's list
 
 
 async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
@@ -80,7 +78,7 @@ async def leaves_the_station(page: Page, site: PresentRobotPage, address: str) -
     yield "docked"
     await chats(page, site)
     yield "docked, chat"
-    site.tell("session/asked_there", protocol.AskedThere(session=site.session, seconds=500.0))
+    site.tell("session/asked_there", protocol.PresenceAsked(session=site.session, seconds=500.0))
     await page.wait_for_selector("#card[data-card=idle]")
     yield "asked whether still there"
 
@@ -118,13 +116,13 @@ async def does_a_task(page: Page, site: PresentRobotPage, address: str) -> Scene
 
 
 async def opens_the_task(page: Page) -> None:
-    """Open the line of the task, which is open anyway where the window is wide."""
+    """Open the line of the task, which is always open in a wide window."""
     await page.evaluate("document.getElementById('task').setAttribute('data-open', '')")
 
 
 async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
-    """Read what can be done with the robot, wait for it while somebody drives, at its emergency
-    stop too, and be offered it.
+    """Visit the lobby, wait while another visitor drives and during an emergency stop, and be
+    offered the robot.
     """
     await page.goto(address)
     await page.wait_for_selector("#card[data-card=lobby]")
@@ -172,8 +170,8 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
 
 
 async def is_a_screen(page: Page, site: PresentRobotPage, address: str) -> Scenes:
-    """Be the robot's own screen in a study: with a visitor and a question of those who watch, with
-    messages, and after its stop was pressed.
+    """Be the robot's own screen in a study: with a visitor, a question of the audience, messages,
+    and after its stop was pressed.
     """
     site.is_study = True
     visitor = await page.context.new_page()
@@ -183,12 +181,8 @@ async def is_a_screen(page: Page, site: PresentRobotPage, address: str) -> Scene
     await page.goto(f"{address}-screen" if address.endswith("spanish") else site.screen_url)
     await page.wait_for_selector("#face[data-scene=visiting][data-live]")
     yield "visited"
-    asked = protocol.AudienceQuestion(
-        id="q1",
-        text="How old is the painting at the end of the corridor? "
-        "We see only half of it from here.",
-        state="answering",
-    )
+    text = "How old is the painting at the end of the corridor? We see only half of it from here."
+    asked = protocol.AudienceQuestion(id="q1", text=text, state="answering")
     site.tell_screens("audience", protocol.AudienceState(open=True, questions=(asked,)))
     await page.wait_for_selector("#asked:not([hidden])")
     yield "question"
@@ -202,10 +196,9 @@ async def is_a_screen(page: Page, site: PresentRobotPage, address: str) -> Scene
 
 
 def watched(site: PresentRobotPage) -> None:
-    """Two watch, with their hands up, and one has asked."""
-    asked = protocol.AudienceQuestion(
-        id="q1", text="How old is the painting at the end of the corridor?", state="waiting"
-    )
+    """Have two observers with raised hands, one of whom has asked."""
+    text = "How old is the painting at the end of the corridor?"
+    asked = protocol.AudienceQuestion(id="q1", text=text, state="waiting")
     hands = protocol.AudienceState(
         open=True, moderates=True, hands=2, names=("Dora", "Eve"), questions=(asked,)
     )
@@ -214,7 +207,7 @@ def watched(site: PresentRobotPage) -> None:
 
 
 async def chats(page: Page, site: PresentRobotPage) -> None:
-    """Open the chat, in which somebody there has written twice."""
+    """Open the chat, with two messages from the robot's screen."""
     if await page.locator("#talk-list > li").count() == 0:
         for text in ("Hello! Come in, the door is open.", "We are in the room on the left."):
             site.tell("words", written(site, text))
@@ -234,25 +227,21 @@ def written(site: PresentRobotPage, text: str) -> m.Words:
 
 
 def stopped(site: PresentRobotPage) -> None:
-    """Somebody presses stop at the robot's screen."""
+    """Press stop on the robot's screen."""
     action = m.EStop(action_id=f"stop-{time.time()}", stamp=time.time(), role="screen")
-    site.do(
-        lambda: site.kernel.estop(
-            action, CommandSender("mqtt"), now=time.monotonic(), unix=time.time()
-        )
-    )
+    times = {"now": time.monotonic(), "unix": time.time()}
+    site.do(lambda: site.kernel.estop(action, CommandSender("mqtt"), **times))
 
 
 async def under_way(site: PresentRobotPage, kind: type[m.Action]) -> None:
-    """Have the robot do what the page asks of it."""
-    await until(lambda: any(isinstance(one, kind) for one in site.said("command/action")))
+    """Let the robot begin the action that the page requests."""
+    await until(lambda: actions(site, kind))
     answered(site, kind, "RUNNING")
 
 
 def answered(site: PresentRobotPage, kind: type[m.Action], status: Any, reason: str = "") -> None:
-    action = next(one for one in site.said("command/action")[::-1] if isinstance(one, kind))
     news = m.ActionStatus(
-        action_id=action.action_id,
+        action_id=actions(site, kind)[-1].action_id,
         status=status,
         stamp=time.time(),
         type=kind.__name__.lower(),

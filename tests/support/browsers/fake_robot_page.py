@@ -1,8 +1,8 @@
 """The drive page alone: a server and a robot in one thread, without database, broker or agent
 processes.
 
-The page, the safety kernel, the media side and the simulated robot are the real ones; what stands
-between them is a few lines here, so that a test can cut, mute and end things at will.
+The page, the safety kernel, the media side and the simulated robot are the real ones. The server
+between them is this module, so that a test can cut, mute and end things at will.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ from tests.support.patience import patient
 
 OFFICE = ROOT / "robots/world/plans/office"
 ROBOT = "giraff"
-STEP = "/study/step/"  # where a study goes on
+STEP = "/study/step/"  # the next page of a study
 PRACTICE = "/practice/robot/"
 TICK = 0.02
 SUFFIXES = {
@@ -55,7 +55,9 @@ SUFFIXES = {
     m.PointCommand: "command/point",
 }
 RENEWAL, STATUS = 500, 50  # ticks
-FPS = 6.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
+FPS = 6.0  # of the robot's camera: what a computer without GPU can play beside other tests
+HTML = "text/html; charset=utf-8"
+SMALL = b'<link rel="icon" href="data:,"><h1>%s</h1>'
 POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src"
     " 'self' blob:; connect-src 'self'; object-src 'none'"
@@ -65,8 +67,8 @@ POLICY = (
 class FakeRobotPage:
     """Serves one robot's drive page at `url` and is that robot.
 
-    `heard` holds what the pages said: (page number, way, suffix, message). `applied` the accepted
-    velocity commands.
+    `messages` are those of all pages, (transport, suffix, message); `applied` the accepted velocity
+    commands, (transport, command).
     """
 
     def __init__(
@@ -79,49 +81,36 @@ class FakeRobotPage:
         self.plan = floorplan.decode((OFFICE / "plan.json").read_bytes())
         model = model_of("giraff")
         self.simulation = Simulation(model, self.plan, seed=1, start=start)
-        self.limits = model.limits
         self.kernel = Kernel(model.limits, 0.3, frozenset({"velocity", "video"}))
         self.model = model
-        self.factsheet: dict[str, Any] = {
-            "name": ROBOT,
-            "limits": self.limits,
-            "footprint": model.footprint,
-            "camera": model.camera,
-        }
-        self.factsheet |= {
-            "tilt": model.tilt,
-            "laser": m.Laser(x=model.laser.x),
-            "series": "Giraff",
-            "capabilities": ("velocity", "video"),
-        }
+        own = {name: getattr(model, name) for name in ("limits", "footprint", "camera", "tilt")}
+        self.factsheet: dict[str, Any] = {"name": ROBOT, "series": "Giraff", **own}
+        self.factsheet |= {"laser": m.Laser(x=model.laser.x), "capabilities": ("velocity", "video")}
         self.camera = camera or SyntheticCamera(fps=FPS)
         if isinstance(self.camera, SceneSource):
             self.camera.simulation = self.simulation
         self.media = MediaSide(
             video=self.camera, audio=None, viewers=4, on_command=self._on_channel, reply=self._reply
         )
-        self.heard: list[tuple[int, str, str, Any]] = []
+        self.messages: list[tuple[str, str, Any]] = []
         self.applied: list[tuple[str, m.VelocityCommand]] = []
-        self.study = study  # what experiments.participation.drive_config tells a page
+        self.study = study  # the page's part of experiments.participation.drive_config
         self.terms: protocol.GrantedTerms | None = None
-        # action id to JPEG: what the server has of what was photographed
-        self.photos: dict[str, bytes] = {}
-        # where to practise, as the server says it; PRACTICE is a page for it
-        self.practice: dict[str, Any] | None = None
-        # what the landing page's list says of other robots
-        self.others: list[dict[str, Any]] = []
-        self.reason = ""  # why those who wait cannot have the robot
-        self.operates = False  # whether whoever looks operates the robot
-        self.still: bytes | None = None  # the JPEG that comes through the server
+        self.photos: dict[str, bytes] = {}  # the server's JPEGs, by action id
+        self.practice: dict[str, Any] | None = None  # the server's answer; PRACTICE is a page
+        self.others: list[dict[str, Any]] = []  # other robots in the landing page's list
+        self.reason = ""  # why the robot is not offered to the queue
+        self.operates = False  # whether the visitor is an operator of the robot
+        self.still: bytes | None = None  # a JPEG for pictures through the server
         self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
         self.refused: collections.Counter[str] = collections.Counter()  # of the whole test
         self.online = True
         self.may_drive = True
-        self.muted = False  # the robot's voice on data channels
+        self.muted = False  # the robot sends nothing on data channels
         self.deaf_to_channel = False
-        self.stopped = False  # the web process, which keeps its sockets and says nothing
-        self.faults: tuple[protocol.Fault, ...] = ()  # what it says that fails
+        self.stopped = False  # the web process keeps its sockets and sends nothing
+        self.faults: tuple[protocol.Fault, ...] = ()  # that the server reports
         self.denies: dict[str, str] = {}  # suffix of a page's request to the reason of `denied`
         self.closed_to_sockets = False
         self.answers = threading.Event()  # cleared: the robot's answers wait
@@ -131,7 +120,6 @@ class FakeRobotPage:
         self._ready = threading.Event()
         self._ended: asyncio.Event | None = None
         self._pages: dict[str, _Page] = {}
-        self._count = 0
         self._lease: m.Lease | None = None
         self._queue: list[_Page] = []
         self._report: collections.deque[m.AppliedCommand] = collections.deque(maxlen=64)
@@ -153,12 +141,12 @@ class FakeRobotPage:
 
     # --- for tests --------------------------------------------------------------------------------
 
-    def said(self, suffix: str, way: str | None = None) -> list[Any]:
-        """Return every message of a suffix that pages said."""
+    def received(self, suffix: str, transport: str | None = None) -> list[Any]:
+        """Return all messages of a suffix from pages, or those that arrived on one transport."""
         return [
             message
-            for _, on, said, message in list(self.heard)
-            if said == suffix and way in (None, on)
+            for on, one, message in list(self.messages)
+            if one == suffix and transport in (None, on)
         ]
 
     def do(self, call: Any, *arguments: Any) -> None:
@@ -167,29 +155,29 @@ class FakeRobotPage:
         self._loop.call_soon_threadsafe(call, *arguments)
 
     def cut_sockets(self) -> None:
-        """Break every WebSocket without a goodbye."""
+        """Abort every WebSocket."""
         self.do(lambda: [page.connection.transport.abort() for page in list(self._pages.values())])
 
     @property
     def session(self) -> str:
-        """The id of the visit that is going on, or nothing."""
+        """The id of the running session, empty without one."""
         return self._lease.session if self._lease else ""
 
     def end(self, outcome: str) -> None:
-        """End the visit, as a session manager would."""
+        """End the session, as a session manager would."""
         self.do(self._end, outcome)
 
     def offer_turn(self, seconds: float) -> None:
-        """End the visit, and offer the robot to the first who waits."""
+        """End the session, and offer the robot to the first of the queue."""
         self.do(self._offer_turn, seconds)
 
     def keep_waiting(self, reason: str) -> None:
-        """Say to those who wait, and will wait, why nobody can have the robot."""
+        """Tell the queue, now and later, why the robot is not offered."""
         self.reason = reason
         self.do(lambda: [self._say_queued(place) for place in range(1, len(self._queue) + 1)])
 
     def tell(self, suffix: str, message: m.Message) -> None:
-        """Say something to every page."""
+        """Send a message to every page."""
         self.do(self._tell, suffix, message)
 
     # --- the server -------------------------------------------------------------------------------
@@ -203,68 +191,54 @@ class FakeRobotPage:
         robot = asyncio.create_task(self._robot())
         await self._ended.wait()
         robot.cancel()
-        # and nobody is waited for: a browser keeps connections on which it has not asked for
-        # anything yet
-        server.close()
+        server.close()  # not waited for: a browser keeps connections without any request open
 
     def _http(self, _connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path
         if path in {"/socket", f"/{protocol.CHECK_PATH}"}:
             return Response(503, "busy", Headers()) if self.closed_to_sockets else None
         file = collected_files() / path.removeprefix("/static/")
-        # first, for there are a hundred of them a page
+        # first, as a page requests a hundred of them
         if path.startswith("/static/") and file.is_file():
-            return _response(
-                file.read_bytes(), mimetypes.guess_type(path)[0] or "application/octet-stream"
-            )
+            kind = mimetypes.guess_type(path)[0] or "application/octet-stream"
+            return _response(file.read_bytes(), kind)
         if path in (made := self._made()):
             return _response(*made[path])
         return Response(http.HTTPStatus.NOT_FOUND, "Not Found", Headers([("Content-Length", "0")]))
 
     def _made(self) -> dict[str, tuple[bytes, str]]:
-        """What is no file: address to body and kind."""
+        """Return the bodies and types that are made here, by address."""
         listed = [{"actionId": name, "url": f"/snapshots/{name}"} for name in self.photos]
         return {
-            "/": (self.html().encode(), "text/html; charset=utf-8"),
+            "/": (self.html().encode(), HTML),
             "/floorplan.json": (self._plan_json(), "application/json"),
             "/manifest.webmanifest": (b"{}", "application/manifest+json"),
             "/snapshots": (json.dumps({"snapshots": listed}).encode(), "application/json"),
             **{f"/snapshots/{name}": (jpeg, "image/jpeg") for name, jpeg in self.photos.items()},
             "/practice": (json.dumps(self.practice).encode(), "application/json"),
             "/robots.json": (json.dumps({"robots": self.others}).encode(), "application/json"),
-            PRACTICE: (
-                b'<link rel="icon" href="data:,"><h1>Another robot</h1>',
-                "text/html; charset=utf-8",
-            ),
-            STEP: (
-                b'<link rel="icon" href="data:,"><h1>The next step</h1>',
-                "text/html; charset=utf-8",
-            ),
+            PRACTICE: (SMALL % b"Another robot", HTML),
+            STEP: (SMALL % b"The next step", HTML),
         }
 
     def html(self, language: str = "en") -> str:
         """Return the page as Django renders it."""
-        factsheet = msgspec.to_builtins(self.factsheet)
         config = {
             "robot": ROBOT,
             "title": "Giraff",
             "socket": "/socket",
             "floorplan": "/floorplan.json",
-            "factsheet": factsheet,
-        }
-        config |= {
+            "factsheet": msgspec.to_builtins(self.factsheet),
             "snapshots": "/snapshots",
             "study": self.study,
             "check": f"/{protocol.CHECK_PATH}",
             "operates": self.operates,
+            "practice": "/practice" if self.practice else None,
+            "robots": "/robots.json",
         }
-        config["practice"] = "/practice" if self.practice else None
-        config["robots"] = "/robots.json"
+        robot = SimpleNamespace(name=ROBOT, shown_title="Giraff")
         with translation.override(language):
-            return render_to_string(
-                "sessions/drive.html",
-                {"robot": SimpleNamespace(name=ROBOT, shown_title="Giraff"), "config": config},
-            )
+            return render_to_string("sessions/drive.html", {"robot": robot, "config": config})
 
     def _plan_json(self) -> bytes:
         grid = {"resolution": 0.05, "origin": [-0.3, -0.3, 0.0], "width": 252, "height": 164}
@@ -275,52 +249,38 @@ class FakeRobotPage:
             async for word in connection:
                 await connection.send(word)
             return
-        self._count += 1
-        page = _Page(connection, f"p{secrets.token_hex(4)}", self._count, lambda: self.stopped)
+        page = _Page(connection, f"p{secrets.token_hex(4)}", lambda: self.stopped)
         self._pages[page.peer] = page
-        page.say(
-            "hello",
-            protocol.Hello(
-                peer=page.peer,
-                stamp=time.time(),
-                robot=ROBOT,
-                online=self.online,
-                may_drive=self.may_drive,
-                may_observe=True,
-            ),
-        )
+        page.greet(online=self.online, may_drive=self.may_drive, may_observe=True)
         self._tell_room()
         try:
             with contextlib.suppress(ConnectionClosed):
                 async for frame in connection:
-                    self._hear(page, frame if isinstance(frame, str) else frame.decode())
+                    self._receive(page, frame if isinstance(frame, str) else frame.decode())
         finally:
             self._pages.pop(page.peer, None)
             if page in self._queue:
                 self._queue.remove(page)
 
-    def _hear(self, page: "_Page", frame: str) -> None:
+    def _receive(self, page: "_Page", frame: str) -> None:
         suffix, _, payload = frame.partition("\n")
+        decode = codec.decode if suffix.startswith("command/") else protocol.decode
         try:
-            message = (
-                codec.decode(suffix, payload)
-                if suffix.startswith("command/")
-                else protocol.decode(suffix, payload)
-            )
+            message = decode(suffix, payload)
         except Rejection as rejection:
             page.say("denied", protocol.Denied(suffix=suffix, reason=rejection.reason))
-            self.heard.append((page.number, "mqtt", "rejected", rejection))
+            self.messages.append(("mqtt", "rejected", rejection))
             return
-        self.heard.append((page.number, "mqtt", suffix, message))
+        self.messages.append(("mqtt", suffix, message))
         if suffix in self.denies:
             page.say("denied", protocol.Denied(suffix=suffix, reason=self.denies[suffix]))
             return
         if suffix.startswith("command/"):
             self._command(suffix, message, CommandSender("mqtt", page.peer), page.peer)
         else:
-            self._visit(page, message)
+            self._serve(page, message)
 
-    def _visit(self, page: "_Page", message: Any) -> None:
+    def _serve(self, page: "_Page", message: Any) -> None:
         match message:
             case protocol.Take():
                 self._take(page, message)
@@ -344,12 +304,8 @@ class FakeRobotPage:
             self._pages[page.peer] = page
             self._grant(page, lease.session, lease.epoch, resumed=True)
         elif lease is None or take.session == lease.session:
-            self._grant(
-                page,
-                take.session or secrets.token_hex(8),
-                lease.epoch + 1 if lease else 1,
-                resumed=False,
-            )
+            session = take.session or secrets.token_hex(8)
+            self._grant(page, session, lease.epoch + 1 if lease else 1, resumed=False)
         else:
             self._queue.append(page)
             self._say_queued(len(self._queue))
@@ -360,32 +316,14 @@ class FakeRobotPage:
         page.say("session/queued", queued)
 
     def _grant(self, page: "_Page", session: str, epoch: int, *, resumed: bool) -> None:
-        limits = m.LeaseLimits()
         page.watches = False
+        same = {"session": session, "epoch": epoch, "peer": page.peer, "limits": m.LeaseLimits()}
         renewal = self._lease.renewal + 1 if self._lease else 0
-        self._lease = m.Lease(
-            session=session,
-            epoch=epoch,
-            peer=page.peer,
-            who="Ana",
-            renewal=renewal,
-            stamp=time.time(),
-            ttl=60.0,
-            limits=limits,
-        )
+        self._lease = m.Lease(**same, who="Ana", renewal=renewal, stamp=time.time(), ttl=60.0)
         self.kernel.take_lease(self._lease, retained=False, now=time.monotonic())
         self.media.lease_changed(page.peer)
-        page.say(
-            "session/granted",
-            protocol.Granted(
-                session=session,
-                epoch=epoch,
-                peer=page.peer,
-                resumed=resumed,
-                limits=limits,
-                terms=self.terms,
-            ),
-        )
+        granted = protocol.Granted(**same, resumed=resumed, terms=self.terms)
+        page.say("session/granted", granted)
 
     def _holds(self, page: "_Page") -> bool:
         return self._lease is not None and self._lease.peer == page.peer
@@ -395,9 +333,8 @@ class FakeRobotPage:
         self.kernel.take_lease(None, retained=False, now=time.monotonic())
         self.media.lease_changed(None)
         if lease is not None and lease.peer in self._pages:
-            self._pages[lease.peer].say(
-                "session/ended", protocol.Ended(session=lease.session, outcome=outcome)
-            )
+            ended = protocol.Ended(session=lease.session, outcome=outcome)
+            self._pages[lease.peer].say("session/ended", ended)
         self._tell_room()
 
     def _offer_turn(self, seconds: float) -> None:
@@ -410,17 +347,13 @@ class FakeRobotPage:
             page.say(suffix, message)
 
     def _tell_room(self) -> None:
-        driver = "Ana" if self._lease else None
-        others = sum(page.watches for page in self._pages.values())
-        self._tell(
-            "room",
-            protocol.RoomState(
-                driver=driver,
-                driving=driver is not None,
-                observers=others,
-                waiting=len(self._queue),
-            ),
+        room = protocol.RoomState(
+            driver="Ana" if self._lease else None,
+            driving=self._lease is not None,
+            observers=sum(page.watches for page in self._pages.values()),
+            waiting=len(self._queue),
         )
+        self._tell("room", room)
 
     # --- the robot --------------------------------------------------------------------------------
 
@@ -428,16 +361,16 @@ class FakeRobotPage:
         self.answers.wait(10)
         self.do(lambda: peer in self._pages and self._pages[peer].say("signal/reply", message))
 
-    def _on_channel(self, peer: str, role: m.Role, heard: ReceivedPacket) -> None:
-        self.do(self._hear_channel, peer, role, heard)
+    def _on_channel(self, peer: str, role: m.Role, message: ReceivedPacket) -> None:
+        self.do(self._receive_channel, peer, role, message)
 
-    def _hear_channel(self, peer: str, role: m.Role, message: ReceivedPacket) -> None:
+    def _receive_channel(self, peer: str, role: m.Role, message: ReceivedPacket) -> None:
         if self.deaf_to_channel:
             return
         if isinstance(message, Rejection):
             raise message
         suffix = SUFFIXES.get(type(message), "command/action")
-        self.heard.append((0, "datachannel", suffix, message))
+        self.messages.append(("datachannel", suffix, message))
         if role == "driver" or suffix in {"command/action", "command/point"}:
             self._command(suffix, message, CommandSender("datachannel", peer, role=role), peer)
 
@@ -454,12 +387,8 @@ class FakeRobotPage:
         elif suffix == "command/picture" and self.still is not None:
             self._pages[peer].show(picture.frame(picture.pack(unix, self.still)))
         elif isinstance(message, m.Photo):
-            self._say(
-                "action",
-                m.ActionStatus(
-                    action_id=message.action_id, status="FINISHED", stamp=unix, type="photo"
-                ),
-            )
+            done = {"action_id": message.action_id, "status": "FINISHED", "type": "photo"}
+            self._say("action", m.ActionStatus(**done, stamp=unix))
         elif isinstance(message, m.Stop):
             self.kernel.stop(message, sender, now)
             self._say("state", self._state())
@@ -475,22 +404,8 @@ class FakeRobotPage:
                 self.kernel.applied(decision.velocity)
             self.simulation.step(TICK)
             self.kernel.measured(self._velocity(), now)
-            if tick % 10 == 0 and self.online:
-                self._say("heartbeat", self.kernel.clocks.beat(now, time.time()))
-            if tick % 12 == 0 and self.online:
-                self._say("state", self._state())
-            if tick % 4 == 0 and self.online:
-                self._say(
-                    "pose",
-                    m.PoseUpdate(
-                        stamp=time.time(),
-                        pose=self._pose(),
-                        velocity=self._velocity(),
-                        tilt=self.simulation.tilt,
-                    ),
-                )
-            if tick % 15 == 0 and self.online:
-                self._say("scan", self._scan())
+            if self.online:
+                self._report_motion(tick, now)
             if tick % STATUS == 0:
                 self._tell("server/status", protocol.ServerStatus(faults=self.faults))
             if tick % RENEWAL == 0 and self._lease is not None:
@@ -500,28 +415,33 @@ class FakeRobotPage:
                 self.kernel.take_lease(self._lease, retained=False, now=now)
             await asyncio.sleep(TICK)
 
-    def _pose(self) -> m.Pose:
+    def _report_motion(self, tick: int, now: float) -> None:
+        if tick % 10 == 0:
+            self._say("heartbeat", self.kernel.clocks.beat(now, time.time()))
+        if tick % 12 == 0:
+            self._say("state", self._state())
+        if tick % 4 == 0:
+            self._say("pose", m.PoseUpdate(stamp=time.time(), **self._motion()))
+        if tick % 15 == 0:
+            self._say("scan", self._scan())
+
+    def _motion(self) -> dict[str, Any]:
         x, y, theta = self.simulation.pose
-        return m.Pose(x=x, y=y, theta=theta)
+        pose = m.Pose(x=x, y=y, theta=theta)
+        return {"pose": pose, "velocity": self._velocity(), "tilt": self.simulation.tilt}
 
     def _velocity(self) -> m.Velocity:
-        return m.Velocity(
-            linear=self.simulation.motion.linear, angular=self.simulation.motion.angular
-        )
+        motion = self.simulation.motion
+        return m.Velocity(linear=motion.linear, angular=motion.angular)
 
     def _scan(self) -> m.Scan:
-        laser = self.model.laser
-        ranges = tuple(
-            round(found, 3) if math.isfinite(found) else None
-            for found in self.simulation.scan().tolist()
-        )
-        step = laser.angle_increment
+        laser, found = self.model.laser, self.simulation.scan().tolist()
         return m.Scan(
             stamp=time.time(),
             angle_min=laser.angle_min,
-            angle_increment=step,
+            angle_increment=laser.angle_increment,
             range_max=laser.range_max,
-            ranges=ranges,
+            ranges=tuple(round(one, 3) if math.isfinite(one) else None for one in found),
         )
 
     def _state(self) -> m.State:
@@ -537,11 +457,9 @@ class FakeRobotPage:
             seq=self._seq,
             session=lease.session if lease else None,
             epoch=lease.epoch if lease else 0,
-            pose=self._pose(),
-            velocity=self._velocity(),
+            **self._motion(),
             battery=self.battery,
             docked=self.simulation.docked,
-            tilt=self.simulation.tilt,
             errors=self.errors,
             refused=refused,
             applied=applied,
@@ -566,17 +484,15 @@ class _Page:
         self,
         connection: ServerConnection,
         peer: str,
-        number: int,
         is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.connection, self.peer, self.number, self.is_stopped = (
-            connection,
-            peer,
-            number,
-            is_stopped,
-        )
+        self.connection, self.peer, self.is_stopped = connection, peer, is_stopped
         self.watches = False
         self._tasks: set[asyncio.Task[None]] = set()
+
+    def greet(self, **can: bool) -> None:
+        hello = protocol.Hello(peer=self.peer, stamp=time.time(), robot=ROBOT, **can)
+        self.say("hello", hello)
 
     def say(self, suffix: str, message: m.Message) -> None:
         self.show(protocol.encode_frame(suffix, message))
@@ -594,25 +510,15 @@ class _Page:
 
 
 def _applied(command: m.VelocityCommand, way: m.Way, age: float) -> m.AppliedCommand:
+    same = {name: getattr(command, name) for name in ("seq", "stamp", "method")}
     return m.AppliedCommand(
-        seq=command.seq,
-        stamp=command.stamp,
-        method=command.method,
-        way=way,
-        age=age,
-        linear=command.linear,
-        angular=command.angular,
+        **same, way=way, age=age, linear=command.linear, angular=command.angular
     )
 
 
 def _response(body: bytes, kind: str) -> Response:
-    kept = [
-        ("Content-Type", kind),
-        ("Content-Length", str(len(body))),
-        ("Content-Security-Policy", POLICY),
-        ("Cache-Control", "no-store"),
-    ]
-    headers = Headers(kept)
+    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
+    headers.update({"Content-Security-Policy": POLICY, "Cache-Control": "no-store"})
     return Response(http.HTTPStatus.OK, "OK", headers, body)
 
 

@@ -1,6 +1,4 @@
-"""Debian's Firefox ESR, headless, driven over WebDriver BiDi: just enough of the protocol for a
-visitor (w3c.github.io/webdriver-bidi).
-"""
+"""Debian's Firefox ESR, headless, controlled over WebDriver BiDi (w3c.github.io/webdriver-bidi)."""
 
 import contextlib
 import itertools
@@ -54,28 +52,18 @@ class Firefox:
                 return answer["result"]
 
     def set_cookie(self, name: str, value: str, domain: str) -> None:
-        self.command(
-            "storage.setCookie",
-            cookie={
-                "name": name,
-                "value": {"type": "string", "value": value},
-                "domain": domain,
-                "path": "/",
-            },
-        )
+        cookie = {"name": name, "value": {"type": "string", "value": value}}
+        self.command("storage.setCookie", cookie={**cookie, "domain": domain, "path": "/"})
 
     def resize(self, width: int, height: int) -> None:
-        self.command(
-            "browsingContext.setViewport",
-            context=self.context,
-            viewport={"width": width, "height": height},
-        )
+        size = {"width": width, "height": height}
+        self.command("browsingContext.setViewport", context=self.context, viewport=size)
 
     def goto(self, url: str) -> None:
         self.command("browsingContext.navigate", context=self.context, url=url, wait="complete")
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression that gives something simple."""
+        """Return the value of a JavaScript expression, which JSON must be able to express."""
         result = self.command(
             "script.evaluate",
             expression=f"JSON.stringify({expression})",
@@ -94,7 +82,7 @@ class Firefox:
         )
 
     def hold(self, value: str, reached: Callable[[], Any], within: float, what: str) -> None:
-        """Hold a key until that is so, and let go; as `Visitor.hold`, it is pressed again."""
+        """Hold a key until the condition is true; as in `Visitor.hold`, it is pressed again."""
         deadline = time.monotonic() + patient(within)
         while not reached():
             assert time.monotonic() < deadline, f"{what} did not come within {within} s"
@@ -105,7 +93,7 @@ class Firefox:
             self.key("keyUp", value)
 
     def click(self, x: float, y: float) -> None:
-        """Press the mouse there, in CSS pixels of the page, and let go."""
+        """Click at a point in CSS pixels of the page."""
         press = [
             {"type": "pointerDown", "button": 0},
             {"type": "pause", "duration": 150},
@@ -130,34 +118,20 @@ def firefox() -> Iterator[Firefox]:
         profile = Path(folder) / "profile"
         profile.mkdir()
         (profile / "user.js").write_text(
-            "".join(
-                f"user_pref({json.dumps(name)}, {json.dumps(value)});\n"
-                for name, value in PREFERENCES.items()
-            )
+            "".join(f"user_pref({json.dumps(pair)[1:-1]});\n" for pair in PREFERENCES.items())
         )
         log = Path(folder) / "log"
         with log.open("wb") as output:
+            words = f"--headless --no-remote --profile {profile} --remote-debugging-port=0"
             process = subprocess.Popen(
-                [
-                    FIREFOX,
-                    "--headless",
-                    "--no-remote",
-                    "--profile",
-                    str(profile),
-                    "--remote-debugging-port=0",
-                ],
+                [FIREFOX, *words.split()],
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env={"HOME": folder, "PATH": "/usr/bin:/bin", "LIBGL_ALWAYS_SOFTWARE": "1"},
             )
         try:
-            address = wait_for(
-                lambda: re.search(
-                    r"WebDriver BiDi listening on (\S+)", log.read_text(errors="replace")
-                ),
-                60,
-                "Firefox",
-            )
+            ready = re.compile(r"WebDriver BiDi listening on (\S+)")
+            address = wait_for(lambda: ready.search(log.read_text(errors="replace")), 60, "Firefox")
             browser = Firefox(address.group(1))
             yield browser
             browser.close()

@@ -1,10 +1,8 @@
-"""Somebody new on the drive page of a study: where the robot is they see on the map, what is next
-in the words on the screen.
+"""A first-time user of a study's drive page, who knows what the page shows and nothing else.
 
-They look ten times a second and have slow hands: keys that are up or down, or a finger on the
-stick. Where the way leads they read off the map, which has walls, doors and furniture; that a door
-is closed they notice when the page says that the robot is touching something there. Nobody tells
-them what the simulated robot or the server knows.
+They read the robot's place and their route off the map, and the next action from the text. They
+look ten times a second and have slow hands: keys that are up or down, or a finger on the stick.
+They take a door for closed when the page reports that the robot touches something there.
 """
 
 import contextlib
@@ -55,29 +53,23 @@ LOOK = """() => {
     card: document.getElementById('card').hidden ? '' : text('card-title'),
   };
 }"""
-LET_GO = "Release the controls, then drive on"  # what the page says after a stop
-# seconds that people think ahead of what they see, because the robot goes on for a moment
-AHEAD = 0.25
-# m/s and rad/s that are worth a key
+RELEASE = "Release the controls, then drive on"  # on the page after a stop
+AHEAD = 0.25  # s that users extrapolate the motion
+# m/s and rad/s for which a key is pressed
 ENOUGH = {"ArrowUp": 0.05, "ArrowDown": 0.05, "ArrowLeft": 0.13, "ArrowRight": 0.13}
-FULL = {
-    "Slow": SpeedSetting(0.28, 0.44),
-    "Normal": SpeedSetting(0.49, 0.58),
-}  # what the steps feel like
-BACK = 0.3  # m/s, the most backwards
-# of a stick's radius and of full speed: as far as a finger must move, and what it then does
-DEAD, LEAST = 0.14, 0.12
+FULL = {"Slow": SpeedSetting(0.28, 0.44), "Normal": SpeedSetting(0.49, 0.58)}  # of each step
+BACK = 0.3  # m/s, the fastest backwards
+DEAD, LEAST = 0.14, 0.12  # a stick's dead zone (of its radius), and the speed at its edge
 AT_A_DOOR = 0.9  # metres from its middle
 
 
 class Hands(Protocol):
-    """Something that steers."""
+    """A controller that a user holds."""
 
     def steer(self, speed: SpeedSetting, step: str) -> None:
-        """Do it at a step of speed."""
+        """Drive at this speed, with this step of speed chosen on the page."""
 
-    def let_go(self) -> None:
-        """Leave it alone."""
+    def release(self) -> None: ...
 
 
 @dataclass
@@ -100,73 +92,101 @@ class Keys:
                 (self.page.keyboard.down if held else self.page.keyboard.up)(key)
                 (self.down.add if held else self.down.discard)(key)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         self.steer(STAND, "")
 
 
-def push(share: float, other: float) -> float:
-    """How far a finger pushes the stick along one axis for a share of full speed, when the other
-    axis asks for another.
-    """
-    size = min(1.0, math.hypot(share, other))
-    if size < LEAST:
-        return 0.0
-    return (
-        share
-        / math.hypot(share, other)
-        * (DEAD + (1.0 - DEAD) * math.sqrt((size - LEAST) / (1.0 - LEAST)))
-    )
+def stick_position(speed: SpeedSetting, step: str) -> tuple[float, float]:
+    """Return where to push a stick for a speed, (right, down) in shares of its radius."""
+    full = FULL[step]
+    ahead = speed.linear / (full.linear if speed.linear > 0.0 else BACK)
+    left = speed.angular / full.angular
+    distance = math.hypot(ahead, left)
+    if distance < LEAST:
+        return 0.0, 0.0
+    share = math.sqrt((min(1.0, distance) - LEAST) / (1.0 - LEAST))
+    push = (DEAD + (1.0 - DEAD) * share) / distance
+    return -push * left, -push * ahead
+
+
+class Pointer(Protocol):
+    """A hand on the screen; positions are in CSS pixels of the page."""
+
+    def down(self, x: float, y: float) -> None: ...
+
+    def move(self, x: float, y: float) -> None: ...
+
+    def up(self) -> None: ...
 
 
 @dataclass
-class Finger:
-    """One finger on the stick."""
+class Touch:
+    """One finger."""
+
+    touch: CDPSession
+
+    def down(self, x: float, y: float) -> None:
+        self._send("touchStart", {"x": x, "y": y})
+
+    def move(self, x: float, y: float) -> None:
+        self._send("touchMove", {"x": x, "y": y})
+
+    def up(self) -> None:
+        self._send("touchEnd")
+
+    def cancel(self) -> None:
+        self._send("touchCancel")
+
+    def _send(self, kind: str, *points: dict[str, float]) -> None:
+        self.touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+
+
+def drag_with_finger(page: Page, x: float, y: float, right: float) -> None:
+    """Drag from a point to the right, in CSS pixels."""
+    finger = Touch(page.context.new_cdp_session(page))
+    finger.down(x, y)
+    for step in range(1, 6):
+        finger.move(x + right * step / 5, y)
+    finger.up()
+
+
+@dataclass
+class Thumb:
+    """A pointer on the stick on the screen."""
 
     page: Page
-    touch: CDPSession
+    pointer: Pointer
     is_down: bool = False
 
     def steer(self, speed: SpeedSetting, step: str) -> None:
-        full = FULL[step]
-        ahead, left = (
-            speed.linear / (full.linear if speed.linear > 0.0 else BACK),
-            speed.angular / full.angular,
-        )
-        x, y = -push(left, ahead), -push(ahead, left)
-        if not self.is_down and (x or y):
-            self._send("touchStart", 0.0, 0.0)
-        if self.is_down or x or y:
-            self._send("touchMove", x, y)
-
-    def let_go(self) -> None:
-        if self.is_down:
-            self.touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-            self.is_down = False
-
-    def _send(self, kind: str, x: float, y: float) -> None:
         box = self.page.locator("#stick").bounding_box()
         if box is None:
-            return  # the page has something else to say just now: a finger finds nothing to push
-        at = {
-            "x": box["x"] + box["width"] / 2 * (1 + x),
-            "y": box["y"] + box["height"] / 2 * (1 + y),
-        }
-        self.touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [at]})
-        self.is_down = True
+            return  # another view hides the stick
+        x, y = stick_position(speed, step)
+        if not self.is_down and not (x or y):
+            return
+        across, down = box["width"] / 2, box["height"] / 2
+        if not self.is_down:
+            self.pointer.down(box["x"] + across, box["y"] + down)
+            self.is_down = True
+        self.pointer.move(box["x"] + across * (1 + x), box["y"] + down * (1 + y))
+
+    def release(self) -> None:
+        if self.is_down:
+            self.pointer.up()
+            self.is_down = False
 
 
 @dataclass
-class Mind:
-    """What somebody makes of what they see: a wish for the hands, at which step of speed. Knows no
-    page.
-    """
+class UserDecisions:
+    """Decides from what a user sees how to drive, and at which step of speed. Knows no page."""
 
     driver: Driver
     seen: tuple[float, Pose2D] | None = None
     step: str = "Normal"
 
     def decide(self, view: View, now: float, *, bumped: bool = False) -> tuple[Intent, str]:
-        """Return what to do, and how fast; `view.pose` is what the map shows."""
+        """Return what to do, and the step of speed; `view.pose` is what the map shows."""
         if view.pose is None:
             return Intent(), self.step
         shown = view.pose
@@ -177,7 +197,7 @@ class Mind:
         return self.driver.decide(view, now), self.step
 
     def _soon(self, pose: Pose2D, now: float) -> Pose2D:
-        """Where the robot will be in a moment if it goes on as it does."""
+        """Return the pose in `AHEAD` seconds, extrapolating the turn."""
         if self.seen is None or now - self.seen[0] > 1.0:
             self.seen = (now, pose)
             return pose
@@ -204,7 +224,7 @@ class Mind:
 
 
 def pose_on(seen: dict[str, Any]) -> Pose2D:
-    """Return where the map of a page shows the robot, of what LOOK gave."""
+    """Return where the map of a page shows the robot, from the result of LOOK."""
     scale = float(seen["viewScale"])
     x = float(seen["viewX"]) + (float(seen["markerX"]) - seen["width"] / 2) / scale
     y = float(seen["viewY"]) - (float(seen["markerY"]) - seen["height"] / 2) / scale
@@ -217,62 +237,48 @@ class FirstTimeUser:
 
     page: Page
     hands: Hands
-    said: list[str] = field(default_factory=list)
+    cues: list[str] = field(default_factory=list)
 
     def drive(self, within: float) -> list[str]:
         """Drive until the task is over, and return the cues that were shown, in order."""
-        study: dict[str, Any] = json.loads(self.page.locator("#config").text_content() or "{}")[
-            "study"
-        ]
+        config = json.loads(self.page.locator("#config").text_content() or "{}")
         plan, _ = load_plan("office")
-        guide = Guide.of(study, plan, "giraff")
-        node, step = Mind(Driver(plan, guide, SpeedSetting(0.6, 0.6))), "Normal"
+        guide = Guide.of(config["study"], plan, "giraff")
+        user, step = UserDecisions(Driver(plan, guide, SpeedSetting(0.6, 0.6))), "Normal"
         deadline = time.monotonic() + patient(within)
         while time.monotonic() < deadline:
             view, alert = self.look(guide)
             bumped = "ouched something" in alert
-            if not self.said or self.said[-1] != view.task.cue:
-                self.said.append(view.task.cue)
+            if self.cues[-1:] != [view.task.cue]:
+                self.cues.append(view.task.cue)
             if view.task.cue in OVER:
                 break
-            intent, wanted = node.decide(view, time.monotonic(), bumped=bumped)
+            intent, wanted = user.decide(view, time.monotonic(), bumped=bumped)
             if wanted != step:
-                self.hands.let_go()
+                self.hands.release()
                 self.press(self.page.get_by_role("button", name=wanted, exact=True))
                 step = wanted
-            if LET_GO in alert:
-                self.hands.let_go()
+            if RELEASE in alert:
+                self.hands.release()
             else:
                 self._do(intent, step)
             self.page.wait_for_timeout(60)
         else:
-            self.said.append(f"not over; the page says: {alert or 'nothing'}")
-        self.hands.let_go()
-        return self.said
+            self.cues.append(f"not over; the alert is {alert!r}")
+        self.hands.release()
+        return self.cues
 
     def look(self, guide: Guide) -> tuple[View, str]:
-        """What the map and the words say, and the line over the picture."""
+        """Return what map and text show, and the alert over the video."""
         seen = self.page.evaluate(LOOK)
-        # The end may come so soon after the last cue that only its card is ever seen.
+        # The end may follow the last cue so soon that only its card is seen.
         words = f"{seen['card']} {seen['photo']} {seen['cue']}"
-        cue = next((name for said, name in CUES.items() if said in words), "")
-        number = re.search(r"checkpoint (\d+)", seen["cue"])
-        at = (
-            guide.stops.get(int(number[1]))
-            if number
-            else guide.stops.get(1)
-            if cue == "leave_station"
-            else None
-        )
+        cue = next((name for text, name in CUES.items() if text in words), "")
+        match = re.search(r"checkpoint (\d+)", seen["cue"])
+        number = int(match[1]) if match else None
+        x, y = guide.stops.get(1 if cue == "leave_station" else number) or (None, None)
         view = View(pose=pose_on(seen), localized=cue != "lost")
-        view.task = protocol.Task(
-            session="seen",
-            stamp=0.0,
-            cue=cue,
-            number=int(number[1]) if number else None,
-            x=at and at[0],
-            y=at and at[1],
-        )
+        view.task = protocol.Task(session="seen", stamp=0.0, cue=cue, number=number, x=x, y=y)
         return view, seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:
@@ -284,9 +290,7 @@ class FirstTimeUser:
 
     @staticmethod
     def press(button: Locator) -> None:
-        """Press a button if it is there to be pressed; between a look and a press the window may
-        have gone on.
-        """
+        """Press a button if it is shown: the page may have changed since it was looked at."""
         with contextlib.suppress(PlaywrightTimeout):
             if button.is_visible() and button.is_enabled(timeout=500):
                 button.click(timeout=500)

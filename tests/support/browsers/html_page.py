@@ -6,19 +6,8 @@ from html.parser import HTMLParser
 from itertools import pairwise
 
 VOID = {
-    "area",
-    "base",
-    "br",
-    "col",
-    "embed",
-    "hr",
-    "img",
-    "input",
-    "link",
-    "meta",
-    "source",
-    "track",
-    "wbr",
+    *("area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source"),
+    *("track", "wbr"),
 }
 CONTROLS = {"input", "select", "textarea"}
 
@@ -71,12 +60,10 @@ def read(response) -> Page:
 
 
 def faults(page: Page) -> list[str]:
-    """Return what is wrong with a page for those who cannot see it, and for a policy without inline
-    code.
-    """
+    """Return what is wrong with a page for screen readers, and for a policy without inline code."""
     found = [f"<{element.tag}> stays open" for element in page.open]
     ids = [e.attributes["id"] for e in page.elements if "id" in e.attributes]
-    found += [f"id {i} stands twice" for i in set(ids) if ids.count(i) > 1]
+    found += [f"id {i} is there twice" for i in set(ids) if ids.count(i) > 1]
     if not page.all("html")[0].attributes.get("lang"):
         found.append("no language")
     if len(page.all("h1")) != 1:

@@ -18,6 +18,7 @@ from tests.support.patience import patient
 
 SECONDS = 5.0
 ORIGIN = "http://127.0.0.1"
+FIREFOX = "Mozilla/5.0 (X11; Linux x86_64; rv:153.0) Gecko/20100101 Firefox/153.0"
 
 
 def cookie_of(user):
@@ -28,10 +29,8 @@ def cookie_of(user):
 
 
 def decode(frame):
-    """Return (suffix, message) of a frame for pages; media and telemetry are of the Robot API, the
-    rest of sessions/protocol.py.
-
-    A binary frame is a picture: its message is (stamp, JPEG).
+    """Return (suffix, message) of a frame for pages: of sessions/protocol.py or the Robot API, or
+    of a binary frame, a picture, whose message is (stamp, JPEG).
     """
     if isinstance(frame, bytes):
         suffix, _, payload = frame.partition(b"\n")
@@ -45,14 +44,14 @@ def decode(frame):
 
 
 class Expecting:
-    """What a test's page waits for; a subclass says with `next` what comes, notes it in `seen`, and
-    sets `PATIENCE` in seconds.
+    """A test's page, which sends and awaits messages. A subclass has `say_frame`, `next`, which
+    receives a message and adds it to `seen`, and `PATIENCE` in seconds.
     """
 
     PATIENCE = 2 * SECONDS
 
     async def expect(self, wanted, is_right=lambda _: True):
-        """Return the next message of a suffix that is right; others may come for ever meanwhile."""
+        """Return the next message of a suffix that is right, however many others arrive."""
         try:
             async with asyncio.timeout(patient(self.PATIENCE)):
                 while True:
@@ -62,11 +61,27 @@ class Expecting:
         except TimeoutError:
             raise AssertionError(f"no {wanted}; the last were {self.seen[-5:]}") from None
 
+    async def say(self, suffix, message):
+        await self.say_frame(codec.encode_frame(suffix, message))
+
+    async def take(self, **message):
+        await self.say("session/take", protocol.Take(**message))
+        return await self.expect("session/granted")
+
+    async def queue(self):
+        """Ask for the robot while it is taken."""
+        await self.say("session/take", protocol.Take())
+        return await self.expect("session/queued")
+
+    async def observe(self):
+        await self.say("session/observe", protocol.Observe())
+        return await self.expect("session/observing")
+
 
 class Page(Expecting):
-    """Use with `async with`. What arrives is kept in `seen`; `expect` waits for a suffix, whatever
-    comes before it.
-    """
+    """Use with `async with`; received messages are kept in `seen`."""
+
+    address = "/ws/robots/{}/"
 
     def __init__(self, robot, user=None, *, origin=ORIGIN, cookie=None):
         self.robot, self.user, self.origin, self.cookie = robot, user, origin, cookie
@@ -82,43 +97,35 @@ class Page(Expecting):
     async def open(self):
         from telepresence_site.asgi import application
 
-        headers = [
-            (b"host", b"127.0.0.1"),
-            (
-                b"user-agent",
-                b"Mozilla/5.0 (X11; Linux x86_64; rv:153.0) Gecko/20100101 Firefox/153.0",
-            ),
-        ]
+        headers = {"host": "127.0.0.1", "user-agent": FIREFOX}
         if self.origin is not None:
-            headers.append((b"origin", self.origin.encode()))
-        if self.user is not None and self.cookie is None:
-            self.cookie = await sync_to_async(cookie_of)(self.user)
-        if self.cookie is not None:
-            headers.append((b"cookie", f"{settings.SESSION_COOKIE_NAME}={self.cookie}".encode()))
-        self.socket = WebsocketCommunicator(
-            application, f"/ws/robots/{self.robot}/", headers=headers
-        )
+            headers["origin"] = self.origin
+        if cookie := await self.cookie_header():
+            headers["cookie"] = cookie
+        pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
+        address = self.address.format(self.robot)
+        self.socket = WebsocketCommunicator(application, address, headers=pairs)
         self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
         return self.accepted
+
+    async def cookie_header(self):
+        if self.user is not None and self.cookie is None:
+            self.cookie = await sync_to_async(cookie_of)(self.user)
+        return self.cookie and f"{settings.SESSION_COOKIE_NAME}={self.cookie}"
 
     async def close(self):
         with contextlib.suppress(asyncio.CancelledError):
             await self.socket.disconnect(timeout=patient(SECONDS))
 
-    async def say(self, suffix, message):
-        await self.say_frame(codec.encode_frame(suffix, message))
-
     async def say_frame(self, frame):
-        await self.socket.send_to(text_data=frame) if isinstance(
-            frame, str
-        ) else await self.socket.send_to(bytes_data=frame)
+        kind = "text_data" if isinstance(frame, str) else "bytes_data"
+        await self.socket.send_to(**{kind: frame})
 
     async def next(self):
         self.seen.append(self.read(await self.socket.receive_from(timeout=patient(SECONDS))))
         return self.seen[-1]
 
     def read(self, frame):
-        """Return (suffix, message) of a frame."""
         return decode(frame)
 
     async def closed(self):
@@ -129,16 +136,12 @@ class Page(Expecting):
                 return output["code"]
             self.seen.append(self.read(output.get("text") or output["bytes"]))
 
-    async def take(self, **message):
-        await self.say("session/take", protocol.Take(**message))
-        return await self.expect("session/granted")
-
     def told(self, suffix):
         return [message for seen, message in self.seen if seen == suffix]
 
     async def settle(self, bridge):
-        """Wait until everything said so far has been dealt with: a stop, which always passes, comes
-        last.
+        """Wait until all messages sent so far are processed, by sending a stop, which always
+        passes.
         """
         mark = Stop(action_id=uuid.uuid4().hex, stamp=0.0)
         await self.say("command/action", mark)
@@ -149,24 +152,17 @@ class Page(Expecting):
 class Display(Page):
     """A page of the robot's screen."""
 
+    address = "/ws/robots/{}/screen/"
+
     def __init__(self, key, robot="giraff"):
         super().__init__(robot)
         self.key = key
 
-    async def open(self):
-        from telepresence_site.asgi import application
-
-        cookie = f"{screens.cookie_of(self.robot)}={self.key}".encode()
-        headers = [(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode()), (b"cookie", cookie)]
-        self.socket = WebsocketCommunicator(
-            application, f"/ws/robots/{self.robot}/screen/", headers=headers
-        )
-        self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
-        return self.accepted
+    async def cookie_header(self):
+        return f"{screens.cookie_of(self.robot)}={self.key}"
 
 
 async def until(condition, what=""):
-    """Wait until `condition()` is true."""
     async with asyncio.timeout(patient(SECONDS)):
         while not condition():
             await asyncio.sleep(0.005)

@@ -1,5 +1,5 @@
-"""The drive page and the page of the robot's own display, both real, against a robot whose
-loudspeaker and display can be measured.
+"""The drive page and the page of the robot's own display, both real, with a robot whose loudspeaker
+and display can be measured.
 """
 
 import json
@@ -25,22 +25,20 @@ from robots.api import messages as m
 from sessions import protocol
 from sessions.consumers.authorization import Halt, Publish
 from sessions.consumers.screen_authorization import ScreenAuthorization
-from tests.support.browsers.fake_robot_page import ROBOT, FakeRobotPage, _Page, _response
+from tests.support.browsers.fake_robot_page import HTML, ROBOT, FakeRobotPage, _Page, _response
 from tests.support.media.synthetic_camera import SyntheticMicrophone
 
 CAPABILITIES = ("velocity", "video", "audio", "say", "call", "point", "photo", "tilt")
 SCREEN = "/screen-socket"
+PERMITTED = (m.Call, m.AnswerCall, m.Knock, m.Say, m.ConfirmWords, m.Tilt, m.ClearEStop, m.Photo)
 
 
 class PresentRobotPage(FakeRobotPage):
-    """As FakeRobotPage, with a head, a voice and a display; `screen_url` is the page of its screen.
-    `asked` holds permitted actions.
+    """A FakeRobotPage with a head, a voice and a display, whose page is at `screen_url`.
 
-    `pointed` holds the dots that it has passed on, each with the way it came.
-
-    `loses_words`: what the visitor writes is lost on its way to the robot.
-
-    `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
+    `asked` are the permitted actions, `pointed` the forwarded dots, (transport, pointer). With
+    `loses_words` messages of the visitor get lost. With `from_page` the screen's page provides
+    camera and microphone.
     """
 
     def __init__(
@@ -53,11 +51,8 @@ class PresentRobotPage(FakeRobotPage):
         super().__init__(**options)
         self.capabilities = capabilities
         self.kernel.capabilities = frozenset(capabilities)
-        self.speaker, self.display, self.calls = (
-            MeasuringSpeaker(),
-            MeasuringDisplay(),
-            CallControl(),
-        )
+        self.speaker, self.display = MeasuringSpeaker(), MeasuringDisplay()
+        self.calls = CallControl()
         self.media = MediaSide(
             video=FROM_PAGE if from_page else self.camera,
             audio=FROM_PAGE if from_page else SyntheticMicrophone(),
@@ -72,7 +67,7 @@ class PresentRobotPage(FakeRobotPage):
         self.loses_words = False
         self.asked: list[Any] = []
         self.is_study = False
-        # pages by language: there are a hundred requests a page
+        # by language, as a page makes a hundred requests
         self._rendered: dict[str, str] = {}
         self._screens: dict[str, tuple[_Page, ScreenAuthorization]] = {}
 
@@ -81,25 +76,21 @@ class PresentRobotPage(FakeRobotPage):
         return self.url + "screen"
 
     def tell_screens(self, suffix: str, message: m.Message) -> None:
-        """Say something to the pages of the robot's screen."""
+        """Send a message to the pages of the robot's screen."""
         self.do(lambda: [page.say(suffix, message) for page, _ in self._screens.values()])
 
     def html(self, language: str = "en") -> str:
         if language not in self._rendered:
-            page, told = super().html(language), '"capabilities": ["velocity", "video"]'
-            assert told in page
-            self._rendered[language] = page.replace(
-                told, f'"capabilities": {json.dumps(self.capabilities)}'
-            )
+            page, usual = super().html(language), '"capabilities": ["velocity", "video"]'
+            assert usual in page
+            own = f'"capabilities": {json.dumps(self.capabilities)}'
+            self._rendered[language] = page.replace(usual, own)
         return self._rendered[language]
 
     def screen_html(self, language: str = "en") -> str:
         config = {"robot": ROBOT, "title": "Giraff", "socket": SCREEN, "key": "/key", "csrf": "x"}
         with translation.override(language):
-            return render_to_string(
-                "sessions/screen.html",
-                {"title": "Giraff", "config": config},
-            )
+            return render_to_string("sessions/screen.html", {"title": "Giraff", "config": config})
 
     def _http(self, connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path
@@ -111,7 +102,7 @@ class PresentRobotPage(FakeRobotPage):
             "/spanish": lambda: self.html("es"),
         }
         if path in pages:
-            return _response(pages[path]().encode(), "text/html; charset=utf-8")
+            return _response(pages[path]().encode(), HTML)
         return super()._http(connection, request)
 
     async def _page(self, connection: ServerConnection) -> None:
@@ -119,28 +110,18 @@ class PresentRobotPage(FakeRobotPage):
             await super()._page(connection)
             return
         room = ScreenAuthorization(f"screen{secrets.token_hex(4)}", "Giraff")
-        page = _Page(connection, room.peer, 0)
+        page = _Page(connection, room.peer)
         self._screens[room.peer] = (page, room)
-        page.say(
-            "hello",
-            protocol.Hello(
-                peer=room.peer,
-                stamp=time.time(),
-                robot=ROBOT,
-                online=True,
-                may_drive=False,
-                may_observe=False,
-            ),
-        )
+        page.greet(online=True, may_drive=False, may_observe=False)
         self._tell_room()
         try:
             async for frame in connection:
-                self._hear_screen(room, frame)
+                self._receive_screen(room, frame)
         finally:
             self._screens.pop(room.peer, None)
             self.media.signal(room.peer, m.Bye(reason="left"))
 
-    def _hear_screen(self, room: ScreenAuthorization, frame: str | bytes) -> None:
+    def _receive_screen(self, room: ScreenAuthorization, frame: str | bytes) -> None:
         for effect in room.receive(frame, None, time.monotonic()):
             if isinstance(effect, Halt):
                 self._command("command/action", effect.message, CommandSender("mqtt"), room.peer)
@@ -148,12 +129,9 @@ class PresentRobotPage(FakeRobotPage):
                 self.media.signal(room.peer, effect.message)
             elif isinstance(effect, Publish):
                 message = effect.message
-                stamped = (
-                    msgspec.structs.replace(message, stamp=time.time())
-                    if isinstance(message, m.Action)
-                    else message
-                )
-                self._command(effect.suffix, stamped, CommandSender("mqtt"), room.peer)
+                if isinstance(message, m.Action):
+                    message = msgspec.structs.replace(message, stamp=time.time())
+                self._command(effect.suffix, message, CommandSender("mqtt"), room.peer)
 
     def _tell_room(self) -> None:
         super()._tell_room()
@@ -174,12 +152,8 @@ class PresentRobotPage(FakeRobotPage):
                 page.say(suffix, message)
 
     def _reply(self, peer: str, message: m.SignalReply) -> None:
-        if peer in self._screens:
-            self.do(
-                lambda: (
-                    peer in self._screens and self._screens[peer][0].say("signal/reply", message)
-                )
-            )
+        if screen := self._screens.get(peer):
+            self.do(screen[0].say, "signal/reply", message)
         else:
             super()._reply(peer, message)
 
@@ -192,40 +166,31 @@ class PresentRobotPage(FakeRobotPage):
         elif isinstance(message, m.EStop):
             self.kernel.estop(message, sender, now=now, unix=unix)
             self._say("state", self._state())
-        elif isinstance(
-            message,
-            m.Call
-            | m.AnswerCall
-            | m.Knock
-            | m.Say
-            | m.ConfirmWords
-            | m.Tilt
-            | m.ClearEStop
-            | m.Photo,
-        ):
-            reason = self.kernel.permit(message, sender, now=now, unix=unix)
-            if reason is None and isinstance(message, m.Knock):
-                lease = self.kernel.leases.live(now)
-                reason = self.calls.knock(message.action_id, lease, now, audible=self.media.audible)
-                if reason is None:
-                    self.media.ring()
-            if reason is None and self._is_known(message):
-                self._tell_receipt(message.action_id)  # as Actions.take of the agent
-            elif reason is None:
-                self.asked.append(message)
-                self._obey(message, now)
-            if not isinstance(message, m.Photo):
-                status = m.ActionStatus(
-                    action_id=message.action_id,
-                    status="FAILED" if reason else "FINISHED",
-                    stamp=unix,
-                    reason=reason or "",
-                )
-                self._say("action", status)
-                return
+        elif not isinstance(message, PERMITTED):
             super()._command(suffix, message, sender, peer)
         else:
-            super()._command(suffix, message, sender, peer)
+            reason = self._permit(message, sender, now, unix)
+            if isinstance(message, m.Photo):
+                super()._command(suffix, message, sender, peer)
+                return
+            status = "FAILED" if reason else "FINISHED"
+            told = {"action_id": message.action_id, "status": status, "reason": reason or ""}
+            self._say("action", m.ActionStatus(stamp=unix, **told))
+
+    def _permit(self, message: Any, sender: CommandSender, now: float, unix: float) -> str | None:
+        """Do what is permitted; return why an action is not."""
+        reason = self.kernel.permit(message, sender, now=now, unix=unix)
+        if reason is None and isinstance(message, m.Knock):
+            lease = self.kernel.leases.live(now)
+            reason = self.calls.knock(message.action_id, lease, now, audible=self.media.audible)
+            if reason is None:
+                self.media.ring()
+        if reason is None and self._is_known(message):
+            self._tell_receipt(message.action_id)  # as Actions.take of the agent
+        elif reason is None:
+            self.asked.append(message)
+            self._obey(message, now)
+        return reason
 
     def _point(self, command: m.PointCommand, sender: CommandSender, peer: str, now: float) -> None:
         lease = self.kernel.leases.live(now)
@@ -237,14 +202,9 @@ class PresentRobotPage(FakeRobotPage):
         pointer = m.Pointer(stamp=time.time(), by=by, at=command.at)
         self.pointed.append((sender.way, pointer))
         self.media.point(pointer)
-        driver = self._pages.get(lease.peer)
-        for page in (
-            [page for page, _ in self._screens.values()]
-            if by == "driver"
-            else [driver]
-            if driver
-            else []
-        ):
+        screens = [page for page, _ in self._screens.values()]
+        drivers = [page for peer, page in self._pages.items() if peer == lease.peer]
+        for page in screens if by == "driver" else drivers:
             page.say("pointer", pointer)
 
     def _is_known(self, message: Any) -> bool:
@@ -256,11 +216,8 @@ class PresentRobotPage(FakeRobotPage):
         lease, found = self._lease, self.receipts.of(action_id)
         page = self._pages.get(lease.peer) if lease else None
         if page is not None and found is not None:
-            session, state = found
-            page.say(
-                "receipt",
-                m.Receipt(stamp=time.time(), action_id=action_id, session=session, state=state),
-            )
+            told = {"action_id": action_id, "session": found[0], "state": found[1]}
+            page.say("receipt", m.Receipt(stamp=time.time(), **told))
 
     def _obey(self, message: Any, now: float) -> None:
         lease = self.kernel.leases.live(now)
@@ -289,7 +246,7 @@ class PresentRobotPage(FakeRobotPage):
                     receipts=not here,
                 )
                 if not here:
-                    self.receipts.said(message.action_id, lease.session)
+                    self.receipts.sent(message.action_id, lease.session)
                 self._tell("words", words)
             case m.ConfirmWords() if lease:
                 if self.receipts.confirm(message.target, message.state, lease.session)[1]:

@@ -1,8 +1,6 @@
-"""`python -m tests.support.browsers.readme_pictures`: the three pictures of the README, taken on a
-whole site and written small into docs/img.
-
-The drive page while somebody drives, with a mouse and on a phone, and the analysis of a study whose
-drives are made up.
+"""`python -m tests.support.browsers.readme_pictures` takes the three pictures of the README on a
+whole site and writes them into docs/img: the drive page with a mouse and on a phone, and the
+analysis of a study with made-up drives.
 """
 
 import shutil
@@ -29,7 +27,7 @@ from robots.models import FloorPlan, Robot
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.study_rows import put
 for rows in (Study, Robot, FloorPlan):
-    rows.objects.all().delete()  # those that a new site has: the made-up ones bear their names
+    rows.objects.all().delete()  # those of a new site, whose names the made-up ones have
 stored = put(made_up(np.random.default_rng(7), {PARTICIPANTS}))
 user, _ = User.objects.get_or_create(username="vera")
 StudyMember.objects.create(slug=stored.study.slug, user=user, role="viewer")
@@ -38,7 +36,7 @@ print(stored.study.slug)
 
 
 def write(picture: Path, name: str) -> None:
-    """Write a picture as WebP, as well as it fits into LARGEST bytes."""
+    """Write a picture as WebP, at the best quality that fits into LARGEST bytes."""
     with Image.open(picture) as image:
         for quality in range(90, 30, -10):
             image.convert("RGB").save(FOLDER / f"{name}.webp", quality=quality, method=6)
@@ -47,7 +45,7 @@ def write(picture: Path, name: str) -> None:
 
 
 def driving(browser: Browser, site: Site, name: str, size: dict[str, int], folder: Path) -> None:
-    """Somebody who drives to a door, with the way shown that the robot takes."""
+    """Take a picture while driving to a door, with the robot's path shown."""
     is_phone = size is UPRIGHT
     driver = Visitor(browser, site, name, viewport=size, has_touch=is_phone, is_mobile=is_phone)
     driver.open(go=True)
@@ -63,24 +61,18 @@ def driving(browser: Browser, site: Site, name: str, size: dict[str, int], folde
 
 
 def is_on_its_way(page: Page) -> bool:
-    """Hold a key for some seconds, and tell whether the robot goes; a page that was held up lets go
-    of keys, and people press again.
-    """
+    """Hold a key for some seconds, and tell whether the robot moves and its path is shown."""
     page.keyboard.down("ArrowUp")
     for _ in range(30):
         page.wait_for_timeout(100)
-        speed = page.locator("#dial-speed").text_content() or "–"
-        if (
-            speed != "–"
-            and float(speed) > FAST
-            and page.get_attribute("#overlay", "data-shows") == "held"
-        ):
+        speed = (page.locator("#dial-speed").text_content() or "").replace("–", "") or "0"
+        if float(speed) > FAST and page.get_attribute("#overlay", "data-shows") == "held":
             return True
     return False
 
 
 def analysis(browser: Browser, site: Site, folder: Path) -> None:
-    """The trajectories of a study on the floor plan, and what follows them."""
+    """Take a picture of the trajectories of a study on the floor plan."""
     slug = site.django(STUDY).strip()
     vera = Visitor(browser, site, "vera", viewport=WIDE)
     vera.page.goto(f"/studies/{slug}/analysis/trajectories/")
@@ -94,7 +86,6 @@ def analysis(browser: Browser, site: Site, folder: Path) -> None:
 
 
 def main() -> None:
-    """Take and write them."""
     folder = Path(tempfile.mkdtemp(prefix="telepresence-pictures-"))
     try:
         with sync_playwright() as playwright, chromium(playwright) as browser:

@@ -1,6 +1,4 @@
-"""`manage.py demo` as its user starts it, in the foreground or in the background of a shell, and
-its processes.
-"""
+"""`manage.py demo` as started in the foreground or in the background of a shell."""
 
 import contextlib
 import os
@@ -22,11 +20,8 @@ TESTS_OWN = {"HTTP_ONLY", "PLAIN_STATIC", "LOG_LEVEL", "DJANGO_SETTINGS_MODULE"}
 
 
 def disposition(*, background: bool) -> Callable[[], None]:
-    """Return a `preexec_fn` that gives a process what it has in a terminal, or in the background of
-    a shell without job control.
-
-    POSIX, Shell Command Language, 2.11: an asynchronous list is started with SIGINT and SIGQUIT
-    ignored.
+    """Return a `preexec_fn` that sets signals as in a terminal, or as in the background of a shell
+    without job control, where SIGINT and SIGQUIT are ignored (POSIX, Shell Command Language, 2.11).
     """
 
     def set_signals() -> None:
@@ -61,7 +56,7 @@ class RunningDemo:
         return self.output.read_text(errors="replace")
 
     def waits_to_say(self, pattern: str, within: float, since: int = 0) -> re.Match[str]:
-        """Wait until what it has said since then (a length of `said()`) has a pattern."""
+        """Wait until its output after `since`, a length of `said()`, has a pattern."""
 
         def found() -> re.Match[str] | None:
             ended, match = self.process.poll() is not None, re.search(pattern, self.said()[since:])
@@ -77,9 +72,7 @@ class RunningDemo:
         return psutil.Process(self.process.pid).children(recursive=True)
 
     def member(self, *words: str) -> psutil.Process:
-        """Return the one of its processes whose command line has all these words; the first, where
-        it started another.
-        """
+        """Return the first of its processes whose command line has all these words."""
         found = self.find(*words)
         assert found, f"no process with {words}"
         return found

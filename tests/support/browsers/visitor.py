@@ -1,4 +1,4 @@
-"""A visitor in a real browser, who sees what the page shows and does what people do."""
+"""A visitor in a real browser."""
 
 import contextlib
 import time
@@ -27,10 +27,15 @@ SPREAD = """() => {
 }"""
 
 
+def note_problems(page: Page, problems: list[str]) -> None:
+    """Note the exceptions of a page's scripts, and what its content policy refuses."""
+    refused = "Content Security Policy"
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda line: problems.append(line.text) if refused in line.text else None)
+
+
 def turn_leaf(place: Page | FrameLocator) -> None:
-    """Follow "Next" to the page that it leads to: until that is there, a second click would hit the
-    same link again.
-    """
+    """Follow "Next", and wait for the next page: a second click would hit the same link again."""
     link = place.get_by_role("link", name="Next")
     old = place.locator(f'a[href="{link.get_attribute("href")}"]', has_text="Next")
     link.click()
@@ -63,23 +68,14 @@ class Visitor:
         self.site = site
         self.context = browser.new_context(base_url=url, **context)
         if name is not None:
-            self.context.add_cookies(
-                [{"name": "sessionid", "value": site.sign_in(name), "url": url}]
-            )
+            cookie = {"name": "sessionid", "value": site.sign_in(name), "url": url}
+            self.context.add_cookies([cookie])
         self.problems: list[str] = []
         self.page: Page = self.new_page()
 
     def new_page(self) -> Page:
         page = self.context.new_page()
-        page.on("pageerror", lambda error: self.problems.append(str(error)))
-        page.on(
-            "console",
-            lambda message: (
-                self.problems.append(message.text)
-                if "Content Security Policy" in message.text
-                else None
-            ),
-        )
+        note_problems(page, self.problems)
         return page
 
     def open(self, robot: str = "giraff", *, go: bool = False) -> "Visitor":
@@ -110,8 +106,8 @@ class Visitor:
         )
 
     def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:
-        """Hold a key until that is so, and on. A page whose link is replaced lets go of every key,
-        as it should, and people press again.
+        """Hold a key until the condition is true, and keep it down. It is pressed again after
+        `HELD`, as a page releases all keys when its link is replaced.
         """
         deadline = time.monotonic() + patient(within)
         while True:
@@ -122,7 +118,7 @@ class Visitor:
                     return
                 self.page.wait_for_timeout(50)
             assert time.monotonic() < deadline, (
-                f"{what} did not come within {within} s (link {self.page_data('link')}, way"
+                f"{what} did not come within {within} s (link {self.page_data('link')}, transport"
                 f" {self.page_data('transport')})"
             )
             self.page.keyboard.up(key)
@@ -134,29 +130,24 @@ class Visitor:
         return float(self.page.evaluate(SPREAD))
 
     def marker(self) -> dict[str, float]:
-        """Where the map's canvas says the robot's arrow is, in CSS pixels, and the stamp of that
-        pose.
+        """Return where the map draws the robot's arrow, in CSS pixels, the stamp of that pose, and
+        the map's transform.
         """
         data = self.page.evaluate("({...document.getElementById('map').dataset})")
-        return {
-            name: float(data[name])
-            for name in ("markerX", "markerY", "markerStamp", "viewX", "viewY", "viewScale")
-        }
+        names = ("markerX", "markerY", "markerStamp", "viewX", "viewY", "viewScale")
+        return {name: float(data[name]) for name in names}
 
     def screenshot(self, path: Path) -> None:
         self.page.screenshot(path=path)
 
     def leave(self) -> None:
-        """End the visit as people do."""
         self.page.keyboard.up("ArrowUp")
         self.page.get_by_role("button", name="Leave", exact=True).click()
         self.page.locator("#card-main").click()
         self.wait_for("phase", "ended")
 
     def close(self) -> None:
-        """Close the browser's window; whoever drives leaves first, so that the next visitor need
-        not wait.
-        """
+        """Close the window; a driver leaves first, so that the next visitor does not wait."""
         with contextlib.suppress(PlaywrightError):
             if self.page.locator("#drive-page").count() and self.page_data("phase") == "driving":
                 self.leave()

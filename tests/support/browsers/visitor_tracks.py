@@ -1,5 +1,5 @@
-"""A visitor without microphone and camera: a tone and a colour, and an aiortc page that sends them
-as our drive page does.
+"""A tone and a colour in place of a visitor's microphone and camera, and an aiortc page that sends
+them as our drive page does.
 """
 
 import asyncio
@@ -53,12 +53,10 @@ class ColourTrack(MediaStreamTrack):
 
 
 class SpeakingPage(LoopbackPage):
-    """A page that sends from the first moment what it was not asked for; whether anybody hears it
-    is the robot's decision.
-    """
+    """A page that sends sound and video unasked; the robot decides whether to play them."""
 
     def send(self, *, hertz: float, colour: tuple[int, int, int]) -> None:
-        """Speak and be seen; before `connect`."""
+        """Add both tracks; call it before `connect`."""
         self.audio.direction = "sendrecv"
         self.audio.sender.replaceTrack(ToneTrack(hertz))
         self.connection.addTransceiver(ColourTrack(colour), direction="sendonly")

@@ -1,4 +1,4 @@
-"""Three Mosquittos joined by bridges: the first is the hub, the others pass everything on to it."""
+"""Three Mosquittos joined by bridges: the first is the hub, the others forward everything to it."""
 
 import asyncio
 from pathlib import Path
@@ -66,23 +66,21 @@ class BridgedMosquittos:
         return folder
 
     def _to_hub(self, number):
-        lines = [
-            f"connection node-{number}",
-            f"address {HOST}:{self.ports[0]}",
-            "topic telepresence/# both 1",
-            f"remote_username {BRIDGE}",
-            f"remote_password {self._token}",
-            "cleansession false",
-            "try_private true",
-            "notifications false",
-            "restart_timeout 1 2",
-        ]
-        return "\n".join(lines) + "\n"
+        return f"""connection node-{number}
+address {HOST}:{self.ports[0]}
+topic telepresence/# both 1
+remote_username {BRIDGE}
+remote_password {self._token}
+cleansession false
+try_private true
+notifications false
+restart_timeout 1 2
+"""
 
     def _write(self, users):
-        everybody = {**users, BRIDGE: self._bridge}
+        all_users = {**users, BRIDGE: self._bridge}
         for number in range(len(self.ports)):
             folder = self._folder(number)
-            write_private(folder / "passwords", mosquitto.password_file(everybody))
-            write_private(folder / "permissions", mosquitto.permission_file(everybody))
+            write_private(folder / "passwords", mosquitto.password_file(all_users))
+            write_private(folder / "permissions", mosquitto.permission_file(all_users))
         self._users = dict(users)

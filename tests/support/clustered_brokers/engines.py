@@ -1,7 +1,7 @@
 """The brokers that the behaviour tests know besides ours, by name.
 
-A failure that is listed in `known_failures.py` and does not happen is a failure of the test: the
-table in docs/explanation/brokers.md says what is so.
+A test fails if a failure that is listed in `known_failures.py` does not happen: they are the table
+in docs/explanation/brokers.md.
 """
 
 from tests.support.clustered_brokers.bridges import BridgedMosquittos

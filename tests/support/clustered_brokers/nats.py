@@ -17,9 +17,7 @@ USERS = "users.conf"
 
 @dataclass(frozen=True)
 class Place:
-    """A node's machine, and its ports: MQTT, NATS's own clients, the other nodes, and questions by
-    HTTP.
-    """
+    """A node's machine, and its ports: MQTT, NATS's own clients, the other nodes, and HTTP."""
 
     host: str
     mqtt: int
@@ -79,7 +77,7 @@ class NatsNodes:
             f'http: "{place.host}:{place.monitor}"',
             f'jetstream {{ store_dir: "{self.directory / f"store-{number}"}" }}',
             f"max_payload: {MAX_PACKET - 512}",  # of the payload alone
-            # a node that stops answering is left out after two of these
+            # a node that stops answering is dropped after two of these
             'ping_interval: "1s"',
             "ping_max: 2",
             'write_deadline: "1s"',
@@ -110,7 +108,7 @@ def is_well(place):
 
 
 class NatsCluster:
-    """Nodes whose users are those that `read_users` returns, whenever it says something new."""
+    """Nodes with the users that `read_users` returns, polled for changes."""
 
     name = "nats"
 
@@ -131,7 +129,6 @@ class NatsCluster:
         return self.ports[0]
 
     async def wait(self):
-        """Keep the users as the test has them."""
         while True:
             await asyncio.sleep(self._poll)
             users = await self._read_users()

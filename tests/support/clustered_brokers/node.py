@@ -76,7 +76,6 @@ class Node:
 
 
 async def is_open(host, port):
-    """Tell whether somebody listens there."""
     try:
         _, writer = await asyncio.open_connection(host, port)
     except OSError:

@@ -41,7 +41,7 @@ class PictureServer:
                 server.send_pictures(self.wfile)
 
             def log_message(self, *_arguments) -> None:
-                """Say nothing."""
+                """Log nothing."""
 
         self._http = ThreadingHTTPServer(("127.0.0.1", port), Handler)
         self._http.daemon_threads = True

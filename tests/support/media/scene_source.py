@@ -23,7 +23,7 @@ class SceneSource:
         self._due = time.monotonic()
 
     def stop(self) -> None:
-        """Have nothing to let go of."""
+        """Nothing to release."""
 
     def read(self, timeout: float) -> Frame | None:
         assert self.simulation is not None

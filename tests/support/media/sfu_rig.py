@@ -67,7 +67,7 @@ class SfuRig(MemoryBridge):
         )
 
     def renew_media(self) -> None:
-        """Let the robot's program begin anew."""
+        """Restart the robot's program."""
         self.camera = SyntheticCamera()
         self.media = self._new_media()
         self.media.start()

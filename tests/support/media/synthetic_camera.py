@@ -22,12 +22,12 @@ MODULO = 1 << BITS
 
 
 def code_of(stamp: float) -> int:
-    """Return the number that stands in the picture of `stamp`, Unix time in seconds."""
+    """Return the number that the picture of `stamp`, Unix time in seconds, contains."""
     return int(stamp * TICKS_PER_SECOND) % MODULO
 
 
 def apart(code: int, other: int) -> int:
-    """Return the ticks between two such numbers, which begin anew every half an hour."""
+    """Return the ticks between two such numbers, which wrap every half an hour."""
     return min((code - other) % MODULO, (other - code) % MODULO)
 
 
@@ -48,7 +48,7 @@ def read_code(image: npt.NDArray[np.uint8]) -> int | None:
 
 
 class SyntheticCamera:
-    """A VideoSource of 640 x 480 RGB at `fps`, seeded; it fails and falls silent when told to."""
+    """A VideoSource of 640 x 480 RGB at `fps`, seeded; tests can make it fail or fall silent."""
 
     def __init__(self, fps: float = 30.0, seed: int = 1) -> None:
         self.fps = fps

@@ -21,25 +21,15 @@ SECRET = "shared-with-the-site"
 
 
 def deployed_limits() -> tuple[str, ...]:
-    """Return what the relay of a real server refuses, as options: peers in inner networks, more
-    than a share for each.
-    """
+    """Return the limits of a deployed relay as options: no peers in inner networks, and quotas."""
     lines = (ROOT / "deploy/coturn/turnserver.conf").read_text().splitlines()
-    return tuple(
-        f"--{line}"
-        for line in lines
-        if line.startswith(
-            ("denied-peer-ip", "no-multicast-peers", "user-quota", "total-quota", "max-bps")
-        )
-    )
+    limits = ("denied-peer-ip", "no-multicast-peers", "user-quota", "total-quota", "max-bps")
+    return tuple(f"--{line}" for line in lines if line.startswith(limits))
 
 
 class Coturn:
-    """A relay. `address` is where it listens and relays; `ca` is the certificate that it shows for
-    TLS; `user` is whose process it is.
-
-    `limits` are more of its options, such as those of deploy/coturn, see `deployed_limits`; without
-    any it relays to wherever asked.
+    """A relay that listens and relays at `address`, as a process of `user`; `ca` is its certificate
+    for TLS. Without `limits` (see `deployed_limits`) it relays to any address.
     """
 
     def __init__(
@@ -61,26 +51,13 @@ class Coturn:
         if self.user:
             for file in (self.directory, key, self.ca):
                 shutil.chown(file, self.user, self.user)
+        options = f"""-n --no-cli --log-file=stdout --realm=tests --fingerprint
+            --listening-ip={self.address} --relay-ip={self.address}
+            --listening-port={self.port} --tls-listening-port={self.tls_port}
+            --use-auth-secret --static-auth-secret={SECRET} --cert={self.ca} --pkey={key}
+            --pidfile={self.directory}/turn.pid --userdb={self.directory}/turn.db"""
         self.process = subprocess.Popen(
-            [
-                PROGRAM,
-                "-n",
-                "--no-cli",
-                "--log-file=stdout",
-                f"--listening-ip={self.address}",
-                f"--relay-ip={self.address}",
-                f"--listening-port={self.port}",
-                f"--tls-listening-port={self.tls_port}",
-                "--realm=tests",
-                "--use-auth-secret",
-                f"--static-auth-secret={SECRET}",
-                f"--cert={self.ca}",
-                f"--pkey={key}",
-                *self.limits,
-                "--fingerprint",
-                f"--pidfile={self.directory}/turn.pid",
-                f"--userdb={self.directory}/turn.db",
-            ],
+            [PROGRAM, *options.split(), *self.limits],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             user=self.user,
@@ -99,20 +76,19 @@ class Coturn:
         self.process.terminate()
         self.process.wait(patient(5.0))
 
-    def server(self, *ways: str, secret: str = SECRET) -> IceServer:
-        """Return the relay as the site names it to pages and robots, by `udp`, `tcp` or `tls`."""
+    def server(self, *transports: str, secret: str = SECRET) -> IceServer:
+        """Return the relay as the site announces it, by `udp`, `tcp` or `tls`."""
         urls = {
             "udp": f"turn:{self.address}:{self.port}?transport=udp",
             "tcp": f"turn:{self.address}:{self.port}?transport=tcp",
             "tls": f"turns:{self.address}:{self.tls_port}?transport=tcp",
         }
         username, credential = turn_credentials("ada", secret, time.time())
-        return IceServer(
-            urls=tuple(urls[way] for way in ways), username=username, credential=credential
-        )
+        chosen = tuple(urls[name] for name in transports)
+        return IceServer(urls=chosen, username=username, credential=credential)
 
     def trust(self, monkeypatch) -> None:
-        """Let this process trust its certificate, as a system trusts one that was bought."""
+        """Make this process trust its certificate, as a system trusts a public one."""
         monkeypatch.setenv("SSL_CERT_FILE", str(self.ca))
         assert ssl.create_default_context().cert_store_stats()["x509_ca"] >= 0
 

@@ -1,5 +1,5 @@
-"""What the files of deploy/ start: systemd's units, the compose files and the Kubernetes manifests,
-read into one form.
+"""The processes of deploy/: systemd's units, the compose files and the Kubernetes manifests, read
+into one form.
 """
 
 import re
@@ -22,7 +22,7 @@ WORKLOADS = {"Deployment", "StatefulSet", "DaemonSet", "Job", "CronJob"}
 
 @dataclass(frozen=True)
 class Process:
-    """One started process: its words, and what surrounds it."""
+    """One started process: the words of its command, and the document that it is from."""
 
     name: str
     words: tuple[str, ...]
@@ -53,7 +53,7 @@ def in_words(command: str | list[str]) -> tuple[str, ...]:
 
 @cache
 def units() -> dict[str, Process]:
-    """Return what the units start, by the name of the unit."""
+    """Return the processes of the units, by the name of the unit."""
     found = {}
     for path in sorted((DEPLOY / "systemd").glob("*.service")):
         text = path.read_text("utf-8")
@@ -65,7 +65,6 @@ def units() -> dict[str, Process]:
 
 @cache
 def compose(name: str) -> dict[str, Process]:
-    """Return the services of a compose file."""
     services = yaml.safe_load((DEPLOY / name).read_text("utf-8"))["services"]
     return {
         name: Process(name, in_words(service.get("command", "")), service["image"], service)
@@ -75,13 +74,12 @@ def compose(name: str) -> dict[str, Process]:
 
 @cache
 def kustomization(folder: str) -> dict[str, Any]:
-    """Return what kustomize is told in a folder."""
     return yaml.safe_load((KUBERNETES / folder / "kustomization.yaml").read_text("utf-8"))
 
 
 @cache
 def documents(folder: str) -> tuple[dict[str, Any], ...]:
-    """Return the manifests of a folder, with those of the folders that it completes."""
+    """Return the manifests of a folder and of its base folders."""
     found: list[dict[str, Any]] = []
     for name in kustomization(folder)["resources"]:
         path = KUBERNETES / folder / name

@@ -23,7 +23,7 @@ def _others(folder: str) -> str:
 
 
 class Janus:
-    """A process that can be killed, stopped and started again under the same address."""
+    """A process that can be killed, stopped and restarted under the same address."""
 
     def __init__(self, directory: Path, host: str = LOOPBACK) -> None:
         self.directory, self.host, self.port = directory, host, free_port()
@@ -83,14 +83,12 @@ class Janus:
         self.process.wait()
 
     def stop(self) -> None:
-        """Let it be silent, with every connection open."""
         self._signal(signal.SIGSTOP)
 
     def go_on(self) -> None:
         self._signal(signal.SIGCONT)
 
     def cpu_seconds(self) -> float:
-        """Return what it has used so far."""
         assert self.process
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,5 +1,5 @@
-"""A computer without any network: the test itself, and every process that it starts meanwhile, in a
-namespace where only lo is up.
+"""A computer without any network: a test and all processes that it starts are in a namespace where
+only lo is up.
 """
 
 import contextlib
@@ -21,73 +21,49 @@ class LoopbackOnly:
     name: str
 
     def plug(self) -> None:
-        """Give the computer a network after all: a cable from itself to itself, with an address at
-        each end, and a way out that leads nowhere.
+        """Give the computer a network: a cable from itself to itself, with an address at each end,
+        and a default route that leads nowhere.
 
-        Without a way out Chromium tells nobody its address; and one that was started before never
-        notices.
+        Chromium hides its address without a default route, and does not notice one that is added
+        after it has started.
         """
-        ip("-n", self.name, "link", "add", "cable0", "type", "veth", "peer", "name", "cable1")
+        self._ip("link add cable0 type veth peer name cable1")
         for interface, address in (("cable0", FIRST), ("cable1", SECOND)):
-            ip("-n", self.name, "addr", "add", address, "dev", interface)
-            ip("-n", self.name, "link", "set", interface, "up")
-        ip("-n", self.name, "route", "add", "default", "via", GATEWAY, "dev", "cable0")
+            self._ip(f"addr add {address} dev {interface}")
+            self._ip(f"link set {interface} up")
+        self._ip(f"route add default via {GATEWAY} dev cable0")
 
     def close_udp(self) -> None:
-        """Let no datagram reach this computer, as a firewall in front of it would. A rule of
+        """Drop all datagrams to this computer, as a firewall in front of it would. A rule of
         routing, since not every kernel can filter.
         """
-        ip("-n", self.name, "rule", "add", "pref", "5", "lookup", "local")
+        self._ip("rule add pref 5 lookup local")
         for network in NETWORKS:
-            ip(
-                "-n",
-                self.name,
-                "rule",
-                "add",
-                "pref",
-                "1",
-                "ipproto",
-                "udp",
-                "to",
-                network,
-                "blackhole",
-            )
-        ip("-n", self.name, "rule", "del", "pref", "0")
+            self._ip(f"rule add pref 1 ipproto udp to {network} blackhole")
+        self._ip("rule del pref 0")
 
     def let_through(self, user: str) -> None:
-        """Let datagrams of one user's programs through all the same: those of a relay, which stands
-        outside of the firewall.
-        """
+        """Exempt the programs of one user: a relay, which is outside of the firewall."""
         number = pwd.getpwnam(user).pw_uid
-        ip(
-            "-n",
-            self.name,
-            "rule",
-            "add",
-            "pref",
-            "0",
-            "uidrange",
-            f"{number}-{number}",
-            "lookup",
-            "local",
-        )
+        self._ip(f"rule add pref 0 uidrange {number}-{number} lookup local")
 
     def open_udp(self) -> None:
-        """Let datagrams through again."""
+        """Undo `close_udp`."""
         for _ in NETWORKS:
-            ip("-n", self.name, "rule", "del", "pref", "1")
+            self._ip("rule del pref 1")
+
+    def _ip(self, command: str) -> None:
+        ip(f"-n {self.name} {command}")
 
 
 @contextlib.contextmanager
 def loopback_only() -> Iterator[LoopbackOnly]:
-    """Put this thread, and all that it starts, into a network namespace of its own until the end of
-    the block.
-    """
+    """Put this thread and all that it starts into a namespace of its own until the block ends."""
     name = f"lo-{os.getpid() % 100000}"
-    ip("netns", "add", name)
+    ip(f"netns add {name}")
     try:
-        ip("-n", name, "link", "set", "lo", "up")
+        ip(f"-n {name} link set lo up")
         with inside(name):
             yield LoopbackOnly(name)
     finally:
-        ip("netns", "del", name)
+        ip(f"netns del {name}")

@@ -1,5 +1,5 @@
-"""Prints, as JSON, what a MongoDB site's migrations would be and whether they are complete; needs
-the backend and no server.
+"""Prints as JSON which migrations a MongoDB site would have, and whether they are complete; needs
+no server.
 
 `python -m tests.support.programs.mongodb_migrations`, with DATABASE_URL naming a MongoDB.
 """
@@ -28,18 +28,16 @@ def main() -> None:
         model._meta.label: type(model._meta.pk).__name__
         for model in apps.get_models(include_auto_created=True)
     }
-    operations = sorted(
-        {
-            type(operation).__name__
-            for migration in loader.disk_migrations.values()
-            for operation in migration.operations
-        }
-    )
+    operations = {
+        type(operation).__name__
+        for migration in loader.disk_migrations.values()
+        for operation in migration.operations
+    }
     answer = {
         "vendor": connection.vendor,
         "missing": {app: len(found) for app, found in missing.items()},
         "keys": keys,
-        "operations": operations,
+        "operations": sorted(operations),
     }
     sys.stdout.write(json.dumps(answer))
 

@@ -1,7 +1,5 @@
-"""A real Mosquitto on a free port of the loopback, anonymous, in memory: started, killed, stopped
-in its tracks, started again.
-
-Besides plain MQTT it speaks MQTT over WebSocket, and with a certificate both of them over TLS.
+"""A real Mosquitto on free ports of the loopback: MQTT, MQTT over WebSocket, and with a certificate
+both of them over TLS.
 """
 
 import contextlib
@@ -25,10 +23,8 @@ class Mosquitto:
 
     def __init__(self, directory, certificate=None, host="127.0.0.1", *, anonymous=True):
         self.host = host
-        self.ports = {
-            scheme: free_port()
-            for scheme in ("mqtt", "ws", *(("mqtts", "wss") if certificate else ()))
-        }
+        schemes = ("mqtt", "ws", "mqtts", "wss") if certificate else ("mqtt", "ws")
+        self.ports = {scheme: free_port() for scheme in schemes}
         self.port = self.ports["mqtt"]
         lines = [
             f"allow_anonymous {str(anonymous).lower()}",
@@ -37,14 +33,11 @@ class Mosquitto:
             f"user {getpass.getuser()}",
         ]
         for scheme, port in self.ports.items():
-            lines += [f"listener {port} {host}"] + (
-                ["protocol websockets"] if scheme.startswith("ws") else []
-            )
-            lines += (
-                [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"]
-                if scheme in {"mqtts", "wss"}
-                else []
-            )
+            lines.append(f"listener {port} {host}")
+            if scheme.startswith("ws"):
+                lines.append("protocol websockets")
+            if scheme in {"mqtts", "wss"}:
+                lines += [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"]
         self._config = directory / "mosquitto.conf"
         self._config.write_text("\n".join(lines) + "\n")
         self._process = None
@@ -79,7 +72,6 @@ class Mosquitto:
         return False
 
     def kill(self):
-        """End it at once; what it retained is lost."""
         if self._process is not None:
             self.freeze(on=False)
             self._process.kill()
@@ -87,5 +79,4 @@ class Mosquitto:
             self._process = None
 
     def freeze(self, *, on):
-        """Stop it in its tracks, connections and all, or let it go on."""
         self._process.send_signal(signal.SIGSTOP if on else signal.SIGCONT)

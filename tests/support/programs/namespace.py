@@ -1,8 +1,9 @@
-"""A network of the test's own: a namespace joined to this machine by a cable that can be pulled."""
+"""A network for one test: a namespace joined to this machine by a cable that can be pulled."""
 
 import contextlib
 import ctypes
 import os
+import shlex
 import stat
 import subprocess
 from collections.abc import Iterator
@@ -13,8 +14,20 @@ HERE, THERE = "10.177.7.1", "10.177.7.2"
 CLONE_NEWNET = 0x40000000
 
 
-def ip(*words: str) -> None:
-    subprocess.run(["ip", *words], check=True, capture_output=True, text=True)
+def ip(command: str) -> None:
+    """Run a command of `ip` (iproute2)."""
+    subprocess.run(["ip", *shlex.split(command)], check=True, capture_output=True, text=True)
+
+
+def bring_up(interface: str, address: str = "", name: str = "") -> None:
+    """Give an interface an address and switch it on, in the namespace of that name or in ours."""
+    there = f"-n {name} " if name else ""
+    # An address that IPv6 gives itself a second later is a change of network, upon which Chromium
+    # drops what it is loading.
+    ip(f"{there}link set {interface} addrgenmode none")
+    if address:
+        ip(f"{there}addr add {address} dev {interface}")
+    ip(f"{there}link set {interface} up")
 
 
 def wrapped(name: str, folder: Path, program: str) -> Path:
@@ -33,10 +46,10 @@ class Namespace:
     cable: str
 
     def pull(self) -> None:
-        ip("link", "set", self.cable, "down")
+        ip(f"link set {self.cable} down")
 
     def plug(self) -> None:
-        ip("link", "set", self.cable, "up")
+        ip(f"link set {self.cable} up")
 
     def wrapper(self, folder: Path, program: str) -> Path:
         """Return a script that runs a program inside."""
@@ -47,40 +60,22 @@ class Namespace:
 def namespace() -> Iterator[Namespace]:
     tag = f"{os.getpid() % 100000}"
     made = Namespace(f"tele-{tag}", f"tv{tag}a")
-    ip("netns", "add", made.name)
+    ip(f"netns add {made.name}")
     try:
-        ip(
-            "link",
-            "add",
-            made.cable,
-            "type",
-            "veth",
-            "peer",
-            "name",
-            f"tv{tag}b",
-            "netns",
-            made.name,
-        )
-        # An address that IPv6 gives itself a second later is a change of network, upon which
-        # Chromium drops what it is loading.
-        ip("link", "set", made.cable, "addrgenmode", "none")
-        ip("-n", made.name, "link", "set", f"tv{tag}b", "addrgenmode", "none")
-        ip("addr", "add", f"{HERE}/24", "dev", made.cable)
-        ip("link", "set", made.cable, "up")
-        ip("-n", made.name, "link", "set", "lo", "addrgenmode", "none")
-        ip("-n", made.name, "link", "set", "lo", "up")
-        ip("-n", made.name, "addr", "add", f"{THERE}/24", "dev", f"tv{tag}b")
-        ip("-n", made.name, "link", "set", f"tv{tag}b", "up")
+        ip(f"link add {made.cable} type veth peer name tv{tag}b netns {made.name}")
+        bring_up(made.cable, f"{HERE}/24")
+        bring_up("lo", name=made.name)
+        bring_up(f"tv{tag}b", f"{THERE}/24", made.name)
         yield made
     finally:
         with contextlib.suppress(subprocess.CalledProcessError):
-            ip("link", "del", made.cable)
-        ip("netns", "del", made.name)
+            ip(f"link del {made.cable}")
+        ip(f"netns del {made.name}")
 
 
 @contextlib.contextmanager
 def inside(name: str) -> Iterator[None]:
-    """Put this thread, and all that it starts, into a namespace until the end of the block."""
+    """Put this thread and all that it starts into a namespace until the end of the block."""
     outside = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
     try:
         within = os.open(Path("/run/netns") / name, os.O_RDONLY)

@@ -1,5 +1,5 @@
-"""A narrow way to a server: a TCP relay that lets only so many bytes a second through to the
-browser, and has no deep queue to hide them in.
+"""A slow connection to a server: a TCP relay that limits the bytes per second towards the browser,
+with short queues.
 """
 
 import asyncio
@@ -15,8 +15,8 @@ BUFFER = 8192
 
 
 class Narrow:
-    """Relays `port` to a server on this computer; `rate` is in bytes a second towards the client,
-    None lets everything pass at once.
+    """Relays `port` to a server on this computer, at `rate` bytes per second towards the client;
+    None is unlimited.
     """
 
     def __init__(self, target: int) -> None:
@@ -36,11 +36,8 @@ class Narrow:
         self._thread.join(5)
 
     async def _main(self) -> None:
-        self._loop, self._ended, self._gate = (
-            asyncio.get_running_loop(),
-            asyncio.Event(),
-            asyncio.Lock(),
-        )
+        self._loop = asyncio.get_running_loop()
+        self._ended, self._gate = asyncio.Event(), asyncio.Lock()
         async with await asyncio.start_server(self._serve, "127.0.0.1", 0) as server:
             self.port = server.sockets[0].getsockname()[1]
             self._ready.set()

@@ -1,10 +1,9 @@
 """Networks as visitors and robots have them, and an internet between them, all in namespaces of
 this process. Linux, as root.
 
-The internet is a namespace with the addresses of a server and of a relay. A network hangs on it by
-a router of its own, with one computer behind. What a router does not let through it drops without a
-word, as firewalls do, by rules of routing, which every kernel has; only a router that gives its
-network one address (NAT) needs Debian's `nftables`.
+The internet is a namespace with the addresses of a server and of a relay. Each network has a router
+and one computer behind it. Routers drop what they do not let through, as firewalls do, by rules of
+routing, which every kernel has; only NAT needs Debian's `nftables`.
 """
 
 import contextlib
@@ -16,15 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from tests.support.programs.namespace import inside, ip, wrapped
+from tests.support.programs.namespace import bring_up, inside, ip, wrapped
 
 SERVER, RELAY = "203.0.113.2", "203.0.113.3"  # RFC 5737: addresses for examples
 AT_HOME, ROUTER_AT_HOME = "192.168.1.2", "192.168.1.1"  # the same in every home, as they are
 LAN_SERVER = "10.177.9.1"
 
-# What a NAT asks of the router: `usual` keeps a computer's port for all whom it talks to, `strict`
-# takes another for each (RFC 4787: address and port-dependent mapping). Neither lets in what was
-# not asked for, nor remembers having seen it.
+# `usual` keeps a computer's port for all peers, `strict` takes another for each (RFC 4787: address
+# and port-dependent mapping). Both drop unsolicited packets.
 MASQUERADE = {"usual": "masquerade", "strict": "masquerade fully-random"}
 NAT = """
 table ip home {{
@@ -74,23 +72,19 @@ class Internet:
     def open(self) -> None:
         self._add(self.name)
         for address in (SERVER, RELAY):
-            ip("-n", self.name, "addr", "add", f"{address}/32", "dev", "lo")
-        ip("-n", self.name, "link", "add", "lan", "type", "bridge")
-        self._address(self.name, "lan", f"{LAN_SERVER}/24")
+            ip(f"-n {self.name} addr add {address}/32 dev lo")
+        ip(f"-n {self.name} link add lan type bridge")
+        bring_up("lan", f"{LAN_SERVER}/24", self.name)
 
     def close(self) -> None:
-        """Take everything away; cables go with their namespaces."""
+        """Delete everything; cables are deleted with their namespaces."""
         for name in reversed(self._made):
             subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
 
     def join(self, name: str, kind: Kind) -> Computer:
-        """Hang a network with one computer on the internet."""
+        """Connect a network with one computer to the internet."""
         number = next(self._count)
-        computer, router, uplink = (
-            f"{name}-{self._tag}",
-            f"{name}-{self._tag}-router",
-            f"net{number}",
-        )
+        computer, router = f"{name}-{self._tag}", f"{name}-{self._tag}-router"
         here, there = f"198.51.100.{4 * number + 1}", f"198.51.100.{4 * number + 2}"
         inner, gateway = (
             (AT_HOME, ROUTER_AT_HOME)
@@ -99,12 +93,12 @@ class Internet:
         )
         self._add(computer)
         self._add(router)
-        self._cable((self.name, uplink, f"{here}/30"), (router, "wan", f"{there}/30"))
+        self._cable((self.name, f"net{number}", f"{here}/30"), (router, "wan", f"{there}/30"))
         self._cable((router, "lan", f"{gateway}/30"), (computer, "eth0", f"{inner}/30"))
-        ip("-n", router, "route", "add", "default", "via", here)
-        ip("-n", computer, "route", "add", "default", "via", gateway)
+        ip(f"-n {router} route add default via {here}")
+        ip(f"-n {computer} route add default via {gateway}")
         if kind.nat == "none":
-            ip("-n", self.name, "route", "add", f"{inner}/32", "via", there)
+            ip(f"-n {self.name} route add {inner}/32 via {there}")
         else:
             rules = NAT.format(masquerade=MASQUERADE[kind.nat])
             subprocess.run(
@@ -118,107 +112,43 @@ class Internet:
         return Computer(computer, inner)
 
     def join_lan(self, name: str) -> Computer:
-        """Put a computer on one cable with the server, at LAN_SERVER, and nothing else: no router,
-        no way out.
-        """
+        """Connect a computer to the server, at LAN_SERVER, and to nothing else."""
         number = next(self._count)
         computer = f"{name}-{self._tag}"
         self._add(computer)
-        ip(
-            "-n",
-            self.name,
-            "link",
-            "add",
-            f"port{number}",
-            "type",
-            "veth",
-            "peer",
-            "name",
-            "eth0",
-            "netns",
-            computer,
-        )
-        ip("-n", self.name, "link", "set", f"port{number}", "addrgenmode", "none", "master", "lan")
-        ip("-n", self.name, "link", "set", f"port{number}", "up")
-        address = f"10.177.9.{number + 1}"
-        self._address(computer, "eth0", f"{address}/24")
+        port, address = f"port{number}", f"10.177.9.{number + 1}"
+        ip(f"-n {self.name} link add {port} type veth peer name eth0 netns {computer}")
+        ip(f"-n {self.name} link set {port} addrgenmode none master lan")
+        ip(f"-n {self.name} link set {port} up")
+        bring_up("eth0", f"{address}/24", computer)
         return Computer(computer, address)
 
     def _add(self, name: str) -> None:
-        ip("netns", "add", name)
+        ip(f"netns add {name}")
         self._made.append(name)
-        ip("-n", name, "link", "set", "lo", "addrgenmode", "none")
-        ip("-n", name, "link", "set", "lo", "up")
-        ip("netns", "exec", name, "sh", "-c", "echo 1 > /proc/sys/net/ipv4/ip_forward")
+        bring_up("lo", name=name)
+        ip(f"netns exec {name} sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward'")
 
     def _cable(self, one: tuple[str, str, str], other: tuple[str, str, str]) -> None:
         """Join two namespaces; each end is (namespace, interface, address)."""
-        ip(
-            "-n",
-            one[0],
-            "link",
-            "add",
-            one[1],
-            "type",
-            "veth",
-            "peer",
-            "name",
-            other[1],
-            "netns",
-            other[0],
-        )
-        for end in (one, other):
-            self._address(*end)
-
-    def _address(self, name: str, interface: str, address: str) -> None:
-        # An address that IPv6 gives itself a second later is a change of network, upon which
-        # Chromium drops what it is loading.
-        ip("-n", name, "link", "set", interface, "addrgenmode", "none")
-        ip("-n", name, "addr", "add", address, "dev", interface)
-        ip("-n", name, "link", "set", interface, "up")
+        ip(f"-n {one[0]} link add {one[1]} type veth peer name {other[1]} netns {other[0]}")
+        for namespace, interface, address in (one, other):
+            bring_up(interface, address, namespace)
 
     def _close(self, router: str, passes: str) -> None:
+        add = f"-n {router} rule add pref"
         if passes == "no udp":
             for side in ("lan", "wan"):
-                ip(
-                    "-n",
-                    router,
-                    "rule",
-                    "add",
-                    "pref",
-                    "10",
-                    "iif",
-                    side,
-                    "ipproto",
-                    "udp",
-                    "blackhole",
-                )
+                ip(f"{add} 10 iif {side} ipproto udp blackhole")
         elif passes == "tcp 443":
             for side, port in (("lan", "dport"), ("wan", "sport")):
-                ip(
-                    "-n",
-                    router,
-                    "rule",
-                    "add",
-                    "pref",
-                    "10",
-                    "iif",
-                    side,
-                    "ipproto",
-                    "tcp",
-                    port,
-                    "443",
-                    "lookup",
-                    "main",
-                )
-                ip("-n", router, "rule", "add", "pref", "11", "iif", side, "blackhole")
+                ip(f"{add} 10 iif {side} ipproto tcp {port} 443 lookup main")
+                ip(f"{add} 11 iif {side} blackhole")
 
 
 @contextlib.contextmanager
 def internet() -> Iterator[Internet]:
-    """Make an internet, and put this thread and all that it starts into it until the end of the
-    block.
-    """
+    """Make an internet; this thread and all that it starts are in it until the block ends."""
     made = Internet(f"{os.getpid() % 100000}")
     try:
         made.open()

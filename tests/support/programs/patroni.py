@@ -1,7 +1,5 @@
-"""PostgreSQL on several nodes, run by Patroni as deploy/patroni has it, with one etcd: all on
-loopback, each node in a directory of its own.
-
-Patroni gives its servers their settings; what a test changes are addresses, paths and names.
+"""PostgreSQL on several nodes, run by Patroni as in deploy/patroni, with one etcd: all on loopback,
+each node in its own directory. Only addresses, paths and names differ from the deployed settings.
 """
 
 import contextlib
@@ -30,12 +28,12 @@ PASSWORD = "tests-only"
 
 @dataclass(frozen=True)
 class PatroniNode(Postgres):
-    """Patroni and the server that it runs; `kill` and `hold` mean the whole machine."""
+    """Patroni and its server; `kill` and `hold` act on both, as on a whole machine."""
 
     name: str = ""
     etcd: tuple[str, ...] = ()  # host:port
     host: str = LOOPBACK
-    clients: str = f"{LOOPBACK}/32"  # the network of who may connect
+    clients: str = f"{LOOPBACK}/32"  # the network from which clients may connect
     api_port: int = field(default_factory=free_port)
     patroni: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
@@ -44,13 +42,13 @@ class PatroniNode(Postgres):
         return f"postgres://{OWNER}:{PASSWORD}@{self.host}:{self.port}/postgres"
 
     def start(self) -> None:
-        """Start Patroni, which makes a primary, or a copy of the one that is there."""
+        """Start Patroni, which makes a primary, or a copy of the existing one."""
         path = self.directory / "config.yml"
         path.write_text(self._config())
         self.patroni.append(spawn(self.directory, _found("patroni"), str(path)))
 
     def adopt(self) -> None:
-        """Have a server with all tables, and the roles that Patroni would make in an empty one."""
+        """Make a server with all tables, and the roles that Patroni would make in an empty one."""
         subprocess.run(["cp", "-a", migrated(), self.data], check=True)
         alone = Postgres(self.directory, self.port)
         alone.start()
@@ -67,12 +65,12 @@ class PatroniNode(Postgres):
         process.wait(patient(20))
 
     def restart(self) -> None:
-        """Start it as it was left by `kill`."""
+        """Start it again after `kill`."""
         self.patroni.pop().wait(patient(10))
         self.start()
 
     def begin(self) -> None:
-        """Start it, whether it ever ran or not."""
+        """Start it for the first time or again."""
         self.restart() if self.patroni else self.start()
 
     @property
@@ -80,7 +78,7 @@ class PatroniNode(Postgres):
         return bool(self.patroni) and self.patroni[-1].poll() is None
 
     def status(self) -> dict[str, Any]:
-        """What Patroni says of its node."""
+        """Return what Patroni reports of its node, nothing if it does not answer."""
         with contextlib.suppress(OSError, urllib.error.URLError, json.JSONDecodeError):
             url = f"http://{self.host}:{self.api_port}/cluster"
             with urllib.request.urlopen(url, timeout=2) as answer:
@@ -89,7 +87,6 @@ class PatroniNode(Postgres):
         return {}
 
     def log(self) -> str:
-        """Return the end of what Patroni says."""
         return (self.directory / "patroni.log").read_text(errors="replace")[-3000:]
 
     def is_leading(self) -> bool:
@@ -138,7 +135,7 @@ def _found(name: str) -> str:
 
 
 def spawn(directory: Path, *command: str) -> subprocess.Popen[bytes]:
-    """Start a program as PostgreSQL's user; its output goes to a log beside its data."""
+    """Start a program as PostgreSQL's user, with a log beside its data."""
     with (directory / f"{Path(command[0]).name}.log").open("ab") as log:
         return subprocess.Popen(
             command,
@@ -152,7 +149,7 @@ def spawn(directory: Path, *command: str) -> subprocess.Popen[bytes]:
 
 @contextlib.contextmanager
 def owned_folder() -> Iterator[Path]:
-    """Make a folder for PostgreSQL's user, which its parents must not hide."""
+    """Make a folder that PostgreSQL's user can reach: pytest's are root's alone."""
     folder = Path(tempfile.mkdtemp(prefix="telepresence-patroni-"))
     if os.geteuid() == 0:
         shutil.chown(folder, OWNER)
@@ -178,7 +175,7 @@ class EtcdNode:
 
     @property
     def member(self) -> str:
-        """What the others know it by."""
+        """Its name and address among the nodes."""
         return f"{self.name}=http://{self.host}:{self.peer_port}"
 
     def start(self, members: Iterable["EtcdNode"]) -> None:

@@ -1,7 +1,6 @@
-"""A real PostgreSQL server for one test: in a directory of its own, on an unused port, gone
-afterwards.
+"""A real PostgreSQL server for one test, in a temporary directory on an unused port.
 
-PostgreSQL refuses to run as root, so that root's tests run it as the user `postgres`.
+PostgreSQL refuses to run as root: tests of root run it as the user `postgres`.
 """
 
 import contextlib
@@ -48,48 +47,36 @@ class Postgres:
             f" unix_socket_directories={self.directory} -c fsync=off -c max_connections=40"
             f" {' '.join(self.options)}"
         )
-        log = str(self.directory / "log")
-        _run(
-            program("pg_ctl"),
-            "-D",
-            self.data,
-            "-l",
-            log,
-            "-w",
-            "-t",
-            "60",
-            "-o",
-            options,
-            "start",
-            cwd=self.directory,
-        )
+        self._control("start", "-t", "60", "-l", str(self.directory / "log"), "-o", options)
+
+    def _control(self, command: str, *options: str) -> None:
+        _run(program("pg_ctl"), command, "-D", self.data, "-w", *options, cwd=self.directory)
 
     def stop(self, mode: str = "immediate") -> None:
-        """End it as a crash does: without asking its clients. `fast` ends it in order."""
-        _run(program("pg_ctl"), "-D", self.data, "-m", mode, "-w", "stop", cwd=self.directory)
+        """End it as a crash does; `fast` ends it in order."""
+        self._control("stop", "-m", mode)
 
     def kill(self) -> None:
-        """End it as a machine does that loses its power."""
+        """End it as a loss of power does."""
         psutil.wait_procs(self._each(psutil.Process.kill), patient(10))
 
     def hold(self) -> None:
-        """Stop every process of it, which keeps all connections."""
+        """Suspend its processes, which keeps all connections open."""
         self._each(psutil.Process.suspend)
 
     def go_on(self) -> None:
-        """Let them go on."""
         self._each(psutil.Process.resume)
 
     def _each(self, act: Callable[[psutil.Process], None]) -> list[psutil.Process]:
         processes = self._processes()
         for process in processes:
-            with contextlib.suppress(psutil.NoSuchProcess):  # those of connections come and go
+            with contextlib.suppress(psutil.NoSuchProcess):  # a connection may have ended
                 act(process)
         return processes
 
     def promote(self) -> None:
-        """Have a standby become the primary."""
-        _run(program("pg_ctl"), "-D", self.data, "-w", "promote", cwd=self.directory)
+        """Make this standby the primary."""
+        self._control("promote")
 
     def ask(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:
         """Return the rows of a query, or none of a statement without any."""
@@ -106,25 +93,21 @@ class Postgres:
             return False
 
     def _processes(self) -> list[psutil.Process]:
-        postmaster = psutil.Process(
-            int((self.directory / "data" / "postmaster.pid").read_text().split()[0])
-        )
+        pid = (self.directory / "data" / "postmaster.pid").read_text().split()[0]
+        postmaster = psutil.Process(int(pid))
         return [postmaster, *postmaster.children(recursive=True)]
 
 
 def program(name: str) -> str:
-    """Return the path of a PostgreSQL program; a missing one is an error and never a reason to
-    skip.
-    """
-    found = sorted(PROGRAMS.glob(f"*/bin/{name}"), key=lambda path: int(path.parts[-3])) or [
-        Path(shutil.which(name) or "")
-    ]
+    """Return the path of a PostgreSQL program; a missing one fails the test."""
+    found = sorted(PROGRAMS.glob(f"*/bin/{name}"), key=lambda path: int(path.parts[-3]))
+    found = found or [Path(shutil.which(name) or "")]
     assert found[-1].is_file(), f"{name} is not installed: apt-get install postgresql"
     return str(found[-1])
 
 
 def identity() -> dict[str, int]:
-    """Return whom to run a server as."""
+    """Return the user of a server, as arguments for subprocess."""
     if os.geteuid() != 0:
         return {}
     owner = pwd.getpwnam(OWNER)
@@ -140,9 +123,7 @@ def _run(*command: str, cwd: Path) -> None:
 
 @contextlib.contextmanager
 def running_postgres(*options: str) -> Iterator[Postgres]:
-    """Start a server whose database has all tables and nothing in them, with more options if one
-    likes.
-    """
+    """Start a server whose database has all tables, and no rows in them."""
     with _server(*options) as server:
         subprocess.run(["cp", "-a", migrated(), server.data], check=True)
         server.start()
@@ -155,9 +136,7 @@ def running_postgres(*options: str) -> Iterator[Postgres]:
 
 @contextlib.contextmanager
 def running_pair() -> Iterator[tuple[Postgres, Postgres]]:
-    """Start a server as `running_postgres` does, and a standby that has whatever the first one has
-    acknowledged.
-    """
+    """Start a server as `running_postgres` does, and a synchronous standby."""
     with running_postgres() as primary, _server() as standby:
         copy = ("-h", "127.0.0.1", "-p", str(primary.port), "-U", OWNER, "-D", standby.data)
         quickly = ("--checkpoint=fast", "--no-sync", "--write-recovery-conf")
@@ -166,11 +145,8 @@ def running_pair() -> Iterator[tuple[Postgres, Postgres]]:
         try:
             primary.ask("ALTER SYSTEM SET synchronous_standby_names = '*'")
             primary.ask("SELECT pg_reload_conf()")
-            wait_for(
-                lambda: primary.ask("SELECT 1 FROM pg_stat_replication WHERE sync_state = 'sync'"),
-                20,
-                "a synchronous standby",
-            )
+            synchronous = "SELECT 1 FROM pg_stat_replication WHERE sync_state = 'sync'"
+            wait_for(lambda: primary.ask(synchronous), 20, "a synchronous standby")
             yield primary, standby
         finally:
             if standby.is_running:
@@ -189,9 +165,7 @@ def _server(*options: str) -> Iterator[Postgres]:
 
 
 def migrated() -> Path:
-    """Return the data folder of a server that has ended, made once for the migrations as they
-    are.
-    """
+    """Return the data folder of a migrated server, made once for these migrations."""
     programs = [Path(program(name)) for name in ("initdb", "postgres")]
     return kept_folder("postgres", [*MIGRATIONS, *programs], _migrate) / "data"
 

@@ -1,5 +1,4 @@
-"""Zenodo and the OSF on a loopback port, as far as a deposit needs them. They refuse what the
-originals refuse.
+"""Zenodo and the OSF on a loopback port, as far as a deposit needs them, with their refusals.
 
 Read from zenodo/developers.zenodo.org (overview/_api-basics.md: status codes, scopes, errors;
 resources/deposit/_representation.md: required metadata and their vocabularies; files and buckets),
@@ -24,14 +23,14 @@ LICENCES = {"cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "odbl-1.0"}
 
 @dataclass
 class Shelf:
-    """What a double holds, and what it is to do wrong."""
+    """The content of a double, and the mistakes that it is to make."""
 
     drafts: dict[str, dict] = field(default_factory=dict)
     files: dict[str, dict[str, bytes]] = field(default_factory=dict)
     requests: list[tuple[str, str]] = field(default_factory=list)
     quota: int = 10**9
     hangs_up_at: str = ""  # the name of a file during which the connection breaks
-    garbles: str = ""  # the name of a file that arrives with another byte
+    garbles: str = ""  # the name of a file whose last byte is changed
     redirects: bool = False
 
     @property

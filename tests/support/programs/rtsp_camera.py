@@ -1,11 +1,11 @@
-"""A camera of the network as GStreamer's RTSP server makes it: runs under the system's Python,
-which has its bindings.
+"""A network camera made with GStreamer's RTSP server. Runs under the system's Python, which has the
+bindings.
 
     /usr/bin/python3 tests/support/programs/rtsp_camera.py PORT KEY_INTERVAL [USER PASSWORD]
 
-Prints `ready` when it streams. KEY_INTERVAL is the time in seconds between whole pictures. As in a
-camera the encoder runs on whoever watches, so that who comes waits for the next whole picture: a
-client inside the process keeps the shared stream going.
+Prints `ready` when it streams. KEY_INTERVAL is the time in seconds between key frames. A client
+inside this process keeps the shared stream going, so that, as with a camera, other clients wait for
+the next key frame.
 """
 
 import sys
@@ -46,15 +46,14 @@ def main(port: str, key_interval: str, *credentials: str) -> None:
         " fakesink name=sink signal-handoffs=true"
     )
     loop = GLib.MainLoop()
-    said = []
+    sink = watcher.get_by_name("sink")
 
-    def flows(*_arguments: object) -> None:
-        if not said:
-            said.append(True)
-            sys.stdout.write("ready\n")
-            sys.stdout.flush()
+    def report_ready(*_arguments: object) -> None:
+        sink.disconnect(handler)
+        sys.stdout.write("ready\n")
+        sys.stdout.flush()
 
-    watcher.get_by_name("sink").connect("handoff", flows)
+    handler = sink.connect("handoff", report_ready)
     watcher.set_state(Gst.State.PLAYING)
     loop.run()
 

@@ -1,6 +1,4 @@
-"""Starts tests/support/programs/rtsp_camera.py, which needs the system's Python, and lets it be
-pulled out and plugged in again.
-"""
+"""Starts and kills tests/support/programs/rtsp_camera.py, which needs the system's Python."""
 
 import contextlib
 import signal
@@ -13,8 +11,8 @@ SCRIPT = Path(__file__).with_name("rtsp_camera.py")
 
 
 class RtspServer:
-    """A camera at `url` with a whole picture every `key_interval` seconds; `credentials` are user
-    and password.
+    """A camera at `url` with a key frame every `key_interval` seconds; `credentials` are user and
+    password.
     """
 
     def __init__(self, key_interval: float, credentials: tuple[str, ...] = ()) -> None:

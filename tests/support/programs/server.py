@@ -1,6 +1,6 @@
-"""A whole server as docs/howto/run-a-server.md builds one: PostgreSQL, Redis, a mosquitto of the
-system, the session manager, two web processes, and nginx with TLS in front, with the files of
-deploy/. Ports, paths and the certificate are the test's own.
+"""A whole server as docs/howto/run-a-server.md builds one, with the files of deploy/: PostgreSQL,
+Redis, the system's Mosquitto, the session manager, two web processes, and nginx with TLS in front.
+Ports, paths and the certificate are those of the test.
 """
 
 import contextlib
@@ -38,35 +38,12 @@ call_command("mosquitto_files", {directory!r}, verbosity=0, stdout=open("/dev/nu
 
 
 def certificate(directory: Path, name: str = "localhost", *addresses: str) -> tuple[Path, Path]:
-    """Make a certificate of our own, for a name, this computer and other addresses; return (key,
-    chain).
-    """
+    """Make a self-signed certificate for a name and addresses; return (key, chain)."""
     names = ",".join([f"DNS:{name}", *(f"IP:{address}" for address in (LOOPBACK, *addresses))])
     key, chain = directory / "privkey.pem", directory / "fullchain.pem"
-    subprocess.run(
-        [
-            "openssl",
-            "req",
-            "-x509",
-            "-newkey",
-            "ec",
-            "-pkeyopt",
-            "ec_paramgen_curve:prime256v1",
-            "-nodes",
-            "-keyout",
-            key,
-            "-out",
-            chain,
-            "-days",
-            "2",
-            "-subj",
-            f"/CN={name}",
-            "-addext",
-            f"subjectAltName={names}",
-        ],
-        check=True,
-        capture_output=True,
-    )
+    words = f"""openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes
+        -keyout {key} -out {chain} -days 2 -subj /CN={name} -addext subjectAltName={names}"""
+    subprocess.run(words.split(), check=True, capture_output=True)
     return key, chain
 
 
@@ -82,8 +59,8 @@ class Server:
     """Use with `running_server`. `site` has the Python processes: `session-manager`, `web-0`,
     `web-1`.
 
-    `host` is the name or address that visitors and robots know, `bind` where proxy and broker
-    listen for them, `settings` are the site's own.
+    `host` is the public name or address, `bind` where proxy and broker listen, `settings` are those
+    of the site.
     """
 
     directory: Path
@@ -125,17 +102,7 @@ class Server:
         (self.directory / "www/static").symlink_to(collected_files())
         broker = self.directory / "mosquitto"
         broker.mkdir()
-        self.spawn(
-            "redis-server",
-            "--port",
-            str(self.ports["redis"]),
-            "--bind",
-            LOOPBACK,
-            "--save",
-            "",
-            "--appendonly",
-            "no",
-        )
+        self.spawn("redis-server", *redis_options(self.ports["redis"], LOOPBACK))
         self.token = self.site.django(MAKE.format(directory=str(broker))).strip()
         self.spawn("mosquitto", "-c", str(self._mosquitto(broker)))
         self.site.start("session-manager", ["manage.py", "run_session_manager"])
@@ -175,17 +142,9 @@ class Server:
             with urllib.request.urlopen(
                 urllib.request.Request(url, headers=headers), timeout=patient(5), context=self.tls
             ) as answer:
-                return (
-                    answer.status,
-                    {name.lower(): value for name, value in answer.headers.items()},
-                    answer.read().decode(),
-                )
+                return _parts(answer)
         except urllib.error.HTTPError as error:
-            return (
-                error.code,
-                {name.lower(): value for name, value in error.headers.items()},
-                error.read().decode(),
-            )
+            return _parts(error)
 
     def ready(self, base: str) -> bool:
         try:
@@ -194,70 +153,89 @@ class Server:
             return False
 
     def figure(self, web: str, line: str) -> float:
-        """Return a figure of one web process's /metrics, 0 when it does not stand there."""
-        found = re.search(
-            rf"^{re.escape(line)} (\S+)$",
-            self.get(f"http://{LOOPBACK}:{self.ports[web]}/metrics")[2],
-            re.MULTILINE,
-        )
+        """Return a figure of one web process's /metrics, 0 when it is missing there."""
+        metrics = self.get(f"http://{LOOPBACK}:{self.ports[web]}/metrics")[2]
+        found = re.search(rf"^{re.escape(line)} (\S+)$", metrics, re.MULTILINE)
         return float(found[1]) if found else 0.0
 
     # --- the files of deploy/, with the test's ports and paths ---
 
     def _mosquitto(self, directory: Path) -> Path:
-        text = (DEPLOY / "mosquitto/telepresence.conf").read_text()
-        text = text.replace("/var/lib/telepresence-mosquitto", str(directory)).replace(
-            "listener 1883", f"listener {self.ports['mqtt']}"
-        )
-        text = text.replace("listener 8883", f"listener {self.ports['mqtts']} {self.bind}")
-        text = text.replace("listener 8884", f"listener {self.ports['mqtt-web']}")
-        return self._written(
-            "mosquitto.conf",
-            re.sub(r"/etc/mosquitto/certs/", f"{self.directory}/", text)
-            + f"user {getpass.getuser()}\n",
-        )
+        changes = {
+            "/var/lib/telepresence-mosquitto": str(directory),
+            "listener 1883": f"listener {self.ports['mqtt']}",
+            "listener 8883": f"listener {self.ports['mqtts']} {self.bind}",
+            "listener 8884": f"listener {self.ports['mqtt-web']}",
+            "/etc/mosquitto/certs/": f"{self.directory}/",
+        }
+        text = _changed(DEPLOY / "mosquitto/telepresence.conf", changes)
+        return self._written("mosquitto.conf", f"{text}user {getpass.getuser()}\n")
 
     def _nginx(self) -> Path:
-        text = (DEPLOY / "proxy/nginx.conf").read_text()
-        for name, path in self.files.items():
-            text = text.replace(f"/etc/letsencrypt/live/robots.example.org/{name}", str(path))
-        text = re.sub(r"(?m)^\s*listen \[::\].*$", "", text).replace(
-            "robots.example.org", self.host
-        )
-        text = text.replace("listen 80;", f"listen {self.bind}:{self.ports['http']};").replace(
-            "listen 443", f"listen {self.bind}:{self.ports['https']}"
-        )
-        text = text.replace("127.0.0.1:8001", f"{LOOPBACK}:{self.ports['web-0']}").replace(
-            "127.0.0.1:8002", f"{LOOPBACK}:{self.ports['web-1']}"
-        )
-        text = text.replace("127.0.0.1:8884", f"{LOOPBACK}:{self.ports['mqtt-web']}")
-        # $host has no port, which a server on 443 does not need.
-        text = (
-            text.replace("Host $host;", "Host $http_host;")
-            .replace("/var/www/telepresence", f"{self.directory}/www")
-            .replace("/var/log/nginx", str(self.directory))
-        )
+        certificates = "/etc/letsencrypt/live/robots.example.org"
+        changes = {
+            **{f"{certificates}/{name}": str(path) for name, path in self.files.items()},
+            "robots.example.org": self.host,
+            "listen 80;": f"listen {self.bind}:{self.ports['http']};",
+            "listen 443": f"listen {self.bind}:{self.ports['https']}",
+            "127.0.0.1:8001": f"{LOOPBACK}:{self.ports['web-0']}",
+            "127.0.0.1:8002": f"{LOOPBACK}:{self.ports['web-1']}",
+            "127.0.0.1:8884": f"{LOOPBACK}:{self.ports['mqtt-web']}",
+            # $host has no port, which a server on 443 does not need.
+            "Host $host;": "Host $http_host;",
+            "/var/www/telepresence": f"{self.directory}/www",
+            "/var/log/nginx": str(self.directory),
+        }
+        text = _changed(DEPLOY / "proxy/nginx.conf", changes)
+        text = re.sub(r"(?m)^\s*listen \[::\].*$", "", text)
         kept = "".join(
             f"{kind}_temp_path {self.directory}/{kind};\n"
             for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
         )
         user = f"user {getpass.getuser()};\n" if getpass.getuser() == "root" else ""
-        head = (
-            f"{user}worker_processes 1;\npid {self.directory}/nginx.pid;\nerror_log stderr;\nevents"
-            " {}\n"
-        )
-        return self._written(
-            "nginx.conf", f"{head}http {{\ninclude /etc/nginx/mime.types;\n{kept}{text}\n}}\n"
-        )
+        head = f"{user}worker_processes 1;\npid {self.directory}/nginx.pid;\nerror_log stderr;\n"
+        http = f"http {{\ninclude /etc/nginx/mime.types;\n{kept}{text}\n}}\n"
+        return self._written("nginx.conf", f"{head}events {{}}\n{http}")
 
     def _written(self, name: str, text: str) -> Path:
         (self.directory / name).write_text(text)
         return self.directory / name
 
 
+def redis_options(port: int, host: str) -> tuple[str, ...]:
+    """Return the options of a Redis that keeps nothing."""
+    kept = ("--save", "", "--appendonly", "no")
+    return ("--port", str(port), "--bind", host, "--protected-mode", "no", *kept)
+
+
+def _changed(path: Path, changes: dict[str, str]) -> str:
+    text = path.read_text()
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    return text
+
+
+def _parts(answer: Any) -> tuple[int, dict[str, str], str]:
+    headers = {name.lower(): value for name, value in answer.headers.items()}
+    return answer.status, headers, answer.read().decode()
+
+
+@contextlib.contextmanager
+def web_alone(var: Path) -> Iterator[Site]:
+    """Run a site with a web server and nothing else."""
+    site = Site(var)
+    try:
+        site.prepare()
+        site.start_web()
+        wait_for(lambda: site.listening(site.web_port), 60, "the web server")
+        yield site
+    finally:
+        site.stop_all()
+
+
 @contextlib.contextmanager
 def running_server(directory: Path, **terms: Any) -> Iterator[Server]:
-    """A server with everything up, with the given fields of `Server`; ended afterwards."""
+    """Run a server with all its parts, with the given fields of `Server`."""
     with running_postgres() as postgres:
         server = Server(directory, postgres.url, **terms)
         try:

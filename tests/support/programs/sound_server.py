@@ -1,5 +1,5 @@
-"""A person's sound server as Debian has it: a real PulseAudio, or PipeWire with its session
-manager, with a sound card that makes no sound.
+"""A person's sound server as Debian has it, with a silent card: PulseAudio, or PipeWire with its
+session manager.
 """
 
 import contextlib
@@ -18,17 +18,10 @@ from tests.support.agents.simulators import eventually
 
 Kind = Literal["pulseaudio", "pipewire"]
 RATE = 48_000
+PROTOCOL = "module-native-protocol-unix"
+RAW = ("--raw", "--format=s16le", f"--rate={RATE}", "--channels=1", "--latency-msec=50")
 PROGRAMS: dict[Kind, tuple[tuple[str, ...], ...]] = {
-    "pulseaudio": (
-        (
-            "pulseaudio",
-            "-n",
-            "--daemonize=no",
-            "--exit-idle-time=-1",
-            "-L",
-            "module-native-protocol-unix",
-        ),
-    ),
+    "pulseaudio": (("pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "-L", PROTOCOL),),
     "pipewire": (
         ("dbus-daemon", "--session", "--nofork", "--address=unix:path={run}/bus"),
         ("pipewire",),
@@ -39,7 +32,7 @@ PROGRAMS: dict[Kind, tuple[tuple[str, ...], ...]] = {
 
 
 def environment_of(home: Path) -> dict[str, str]:
-    """Return what a person's processes have: no word about sound, and nothing of the tests'."""
+    """Return the environment of a person's processes, without the variables of the tests."""
     return {
         "PATH": os.environ["PATH"],
         "HOME": str(home),
@@ -49,9 +42,7 @@ def environment_of(home: Path) -> dict[str, str]:
 
 
 class SoundServer:
-    """Runs in a home of its own; the card is called `robot`, and what is played on it comes out of
-    `robot.monitor`.
-    """
+    """Runs in a home of its own; the card is `robot`, and `robot.monitor` has its output."""
 
     def __init__(self, kind: Kind, home: Path) -> None:
         self.kind, self.home = kind, home
@@ -60,39 +51,35 @@ class SoundServer:
         (home / "run").mkdir(mode=0o700)
 
     def start(self) -> None:
-        bus = (
-            {"DBUS_SESSION_BUS_ADDRESS": f"unix:path={self.home}/run/bus"}
-            if self.kind == "pipewire"
-            else {}
-        )
+        bus = {"DBUS_SESSION_BUS_ADDRESS": f"unix:path={self.home}/run/bus"}
+        environment = self.environment | (bus if self.kind == "pipewire" else {})
         for command in PROGRAMS[self.kind]:
             with (self.home / f"{command[0]}.log").open("ab") as log:
                 words = [word.format(run=self.home / "run") for word in command]
-                self._programs.append(
-                    subprocess.Popen(words, env={**self.environment, **bus}, stdout=log, stderr=log)
-                )
+                program = subprocess.Popen(words, env=environment, stdout=log, stderr=log)
+                self._programs.append(program)
             if command[0] == "dbus-daemon":
                 assert eventually((self.home / "run/bus").exists)
         assert eventually(lambda: self._pactl("info").returncode == 0, 30.0), "no sound server"
-        if self.kind == "pipewire":  # a card that comes before its session manager may stay unused
+        if (
+            self.kind == "pipewire"
+        ):  # a card that is added before the session manager may stay unused
             assert eventually(
                 lambda: "WirePlumber [export]" in self._pactl("list", "clients").stdout, 30.0
             ), self._programs_now()
         self.plug()
 
     def _programs_now(self) -> dict[str, int | None]:
-        """Return the programs of the server, and with what each has ended."""
+        """Return the exit codes of the server's programs, None of those that run."""
         return {str(program.args[0]): program.poll() for program in self._programs}
 
     def plug(self) -> None:
-        """Plug the card in."""
         assert self._pactl("load-module", "module-null-sink", "sink_name=robot").returncode == 0
         assert eventually(
             lambda: "Default Source: robot.monitor" in self._pactl("info").stdout, 30.0
         ), (self._programs_now(), self._pactl("info").stdout)
 
     def unplug(self) -> None:
-        """Pull the card out."""
         assert self._pactl("unload-module", "module-null-sink").returncode == 0
 
     def freeze(self) -> None:
@@ -111,20 +98,11 @@ class SoundServer:
 
     @contextlib.contextmanager
     def playing(self, tone: float) -> Iterator[None]:
-        """Play a tone in Hz on the card meanwhile, by the server's own client."""
-        command = (
-            "pacat",
-            "--playback",
-            "--raw",
-            "--format=s16le",
-            f"--rate={RATE}",
-            "--channels=1",
-            "--latency-msec=50",
-        )
+        """Play a tone in Hz on the card during the block, with the server's own client."""
+        command = ("pacat", "--playback", *RAW)
         player = subprocess.Popen(command, env=self.environment, stdin=subprocess.PIPE, bufsize=0)
-        threading.Thread(
-            target=self._feed, args=(player, sine(tone, RATE).tobytes()), daemon=True
-        ).start()
+        second = sine(tone, RATE).tobytes()
+        threading.Thread(target=self._feed, args=(player, second), daemon=True).start()
         try:
             yield
         finally:
@@ -133,16 +111,8 @@ class SoundServer:
 
     @contextlib.contextmanager
     def listening(self) -> Iterator["Ear"]:
-        """Record what comes out of the card, by the server's own client."""
-        command = (
-            "parec",
-            "--raw",
-            "--format=s16le",
-            f"--rate={RATE}",
-            "--channels=1",
-            "--latency-msec=50",
-            "--device=robot.monitor",
-        )
+        """Record the output of the card with the server's own client."""
+        command = ("parec", *RAW, "--device=robot.monitor")
         recorder = subprocess.Popen(
             command, env=self.environment, stdout=subprocess.PIPE, bufsize=0
         )
@@ -164,24 +134,24 @@ class SoundServer:
 
 
 class Ear:
-    """What was heard, the last second of it."""
+    """The last second that was recorded."""
 
     def __init__(self, recorder: subprocess.Popen) -> None:
-        self._heard = bytearray()
+        self._samples = bytearray()
         self._lock = threading.Lock()
         threading.Thread(target=self._listen, args=(recorder,), daemon=True).start()
 
     def hears(self, tone: float) -> bool:
         """Tell whether the last half second was this tone."""
         with self._lock:
-            samples = np.frombuffer(bytes(self._heard[-RATE:]), np.int16)
+            samples = np.frombuffer(bytes(self._samples[-RATE:]), np.int16)
         return len(samples) == RATE // 2 and is_tone(samples, tone)
 
     def _listen(self, recorder: subprocess.Popen) -> None:
         while data := recorder.stdout.read(4096):
             with self._lock:
-                self._heard += data
-                del self._heard[: -2 * RATE]
+                self._samples += data
+                del self._samples[: -2 * RATE]
 
 
 def sine(tone: float, samples: int) -> np.ndarray:
@@ -190,10 +160,9 @@ def sine(tone: float, samples: int) -> np.ndarray:
 
 def is_tone(samples: np.ndarray, tone: float) -> bool:
     """Tell whether samples, (n,), are loud and this is the strongest frequency in Hz."""
-    spectrum = np.abs(np.fft.rfft(samples))
-    return np.abs(samples).max() > 1000 and abs(
-        float(np.argmax(spectrum)) * RATE / len(samples) - tone
-    ) < 2 * RATE / len(samples)
+    step = RATE / len(samples)
+    strongest = float(np.argmax(np.abs(np.fft.rfft(samples)))) * step
+    return np.abs(samples).max() > 1000 and abs(strongest - tone) < 2 * step
 
 
 @contextlib.contextmanager
@@ -208,7 +177,7 @@ def sound_server(kind: Kind, home: Path) -> Iterator[SoundServer]:
 
 
 def use_environment(monkeypatch: pytest.MonkeyPatch, environment: Mapping[str, str]) -> None:
-    """Give this process the environment of a person's: what the product starts inherits it."""
+    """Give this process a person's environment, which the processes that it starts inherit."""
     for name in tuple(os.environ):
         if name.startswith(("ALSA", "PULSE", "PIPEWIRE", "XDG", "DBUS")):
             monkeypatch.delenv(name)

@@ -144,9 +144,6 @@ class SocketPage(Expecting):
     async def __aexit__(self, *_error):
         await self.socket.close()
 
-    async def say(self, suffix, message):
-        await self.say_frame(codec.encode_frame(suffix, message))
-
     async def say_frame(self, frame):
         await self.socket.send(frame)
 

@@ -46,7 +46,7 @@ class BrokerRig:
     directory: Path
     users: dict[str, BrokerUser] = field(default_factory=dict)
     tokens: dict[str, str] = field(default_factory=dict)
-    # nobody else is given it while a broker that starts again is away
+    # no other process gets it while a restarting broker is away
     port: int = field(default_factory=free_port)
 
     async def start(self):

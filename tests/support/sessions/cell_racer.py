@@ -30,7 +30,7 @@ def main() -> None:
         pending = grants.pending_drive(participant.user, robot)
         assert pending is not None
         while time.time() < float(start):
-            pass  # a sleep wakes up late, and then nobody races
+            pass  # a sleep would wake up late, without a race
         condition = grants.draw(participant, pending.cells, timezone.now())
         print(condition.key if condition is not None else "full", flush=True)
 

@@ -1,4 +1,4 @@
-"""Somebody else's change to the database, just before a statement of the code under test runs."""
+"""A concurrent change of the database, just before a statement of the code under test."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

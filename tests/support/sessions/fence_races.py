@@ -36,7 +36,7 @@ SHARD = shard_of(ROBOT)
 ABREAST = (
     10  # rounds after which all wait for each other: alone, one after another, none would race
 )
-WRITTEN = "written"  # a row whose `beats` are the epoch of whoever wrote it last
+WRITTEN = "written"  # a row whose `beats` are the epoch of its last writer
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Racer(threading.Thread):
 
     def run(self) -> None:
         with contextlib.ExitStack() as unless_done:
-            unless_done.callback(self._line.abort)  # nobody waits for one that has failed
+            unless_done.callback(self._line.abort)  # the others do not wait for one that has failed
             with contextlib.closing(connection):
                 for number in range(self._rounds):
                     if number % ABREAST == 0:

@@ -28,7 +28,7 @@ def main() -> None:
         start, robot_name, visitor_name, peer = line.split()
         robot, visitor = Robot.objects.get(name=robot_name), User.objects.get(username=visitor_name)
         while time.time() < float(start):
-            pass  # a sleep wakes up late, and then nobody races
+            pass  # a sleep would wake up late, without a race
         taken = take(robot, visitor, peer, now=datetime.datetime.now(datetime.UTC))
         answer = {
             "kind": type(taken).__name__,

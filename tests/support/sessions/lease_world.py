@@ -17,16 +17,16 @@ from sessions.leases.policy import (
 )
 from sessions.leases.transitions import (
     FirstMotion,
-    Free,
-    Lose,
-    Move,
+    MarkLost,
+    ReleaseLease,
     RobotLink,
+    SetState,
     TurnLimited,
     TurnUnlimited,
-    Withdraw,
+    WithdrawOffer,
     decide_tick,
 )
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, Refused, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Refused, TurnWarning
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)
@@ -149,10 +149,10 @@ class World:
         acts = decide_tick(self.scene, link or self.link, self.rules, self.now)
         for act in acts:
             match act:
-                case Free(epoch):
+                case ReleaseLease(epoch):
                     assert epoch == self.hold.epoch
                     self.hold = Hold(epoch + 1)
-                case Move(session, state, lost_at):
+                case SetState(session, state, lost_at):
                     self.change(session, state=state, lost_at=lost_at)
                 case Ended(session=session, outcome=outcome, reason=reason):
                     self.end(session, outcome, reason)
@@ -162,14 +162,14 @@ class World:
                     self.change(session, turn_ends_at=None)
                 case Offered(session=session):
                     self.change(session, offered_at=self.now)
-                case Withdraw(session):
+                case WithdrawOffer(session):
                     self.change(session, offered_at=None)
-                case Lose(session, lost_at):
+                case MarkLost(session, lost_at):
                     self.change(session, lost_at=lost_at)
                 case FirstMotion(session):
                     self.change(session, drove=True)
-                case AskedThere(session=session):
+                case PresenceAsked(session=session):
                     self.asked = session, self.now
-                case FoundThere():
+                case PresenceConfirmed():
                     self.asked = None
         return acts

@@ -32,13 +32,13 @@ HASH = re.compile(r"\b[0-9a-f]{64}\b")
 KEY = re.compile(r"[0-9a-f]{8}-?(?:[0-9a-f]{4}-?){3}[0-9a-f]{12}", re.IGNORECASE)
 LARGE = 10**6  # a smaller number may be any count
 NOW = range(10**9, 3 * 10**9)  # Unix times in seconds
-# What rows of a participant share with others: references to what is not theirs.
+# References from rows of a participant to rows that are shared with others.
 SHARED = {"study_id", "robot_id", "questionnaire_id", "excluded_by_id"}
 WHOLE = {"code", "username", "email", "live_key", "slot", "label", "guardian"}
 
 
 def rows_of(participant: Participant) -> list[QuerySet[Any]]:
-    """Return every row that is there because somebody takes part."""
+    """Return every row that belongs to a participant."""
     responses = Response.objects.filter(asked_at__participant=participant)
     sessions = Session.objects.filter(drive__participant=participant)
     inside: list[type[Model]] = [StateChunk, SessionEvent, NetworkSample, Snapshot, SystemLog]

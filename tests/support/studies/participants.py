@@ -15,6 +15,7 @@ from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import Drive, Participant, Study
 from experiments.participation import progress, questions
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
@@ -38,7 +39,7 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
         factsheet={"series": series},
         report=report_in_dock(place, series),
         connection="ONLINE",
-        last_seen_at=later(3600),  # it is heard of for longer than any test takes
+        last_seen_at=later(3600),  # online for longer than any test takes
     )
 
 
@@ -58,14 +59,14 @@ def of(name: str, **changes: Any) -> StudyDefinition:
 
 
 def comer(study: Study, user: User, **more: Any) -> Participant:
-    """Somebody who came by the open link just now."""
+    """A participant who arrived by the open link just now."""
     return progress.enter(
         study, user, **{"access": "open", "recruitment": {}, "now": timezone.now(), **more}
     )
 
 
 def assign(participant: Participant, *conditions: str) -> Participant:
-    """Give somebody a cell, as the first grant does."""
+    """Assign a cell to a participant, as the first grant does."""
     Participant.objects.filter(pk=participant.pk).update(
         cell="-".join(conditions), conditions=list(conditions), stage=Participant.Stage.UNDER_WAY
     )
@@ -74,11 +75,11 @@ def assign(participant: Participant, *conditions: str) -> Participant:
 
 
 def answered(participant: Participant, key: str, values: dict[str, Any]) -> Participant:
-    """Have somebody answer the questionnaire of a step, and go on to the task."""
+    """Answer the questionnaire of a step for a participant, and move them on to the task."""
     study, now = participant.study.as_definition(), timezone.now()
     place = JourneyPlace(participant.visit, 0, key)
     step: Any = study.step(key)
-    response = questions.ask(participant, place, step, robot=(), outcome="", return_to="", now=now)
+    response = questions.ask(participant, place, step, drive=DriveStatus(), now=now)
     Response.objects.filter(pk=response.pk).update(finished_at=now)
     for position, (item, value) in enumerate(values.items()):
         Answer.objects.create(
@@ -123,7 +124,7 @@ def session_of(
 def drive_of(
     robot: Robot, participant: Participant, *, outcome: str = "", moved: bool = False, **more: Any
 ) -> Drive:
-    """A drive of a participant on the step where they stand."""
+    """A drive of a participant on their current step."""
     session = session_of(robot, participant, outcome=outcome, moved=moved)
     participant.refresh_from_db()
     fields = {

@@ -1,6 +1,4 @@
-"""Somebody who goes through a study over HTTP: what they see, and how they answer the step in front
-of them.
-"""
+"""A participant who goes through a study over HTTP: what they see, and how they answer a step."""
 
 from dataclasses import dataclass
 from typing import Any

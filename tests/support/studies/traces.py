@@ -1,6 +1,4 @@
-"""What a database knows of people and things, and where any of it turns up in files, however they
-are packed.
-"""
+"""Searches files, also packed ones, for identifying values of a database."""
 
 import base64
 import datetime
@@ -33,15 +31,15 @@ _NUMBER = re.compile(rb"(?<![0-9A-Za-z.])\d{10,19}")
 DAY = 86_400.0
 SECONDS_DIGITS = 10
 WINDOW = 8  # bytes that are compared at once
-# What an export says of the study itself, which leads to nobody: its frozen digest, and since when.
+# What an export contains about the study itself and identifies no person.
 OF_THE_STUDY = frozenset({"Study.sha256", "Study.published_at"})
-LARGEST_ID = 10**8  # smaller numbers stand for nothing: any count may be the same
+LARGEST_ID = 10**8  # smaller numbers identify no row: any count may be equal
 
 
 @dataclass
 class Known:
-    """What is recognised: words by what they are, as bytes in lower case; `exact` as they are;
-    `times` are the least and the greatest, in Unix seconds.
+    """Values to search for, each with its source: `words` in lower case; `exact` with their case;
+    `times` in Unix seconds.
     """
 
     words: dict[bytes, str] = field(default_factory=dict)
@@ -49,16 +47,15 @@ class Known:
     times: list[float] = field(default_factory=list)
 
     def add(self, what: str, word: str) -> None:
-        """Take a word."""
         self.words[word.lower().encode()] = what
 
     def take(self, what: str, value: Any) -> None:
-        """Take all that is recognisable in a value."""
+        """Add every part of a value that can be recognised."""
         _take(self, what, value)
 
 
 def known() -> Known:
-    """Return what stands in all rows of the database."""
+    """Return the recognisable values of all rows of the database."""
     found = Known()
     for model in apps.get_models():
         for row in model._base_manager.values():
@@ -120,7 +117,7 @@ def _take_key(found: Known, what: str, key: uuid.UUID) -> None:
 
 
 def members(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
-    """Yield a file, and what is packed in it."""
+    """Yield a file and the files packed in it, with their names."""
     yield name, content
     if content.startswith(b"PK\3\4"):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -160,7 +157,7 @@ def _of_statistics(content: bytes) -> bytes:
 
 
 def traces(files: Mapping[str, bytes], of: Known) -> list[str]:
-    """Return a line for everything that is known and stands in a file or in the name of one."""
+    """Return a line for each known value in a file or its name."""
     words, exact = Needles(of.words), Needles(of.exact)
     found = []
     for outer, whole in files.items():
@@ -173,7 +170,7 @@ def traces(files: Mapping[str, bytes], of: Known) -> list[str]:
 
 
 class Needles:
-    """Thousands of words that are looked for in one pass: only those whose first bytes stand in a
+    """Searches a text for thousands of words in one pass. Only words whose first bytes occur in the
     text are compared in full.
     """
 
@@ -185,7 +182,6 @@ class Needles:
         )
 
     def within(self, content: bytes) -> list[bytes]:
-        """Return the words that stand in a text."""
         found = [word for word in self._short if word in content]
         if len(content) >= WINDOW and self._long:
             letters = np.frombuffer(content, dtype=np.uint8)

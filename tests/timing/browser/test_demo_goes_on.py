@@ -1,6 +1,4 @@
-"""The demo as somebody who drives it meets it when its parts die, and when others practise
-meanwhile.
-"""
+"""The demo seen by its driver while its parts are killed and others practise."""
 
 import signal
 
@@ -11,9 +9,7 @@ from tests.support.browsers.demo_visitors import demo_with_people
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
 
-def test_whoever_drives_goes_on_while_another_practises_twice_and_all_servers_are_killed(
-    tmp_path, browser
-):
+def test_a_drive_goes_on_while_others_practise_and_all_servers_are_killed(tmp_path, browser):
     with demo_with_people(tmp_path / "var", browser) as people:
         people.ana_sets_out()
         for _ in range(2):

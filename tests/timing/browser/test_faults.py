@@ -52,12 +52,9 @@ def computer():
 
 @pytest.fixture
 def giraff(site, computer):
-    """A robot in the corridor with more than six metres ahead of it, and nobody who drives it."""
-    wait_for(
-        lambda: all(state == "ended" for _, _, state, _ in site.sessions()),
-        60,
-        "the end of earlier visits",
-    )
+    """A robot in the corridor with more than six metres ahead of it and without a driver."""
+    over = lambda: all(state == "ended" for _, _, state, _ in site.sessions())
+    wait_for(over, 60, "the end of earlier visits")
     with site.robot("giraff", "--start", "corridor-centre") as onlooker:
         onlooker.computer = computer
         yield onlooker
@@ -65,16 +62,15 @@ def giraff(site, computer):
 
 @pytest.fixture
 def driver(visitor, giraff):
-    """A visitor who is driving."""
     return under_way(visitor("anna").drive(), giraff)
 
 
-def under_way(someone: Visitor, giraff: Onlooker, *, slowly: bool = False) -> Visitor:
-    someone.wait_for("link", "live")
+def under_way(visitor: Visitor, giraff: Onlooker, *, slowly: bool = False) -> Visitor:
+    visitor.wait_for("link", "live")
     if slowly:
-        someone.page.locator("[data-action=speed-0]").click()
-    someone.hold("ArrowUp", lambda: steady(giraff), 15, "a steady speed")
-    return someone
+        visitor.page.locator("[data-action=speed-0]").click()
+    visitor.hold("ArrowUp", lambda: steady(giraff), 15, "a steady speed")
+    return visitor
 
 
 def steady(giraff: Onlooker) -> bool:
@@ -103,11 +99,8 @@ def check_stop(site, giraff: Onlooker) -> float:
     session = site.sessions()[-1][0]
     history = giraff.history(20)
     brake = brakes_at(history)
-    wait_for(
-        lambda: any(state["stamp"] > brake.stamp + 0.3 for state in site.states(session)),
-        10,
-        "the record of the stop",
-    )
+    recorded = lambda: any(one["stamp"] > brake.stamp + 0.3 for one in site.states(session))
+    wait_for(recorded, 10, "the record of the stop")
     accepted = [
         c["stamp"] + c["age"]
         for state in site.states(session)
@@ -116,10 +109,7 @@ def check_stop(site, giraff: Onlooker) -> float:
     ]
     delay = brake.stamp - max(moment for moment in accepted if moment < brake.stamp + STEP)
     late = giraff.computer.excuse(brake.stamp - delay, brake.stamp)
-    assert delay <= DEADLINE + late, (
-        f"told to stop {delay:.3f} s after the last accepted command, and the computer was"
-        f" {late:.3f} s late"
-    )
+    assert delay <= DEADLINE + late, f"stopped after {delay:.3f} s, computer {late:.3f} s late"
     stands_after_braking(giraff, history, brake)
     return delay
 
@@ -128,27 +118,18 @@ def stands_after_braking(giraff: Onlooker, history: list[Row], brake: Row) -> No
     stood = next(row for row in history if row.stamp > brake.stamp and abs(row.linear) < 1e-3)
     needed, took = abs(brake.linear) / BRAKING, stood.stamp - brake.stamp
     late = giraff.computer.excuse(brake.stamp, stood.stamp)
-    assert took <= needed + 0.1 + late, (
-        f"stood {took:.2f} s after braking began, {needed:.2f} s were needed, and the computer was"
-        f" {late:.2f} s late"
-    )
+    assert took <= needed + 0.1 + late, f"{took:.2f} s, not {needed:.2f}, {late:.2f} s late"
 
 
 def outcome(site, wanted: tuple[str, str], within: float = 60) -> None:
-    wait_for(
-        lambda: tuple(site.sessions()[-1][2:]) == wanted,
-        within,
-        f"{wanted} (it is {site.sessions()[-1][2:]})",
-    )
+    wait_for(lambda: tuple(site.sessions()[-1][2:]) == wanted, within, f"{wanted}")
 
 
 def nothing_is_missing(
     site, session: str, last: float, lapses: tuple[float, float] | None = None
 ) -> list[dict]:
-    """Every state of the session is in the record, once, until a stamp; what was lost on the way
-    has been asked for again by then.
-
-    States of a moment without a lease are nobody's.
+    """Every state of the session is in the record, once, until a stamp; lost ones have been asked
+    for again by then. States from a time without a lease belong to no session.
     """
 
     def complete() -> list[dict] | None:
@@ -172,42 +153,32 @@ def nothing_is_missing(
     return wait_for(complete, 30, "a record without holes")
 
 
-def turns(someone: Visitor, giraff: Onlooker, within: float = 30) -> None:
-    """The visitor can turn the robot; a key that was down while the link came back has to be
-    pressed again, as people do.
-    """
+def turns(visitor: Visitor, giraff: Onlooker, within: float = 30) -> None:
+    """The visitor can turn the robot; a key held while the link came back is pressed again."""
     before = giraff.truth().theta
     deadline = time.monotonic() + patient(within)
     while abs(giraff.truth().theta - before) < 0.1:
-        assert time.monotonic() < deadline, (
-            f"no turn within {within} s (link {someone.page_data('link')}, way"
-            f" {someone.page_data('transport')})"
-        )
-        someone.page.keyboard.down("ArrowLeft")
-        someone.page.wait_for_timeout(1500)
-        someone.page.keyboard.up("ArrowLeft")
+        state = [visitor.page_data(name) for name in ("link", "transport")]
+        assert time.monotonic() < deadline, f"no turn within {within} s: {state}"
+        visitor.page.keyboard.down("ArrowLeft")
+        visitor.page.wait_for_timeout(1500)
+        visitor.page.keyboard.up("ArrowLeft")
 
 
 def keeps_moving(giraff: Onlooker, since: float, until: float = float("inf")) -> None:
-    """The base was told to move at every moment since then."""
     rows = [row for row in giraff.history(60) if since <= row.stamp < until]
     assert len(rows) > 100
     slow = [row.stamp for row in rows if row.commanded_linear < 0.1]
     # A page that is held up for longer than commands may be apart stops the robot, as it should.
     held_up = bool(slow) and giraff.computer.excuse(slow[0] - 1.0, slow[0]) > 0.1
-    assert not slow or held_up, (
-        f"told to stop {slow[0] - since:.2f} s after the process was killed, for"
-        f" {len(slow) / 100:.2f} s"
-    )
+    assert not slow or held_up, f"stopped after {slow[0] - since:.2f} s for {len(slow) / 100} s"
 
 
 # --- the visitor's side ---------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
-def test_a_page_that_dies_stops_the_robot_and_its_visitor_may_come_back(
-    site, visitor, giraff, driver
-):
+def test_a_page_that_crashes_stops_the_robot_and_its_visitor_can_return(site, giraff, driver):
     with contextlib.suppress(Exception):
         driver.page.goto("chrome://crash", timeout=2000)
     check_stop(site, giraff)
@@ -221,27 +192,25 @@ def test_a_page_that_dies_stops_the_robot_and_its_visitor_may_come_back(
     turns(driver, giraff)
 
 
-def test_a_tab_that_is_hidden_with_a_key_held_stops_the_robot(site, giraff, driver):
-    driver.page.evaluate("""() => {
-      Object.defineProperty(document, 'visibilityState', { value: 'hidden', configurable: true });
-      Object.defineProperty(document, 'hidden', { value: true, configurable: true });
-      document.dispatchEvent(new Event('visibilitychange'));
-    }""")
-    check_stop(site, giraff)
-    time.sleep(1)
-    assert standstill(giraff), "the held key moved the robot again"
+HIDE = """() => {
+  Object.defineProperty(document, 'visibilityState', { value: 'hidden', configurable: true });
+  Object.defineProperty(document, 'hidden', { value: true, configurable: true });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+BLUR = "window.dispatchEvent(new Event('blur'))"
 
 
-def test_a_window_that_loses_focus_with_a_key_held_stops_the_robot(site, giraff, driver):
-    driver.page.evaluate("window.dispatchEvent(new Event('blur'))")
-    check_stop(site, giraff)
-    time.sleep(1)
-    assert standstill(giraff), "the held key moved the robot again"
-
-
-def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_picture_goes_on(
-    site, visitor, giraff
+@pytest.mark.parametrize("event", [HIDE, BLUR], ids=["hidden", "blur"])
+def test_a_tab_that_is_hidden_or_loses_focus_while_a_key_is_held_stops_the_robot(
+    site, giraff, driver, event
 ):
+    driver.page.evaluate(event)
+    check_stop(site, giraff)
+    time.sleep(1)
+    assert standstill(giraff), "the held key moved the robot again"
+
+
+def test_the_robot_stops_when_commands_no_longer_leave_the_page(site, visitor, giraff):
     mute = visitor("mute")
     mute.context.add_init_script(MUFFLE)
     mute.page = mute.new_page()
@@ -251,15 +220,13 @@ def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_pictur
 
 
 @pytest.mark.nightly
-def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is_back(
+def test_a_pulled_cable_stops_the_robot_and_the_visit_resumes_once_it_is_back(
     tmp_path_factory, playwright, giraff, site
 ):
-    with (
-        namespace() as network,
-        chromium(
-            playwright, str(network.wrapper(tmp_path_factory.mktemp("bin"), CHROMIUM))
-        ) as browser,
-    ):
+    with contextlib.ExitStack() as stack:
+        network = stack.enter_context(namespace())
+        wrapper = network.wrapper(tmp_path_factory.mktemp("bin"), CHROMIUM)
+        browser = stack.enter_context(chromium(playwright, str(wrapper)))
         far = Visitor(browser, site, "far", host=HERE)
         under_way(far.drive(), giraff)
         session = site.sessions()[-1][0]
@@ -279,16 +246,14 @@ def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
-def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(
-    site, giraff, driver, number
-):
+def test_the_base_stops_by_itself_when_the_agent_is_killed_or_stopped(site, giraff, driver, number):
     session = site.sessions()[-1][0]
     at = time.time()
     site.send("giraff", number)
     sent = time.time()
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     history = [row for row in giraff.history(20) if row.stamp > at]
-    # nobody tells the base anything any more
+    # the base gets no more commands
     brake = next(row for row in history if row.linear < 0.98 * history[0].linear)
     assert brake.stamp - sent <= WATCHDOG + 2 * STEP + giraff.computer.excuse(at, brake.stamp)
     stands_after_braking(giraff, history, brake)
@@ -314,7 +279,7 @@ def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("part", ["session-manager", "broker", "web"])
-def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_the_drive(
+def test_a_drive_goes_on_while_a_server_process_is_killed_and_restarted(
     site, visitor, giraff, part
 ):
     someone = under_way(visitor(f"during-{part}").drive(), giraff, slowly=True)
@@ -333,31 +298,17 @@ def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_th
         site.start(part)
         wait_for(site.web_answers, 20, "the web server")
     again = time.time()
-    wait_for(
-        lambda: any(state["stamp"] > again + 5 for state in site.states(session)),
-        25,
-        "a record that goes on",
-    )
-    # On a computer on which a broker needs longer than a lease lives, the robot stands until
-    # somebody can renew it.
-    lapses = (
-        (since + LEASE - 1.0, again + 4.0)
-        if part == "broker" and again - since > LEASE - 4.0
-        else None
-    )
+    goes_on = lambda: any(state["stamp"] > again + 5 for state in site.states(session))
+    wait_for(goes_on, 25, "a record that goes on")
+    # If the broker needs longer to start than a lease lasts, the robot stops until it is renewed.
+    is_late = part == "broker" and again - since > LEASE - 4.0
+    lapses = (since + LEASE - 1.0, again + 4.0) if is_late else None
     keeps_moving(giraff, since, lapses[0] if lapses else float("inf"))
     someone.page.keyboard.up("ArrowUp")
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     ended = time.time()
     states = nothing_is_missing(site, session, ended, lapses)
     assert states[0]["stamp"] < since
-    wait_for(
-        lambda: (
-            someone.page.evaluate("document.getElementById('drive-page').dataset.phase")
-            == "driving"
-        ),
-        20,
-        "the page's visit",
-    )
+    someone.wait_for("phase", "driving", 20)
     someone.leave()
     outcome(site, ("ended", "completed"), 30)

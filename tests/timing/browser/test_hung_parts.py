@@ -19,8 +19,8 @@ from tests.support.sessions.site import Site, wait_for
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 SOON = 2.0  # s
 LINES = {
-    "session-manager": ("fault.session_manager.", "server.failing"),
-    "database": ("fault.database.", "server.failing"),
+    part: (f"fault.{part.replace('-', '_')}.", "server.failing")
+    for part in ("session-manager", "database")
 }
 SEED = "from telepresence_site.demo.seed import seed; print(seed({mqtt!r}))"
 STAYS = "from robots.models import Robot; Robot.objects.update(returns_home=False)"
@@ -97,33 +97,25 @@ def site(tmp_path_factory, postgres, redis):
 
 @contextlib.contextmanager
 def hung(site, postgres, part):
-    """Stop a part of the server, and let it go on afterwards."""
-    if part == "database":
-        postgres.hold()
-        try:
-            yield
-        finally:
-            postgres.go_on()
-        return
-    process = psutil.Process(site.processes[part].pid)
-    stopped = [process, *process.children(recursive=True)]
-    for one in stopped:
-        one.suspend()
-    try:
+    with contextlib.ExitStack() as stack:
+        if part == "database":
+            stack.callback(postgres.go_on)
+            postgres.hold()
+        else:
+            process = psutil.Process(site.processes[part].pid)
+            for one in (process, *process.children(recursive=True)):
+                one.suspend()
+                stack.callback(one.resume)
         yield
-    finally:
-        for one in stopped:
-            one.resume()
 
 
 def line(page):
-    """Return the word of the line that a person sees on this page, or nothing."""
+    """Return the key of the line that this page shows, or nothing."""
     lines = page.locator(":is(#alert, #card-warning, #notice, #trouble):visible")
     return next((word for one in lines.all() if (word := one.get_attribute("data-word"))), "")
 
 
 def seconds_until_named(site, postgres, pages, part):
-    """Return how long each page takes until it says that a part of the server hangs."""
     wait_for(lambda: not any(is_named(page) for page in pages.values()), 60, "pages without faults")
     took = {}
     with hung(site, postgres, part):
@@ -147,7 +139,7 @@ def screen_key(site):
 
 
 def people(visitor, site, screen_key, *, with_path):
-    """Somebody who drives, one who waits in line, one who watches, and the robot's display."""
+    """Return the pages of a driver, a visitor in the queue, an observer and the robot's display."""
     driver = visitor("anna")
     if not with_path:
         driver.context.add_init_script(NO_PATH)
@@ -167,7 +159,7 @@ def people(visitor, site, screen_key, *, with_path):
 
 
 @pytest.mark.parametrize("with_path", [True, False], ids=["webrtc", "websocket"])
-def test_pages_of_a_visit_name_it_within_two_seconds(
+def test_pages_name_a_part_that_hangs_within_two_seconds(
     site, postgres, visitor, screen_key, with_path
 ):
     pages = people(visitor, site, screen_key, with_path=with_path)

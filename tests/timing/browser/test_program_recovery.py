@@ -1,5 +1,5 @@
-"""How soon a program turns the robot again that knows docs/reference/robot-api.md alone, after a
-part was killed and started again.
+"""How soon a program that follows docs/reference/robot-api.md turns the robot again after a part
+was restarted.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ MARK = "--- started again ---"
 
 
 @pytest.mark.parametrize("part", THERE)
-async def test_a_program_turns_the_robot_again_as_soon_as_our_page_would(site, giraff, part):
+async def test_a_program_turns_the_robot_again_as_soon_as_the_page_would(site, giraff, part):
     async with DocumentClient(site.url, await asyncio.to_thread(site.sign_in, "anna")) as client:
         for _ in range(2):
             await client.turns(60)
@@ -47,9 +47,5 @@ async def test_a_program_turns_the_robot_again_as_soon_as_our_page_would(site, g
             await client.turns(60, began)
             assert client.moved - there <= SOON
             assert client.session == session
-    await asyncio.to_thread(
-        wait_for,
-        lambda: all(state == "ended" for _, _, state, _ in site.sessions()),
-        60,
-        "the end of the visit",
-    )
+    over = lambda: all(state == "ended" for _, _, state, _ in site.sessions())
+    await asyncio.to_thread(wait_for, over, 60, "the end of the visit")

@@ -1,4 +1,4 @@
-"""Which region's relays a real browser finds nearest: by answers that take their time."""
+"""A real browser picks the region whose relays answer first."""
 
 import functools
 import http.server
@@ -23,7 +23,7 @@ NEAREST = """async (servers) => {
 
 
 class Relay(threading.Thread):
-    """Answers the question for one's address after some seconds."""
+    """Answers STUN binding requests after some seconds."""
 
     def __init__(self, delay: float) -> None:
         super().__init__(daemon=True)
@@ -40,12 +40,8 @@ class Relay(threading.Thread):
             data, sender = self.socket.recvfrom(2048)
             self.asked += 1
             time.sleep(self.delay)
-            question = stun.parse_message(data)
-            answer = stun.Message(
-                message_method=stun.Method.BINDING,
-                message_class=stun.Class.RESPONSE,
-                transaction_id=question.transaction_id,
-            )
+            asked = stun.parse_message(data).transaction_id
+            answer = stun.Message(stun.Method.BINDING, stun.Class.RESPONSE, asked)
             # An address that is not the browser's own, as behind a router.
             answer.attributes["XOR-MAPPED-ADDRESS"] = ("203.0.113.7", sender[1])
             self.socket.sendto(bytes(answer), sender)
@@ -72,29 +68,27 @@ def page(computer, playwright):
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        pass
 
 
 def nearest(page, *delays: float) -> tuple[list[list[str]], list[Relay]]:
     relays = [Relay(delay) for delay in delays]
     for relay in relays:
         relay.start()
-    servers = [
-        {"urls": [relay.url, "turns:relay.example.org"], "username": "u", "credential": "c"}
-        for relay in relays
-    ]
+    login = {"username": "u", "credential": "c"}
+    servers = [{"urls": [relay.url, "turns:relay.example.org"], **login} for relay in relays]
     first, again = page.evaluate(NEAREST, servers)
     assert first == again
     return [urls[0] for urls in first], relays
 
 
 @pytest.mark.parametrize("delays", [(0.2, 0.02), (0.02, 0.2)])
-def test_the_region_that_answers_first_is_the_one_that_is_used(page, delays):
+def test_the_region_that_answers_first_is_used(page, delays):
     found, relays = nearest(page, *delays)
     assert found == [relays[delays.index(min(delays))].url]
     assert [relay.asked for relay in relays] == [1, 1]
 
 
-def test_where_all_are_farther_than_a_page_waits_all_are_tried(page):
+def test_all_regions_are_tried_if_none_answers_in_time(page):
     found, relays = nearest(page, 2.0, 2.0)
     assert found == [relay.url for relay in relays]

@@ -1,4 +1,4 @@
-"""How often somebody may try something, whenever the minute begins."""
+"""Limits on attempts in a sliding window."""
 
 import itertools
 
@@ -41,7 +41,7 @@ def test_in_no_minute_more_are_let_through_than_the_limit(gaps, start, limit):
 @given(
     gaps=st.lists(st.floats(0.0, 30.0), min_size=1, max_size=30), start=st.floats(1e9, 1e9 + 120.0)
 )
-def test_who_waits_as_long_as_they_were_told_is_let_through(gaps, start):
+def test_an_attempt_after_the_announced_wait_is_allowed(gaps, start):
     some, now = attempts(3), start
     for gap in gaps:
         now += gap
@@ -52,7 +52,7 @@ def test_who_waits_as_long_as_they_were_told_is_let_through(gaps, start):
             assert some.count("ada", now)
 
 
-def test_who_goes_on_trying_is_let_in_again_as_soon_as_who_waits():
+def test_further_attempts_do_not_prolong_the_wait():
     some = attempts(2)
     passed = [second for second in range(200) if some.count("ada", FULL + second)]
     assert passed[:2] == [0, 1]

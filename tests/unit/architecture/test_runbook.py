@@ -53,7 +53,7 @@ def test_every_unit_command_event_and_figure_is_there():
     assert len(units_in(RUNBOOK)) > 6
 
 
-def test_what_is_run_in_the_shell_is_python_that_imports_what_there_is():
+def test_shell_commands_are_python_whose_imports_exist():
     commands = re.findall(r'telepresence shell -v 0 -c "(.+)"$', RUNBOOK, re.MULTILINE)
     assert len(commands) >= 4
     for command in commands:
@@ -93,5 +93,5 @@ def test_every_answer_of_readyz_has_its_section():
         ("grep '^telepresence_cups_total'", missing_figures),
     ],
 )
-def test_what_the_site_does_not_have_is_found(text, missing):
+def test_names_that_the_site_does_not_have_are_found(text, missing):
     assert missing(text) != set()

@@ -52,7 +52,7 @@ def test_every_row_is_whole_and_names_tests_that_there_are():
     ] == []
 
 
-def test_what_a_visitor_is_said_to_read_stands_on_the_page():
+def test_sentences_quoted_for_visitors_are_on_the_page():
     words = html.unescape(
         "".join(
             (ROOT / "templates/sessions" / name).read_text(encoding="utf-8")

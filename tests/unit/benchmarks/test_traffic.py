@@ -165,15 +165,14 @@ async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(rob
         [1],
     )
     robot.heard(topics.of("light-0", "lease"), b"", retained=False)
-    assert [suffix for suffix, _ in said(robot)] == [
-        "state",
-        "event",
-    ], "its last state, and that it was the last"
+    assert [suffix for suffix, _ in said(robot)] == ["state", "event"], (
+        "its last state, and that it was the last"
+    )
     robot._say_state()
     assert robot.states == {"s1": 2}
 
 
-async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_if_asked(
+async def test_a_light_robot_keeps_states_without_broker_and_resends_old_ones(
     robot,
 ):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
@@ -217,7 +216,7 @@ async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
 KEY, DELTA = b"\x50\x00", b"\x51\x00"
 
 
-async def test_a_viewer_sees_from_the_first_whole_picture_on_and_asks_again_when_it_sees_none(
+async def test_a_viewer_counts_from_the_first_key_frame_and_asks_again_without_frames(
     monkeypatch,
 ):
     asked, clock = [], [100.0]
@@ -279,7 +278,7 @@ def step(**changed):
     return load.LoadStep(**usual | changed)
 
 
-def test_a_step_breaks_by_lateness_loss_a_record_that_is_behind_or_visitors_who_do_not_drive():
+def test_a_step_breaks_by_delay_loss_a_late_record_or_visitors_who_do_not_drive():
     assert step().breaks == ""
     late = {"p50": 9.0, "p99": load.BOUND_MS + 1, "max": 90.0}
     assert step(to_page=late).breaks == step(to_robot=late).breaks == "late"
@@ -288,7 +287,7 @@ def test_a_step_breaks_by_lateness_loss_a_record_that_is_behind_or_visitors_who_
     assert step(record_behind=99.0).breaks == "record behind"
 
 
-def test_what_is_full_is_a_process_without_room_or_else_the_computer():
+def test_the_full_part_is_a_process_without_room_or_the_computer():
     assert "web (95 %" in step(shares={"web": 0.95, "broker": 0.2, "others": 0.0}).full
     assert "visitors" in step(shares={"web": 0.5, "visitors": 0.97, "others": 0.0}).full, (
         "also when it is the generator"

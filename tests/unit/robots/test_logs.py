@@ -50,7 +50,8 @@ def test_lines_that_find_no_room_are_counted(log, caplog):
     stuck.resume.set()
     handler.flush()
     kept = len(stuck.lines)
-    assert stuck.lines == [f"line {number}" for number in range(kept)]
+    # the thread may take its one line, and make room for another, at any time
+    assert stuck.lines[:100] == [f"line {number}" for number in range(100)]
     assert kept in {100, 101}, "one is in the thread's hands"
     log.info("later")
     handler.flush()

@@ -87,7 +87,7 @@ def test_a_command_of_the_site_exists_and_takes_its_options(one):
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_what_our_processes_are_told_are_settings(place):
+def test_variables_of_our_containers_are_settings(place):
     if place == "compose":
         told = {
             name for one in PLACES[place] if one.image in OURS for name in one.around["environment"]
@@ -128,7 +128,7 @@ def test_the_proxy_is_told_what_its_file_asks_for():
 
 
 @pytest.mark.parametrize("one", EVERYWHERE)
-def test_nobody_writes_to_a_root_filesystem_or_gets_more_rights(one):
+def test_containers_have_read_only_root_filesystems_and_gain_no_rights(one):
     if one.pod:
         own, whole = one.around["securityContext"], one.pod["securityContext"]
         assert own == {
@@ -174,7 +174,7 @@ def test_a_process_has_the_time_to_end_that_its_unit_gives_it():
             assert one.pod["terminationGracePeriodSeconds"] >= wanted[one.kind]
 
 
-def test_what_listens_is_asked_how_it_does():
+def test_every_listening_container_has_a_health_check():
     for one in PLACES["compose"]:
         if one.kind in {"daphne", "run_broker", "caddy", "turnserver", "redis-server", ""}:
             assert one.around["healthcheck"]["test"][0] == "CMD", one.name

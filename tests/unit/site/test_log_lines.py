@@ -1,4 +1,4 @@
-"""Log lines: what they say, what they are about, and what never stands in them."""
+"""Log lines: their fields, the ids of their context, and no secrets."""
 
 import json
 import logging
@@ -61,7 +61,7 @@ def test_an_event_keeps_its_fields_and_their_kinds():
     assert own(as_json("broker_started")) == {"event": "broker_started"}
 
 
-def test_where_nothing_knows_fields_an_event_is_one_line_of_text():
+def test_an_event_is_one_line_of_text_for_formatters_without_fields():
     assert record("bridge_lost", attempt=2, reason="no route").getMessage() == (
         'bridge_lost attempt=2 reason="no route"'
     )
@@ -71,7 +71,7 @@ def test_where_nothing_knows_fields_an_event_is_one_line_of_text():
 @pytest.mark.parametrize(
     ("message", "arguments"), [("Listening on %s", ("x",)), ("Not an event", ()), ("it=%d", (1,))]
 )
-def test_what_others_say_is_one_message(message, arguments):
+def test_a_line_of_another_library_is_one_message(message, arguments):
     line = json.loads(json_lines().format(made(message, *arguments)))
     assert own(line) == {"event": "bridge", "message": message % arguments}
 
@@ -96,7 +96,7 @@ def test_a_line_carries_what_it_is_about_and_its_own_words_win():
     assert "session" not in as_json("robot_lost", robot="rhodon")
 
 
-def test_what_a_line_is_about_is_asked_when_it_is_written():
+def test_ids_of_a_line_are_looked_up_when_it_is_written():
     page = {"session": None}
     token = log_ids.bind(lambda: page)
     assert "session" not in as_json("a_word")

@@ -1,4 +1,4 @@
-"""A DATABASE_URL of several PostgreSQL servers, and how long one of them may say nothing."""
+"""A DATABASE_URL of several PostgreSQL servers, and the time limit of a silent one."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def test_several_hosts_are_tried_in_their_order_for_the_one_that_may_write():
     }
 
 
-def test_what_the_url_says_of_a_connection_counts():
+def test_options_in_the_url_override_the_defaults():
     url = "postgres://ana@db-1,db-2/name?target_session_attrs=primary&connect_timeout=5"
     assert postgresql.database(url)["OPTIONS"] == {
         "target_session_attrs": "primary",

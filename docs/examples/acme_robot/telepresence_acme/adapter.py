@@ -105,7 +105,7 @@ class AcmeAdapter(RemoteAdapter):
             time.time(),
             time.monotonic(),
         )
-        self._heard()
+        self._received()
 
     def _bumped(self, pressed: bool) -> None:
         self.readings.bumped(touching=pressed, bearings=(0.0,) if pressed else ())

@@ -14,10 +14,10 @@ def start_module(*command: str, **pipes: Any) -> subprocess.Popen[bytes]:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(
         [sys.executable, "-m", *command],
-        # out of the terminal's process group: on Ctrl-C the agent brakes first, and ends it then
+        # outside the terminal's process group: on Ctrl-C the agent brakes before it ends the child
         start_new_session=True,
         creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        # from where `robots` is imported, so that a child finds it from anywhere
+        # the folder of `robots`, so that the child can import it
         cwd=str(Path(__file__).resolve().parents[4]),
         env=environment,
         **pipes,

@@ -30,9 +30,9 @@ Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
 
 @dataclass(frozen=True)
 class ExpectedArea:
-    """Where the robot must find itself: a square in map metres, perhaps with a heading in radians.
+    """Where a relocalized robot must be: a square in map metres, perhaps with a heading in radians.
 
-    A pose counts `settles` seconds after the order: an RCA repeats the old pose first.
+    A pose counts `settles` seconds after the action began: an RCA first repeats the old pose.
     """
 
     x: float
@@ -51,13 +51,11 @@ class ExpectedArea:
 
 @dataclass
 class PendingAction:
-    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline`,
-    `over_at` and `cancelled_at` are monotonic seconds.
+    """`goal` is a point in map metres for goto, the angle twice for tilt; times are monotonic s.
 
-    `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when
-    the RCA reported the end. `failure` is the reason why the adapter itself cancels it; it ends as
-    FAILED for that reason. `first_cancelled_at` and `cancelled_at` are when the first and the
-    newest cancel were sent, `goal_id` the name that the RCA knows.
+    `place` is the goal by name, `over_at` when the RCA reported the end. `failure` is the reason
+    why the adapter itself cancels it; it ends as FAILED for that reason. `first_cancelled_at` and
+    `cancelled_at` are when the first and the newest cancel were sent, `goal_id` the RCA's name.
     """
 
     action_id: str
@@ -77,12 +75,11 @@ class PendingAction:
 
     @property
     def drives(self) -> bool:
-        """Whether it moves the base."""
         return self.kind in {"goto", "dock", "undock"}
 
 
 class PendingActions:
-    """The actions of one robot; `tell` receives their progress."""
+    """The actions of one robot; `drive` may move the base. `tell` receives their progress."""
 
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
         self.drive: PendingAction | None = None
@@ -102,7 +99,7 @@ class PendingActions:
             self.drive = None
 
     def begin(self, pending: PendingAction) -> None:
-        """Take an action that the RCA has accepted."""
+        """Take an accepted action, which replaces one of the head or of the localization."""
         if pending.kind == "tilt":
             self._end(self.head, "CANCELLED", "replaced")
             self.head = pending
@@ -144,13 +141,17 @@ class PendingActions:
         pose: Pose = NOWHERE,
         fixed_at: float = -math.inf,
     ) -> None:
-        """End what was reached or is late; one that moves the base gets a `failure`, to cancel it.
+        """End what has succeeded or is late; what moves the base gets a `failure`, to cancel it.
 
-        `now` and `fixed_at`, the last report of the localization, are monotonic seconds; `tilt` is
-        in radians, None when unknown.
+        `fixed_at` is when the localization reported last, in monotonic seconds; `tilt` is in
+        radians, None when unknown.
         """
-        self._watch_head(now, tilt)
-        self._watch_position(now, pose, fixed_at)
+        self._watch_localization(now, pose, fixed_at)
+        if (head := self.head) is not None and head.goal is not None:
+            if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
+                self._end(head, "FINISHED", "")
+            elif now > head.deadline:
+                self._end(head, "FAILED", "the head did not reach the angle in time")
         drive = self.drive
         if drive is None or not drive.accepted:
             return
@@ -159,16 +160,7 @@ class PendingActions:
         elif now > drive.deadline:
             drive.failure = drive.failure or "it took too long"
 
-    def _watch_head(self, now: float, tilt: float | None) -> None:
-        head = self.head
-        if head is None or head.goal is None:
-            return
-        if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
-            self._end(head, "FINISHED", "")
-        elif now > head.deadline:
-            self._end(head, "FAILED", "the head did not reach the angle in time")
-
-    def _watch_position(self, now: float, pose: Pose, fixed_at: float) -> None:
+    def _watch_localization(self, now: float, pose: Pose, fixed_at: float) -> None:
         pending = self.localization
         if pending is None or pending.area is None:
             return
@@ -176,27 +168,17 @@ class PendingActions:
         if is_news and pose.localized and pending.area.holds(pose):
             self._end(pending, "FINISHED", "")
         elif now > pending.deadline:
-            self._end(pending, "FAILED", _astray(pose, is_news=is_news))
+            why = "the robot's localization does not answer"
+            if is_news and pose.localized:
+                why = f"the robot's localization disagrees: it reports {pose.x:.1f}, {pose.y:.1f}"
+            elif is_news:
+                why = "the robot still does not know where it is"
+            self._end(pending, "FAILED", why)
 
     def _end(self, pending: PendingAction | None, status: ActionState, reason: str) -> None:
-        if pending is None:
-            return
-        if pending is self.head:
-            self.head = None
-        elif pending is self.localization:
-            self.localization = None
-        elif pending is self.drive:
-            self.drive = None
-        else:
-            return
-        if pending.failure and status != "FINISHED":
-            status, reason = "FAILED", pending.failure
-        self._tell(ActionProgress(pending.action_id, status, reason))
-
-
-def _astray(pose: Pose, *, is_news: bool) -> str:
-    if not is_news:
-        return "the robot's localization does not answer"
-    if not pose.localized:
-        return "the robot still does not know where it is"
-    return f"the robot's localization disagrees: it reports {pose.x:.1f}, {pose.y:.1f}"
+        for name in ("head", "localization", "drive"):
+            if pending is not None and getattr(self, name) is pending:
+                setattr(self, name, None)
+                if pending.failure and status != "FINISHED":
+                    status, reason = "FAILED", pending.failure
+                self._tell(ActionProgress(pending.action_id, status, reason))

@@ -39,8 +39,7 @@ def advice(found: Any, wanted: str) -> str:
         return ""
     if number[3] and "whole" in wanted:
         return ""
-    fraction = f".{number[3]}" if number[3] else ""
-    return f": write {number[1]}{number[2] or 0}{fraction}"
+    return f": write {number[1]}{number[2] or 0}{number[3] and '.' + number[3]}"
 
 
 def unreadable(text: str, error: tomllib.TOMLDecodeError) -> str:
@@ -110,7 +109,7 @@ def _name(keys: KeyPath) -> str:
 
 
 def line_of(text: str, keys: KeyPath) -> str:
-    """Return "line 12: " for where a key, or else its section, begins; "" for what is not found."""
+    """Return "line 12: " for the first line of a key, or else its section, "" when not found."""
     section, index, key = "", -1, ""
     for number, line in enumerate(text.splitlines(), 1):
         if header := HEADER.match(line):

@@ -5,8 +5,6 @@ reads what it is sent (`_ask`), and starts and cancels actions (`_order`, `_with
 `_cancel_leftovers`, `_turn_head`). It puts received values into `readings`, the progress of
 actions into `pending_actions`, and calls `_lose` when the connection is lost. velocity_gate.py
 decides when a velocity may be sent.
-
-Longer than most files: it is every member of the contract, in its order.
 """
 
 import asyncio
@@ -15,6 +13,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
+from dataclasses import fields
 from typing import Any
 
 import structlog
@@ -22,11 +21,13 @@ import structlog
 from robots.agent.adapters.common.pending_actions import (
     LONGEST_DOCKING,
     LONGEST_TILT,
+    Kind,
     PendingAction,
     PendingActions,
 )
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import (
+    SHARED,
     BatteryRange,
     ObstacleSensor,
     RobotProfile,
@@ -76,18 +77,10 @@ def profile_of(
 ) -> Profile:
     """Return a robot's share of the factsheet.
 
-    Args:
-        robot: its profile.
-        rca: the name of the RCA.
-        watchdog: the base's own, in seconds.
-        own: what the robot can do besides driving, in this RCA.
-        sensors: the sensors for obstacles besides a laser whose readings the adapter delivers.
-        control: what stops the RCA's own navigation when the agent is lost.
-        advice: what its owner can change, where that is nothing.
-
-    Raises:
-        AdapterError: nothing stops the RCA's navigation, and the profile does not allow that; or
-            the profile names a sensor that the adapter does not deliver.
+    `watchdog` is the base's own, in seconds, `own` what the robot can do besides driving, in this
+    RCA. `sensors` are those for obstacles, besides a laser, that the adapter delivers. `control` is
+    what stops the RCA's own navigation when the agent is lost; where nothing does, and the profile
+    does not allow that, an AdapterError gives the owner the `advice`.
     """
     check_sensors(robot, rca, sensors)
     if control == "unguarded" and not robot.unguarded_navigation:
@@ -96,29 +89,24 @@ def profile_of(
             " or set unguarded_navigation = true in the robot's profile"
         )
     tilts = robot.tilt is not None and "tilt" in own
-    capabilities = ("velocity", *(name for name in own if name != "tilt" or tilts))
+    shared = {
+        name: getattr(robot, name) for name in SHARED & {each.name for each in fields(Profile)}
+    }
     return Profile(
-        series=robot.series,
-        rca=rca,
-        capabilities=capabilities,
-        limits=robot.limits,
-        footprint=robot.footprint,
-        watchdog=watchdog,
-        tilt=robot.tilt if tilts else None,
-        laser=robot.laser if "scan" in own else None,
-        camera=robot.camera,
-        sonars=robot.sonars,
-        bumper=robot.bumper,
-        depth=robot.depth,
-        standstill_linear=robot.standstill_linear,
-        standstill_angular=robot.standstill_angular,
-        navigation_control=control,
-        driver=robot.driver,
+        **shared
+        | {
+            "rca": rca,
+            "capabilities": ("velocity", *(each for each in own if each != "tilt" or tilts)),
+            "watchdog": watchdog,
+            "tilt": robot.tilt if tilts else None,
+            "laser": robot.laser if "scan" in own else None,
+            "navigation_control": control,
+        }
     )
 
 
 def check_tilt(profile: Profile, action: Tilt) -> None:
-    """Raise ActionRefusedError when the head cannot tilt, or not so far."""
+    """Raise ActionRefusedError when the head cannot tilt, or not to that angle."""
     reach = profile.tilt
     if reach is None:
         raise ActionRefusedError(f"{profile.series} does not support tilt")
@@ -134,9 +122,9 @@ class RemoteAdapter(ABC):
 
     place = "the robot control architecture"
     vital = "its readings"
-    must_answer = True  # whether an RCA that does not answer is lost while its readings come
-    connect_time: float | None = None  # where it is not CONNECT_TIME
-    gate_params: GateParams | None = None  # where they are not GATE
+    must_answer = True  # whether an RCA that answers no probe counts as lost, despite its readings
+    connect_time: float | None = None  # seconds, if not CONNECT_TIME
+    gate_params: GateParams | None = None  # if not GATE
 
     def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
         self.profile = profile
@@ -157,7 +145,7 @@ class RemoteAdapter(ABC):
 
     @abstractmethod
     async def _shut(self) -> None:
-        """Disconnect; called also when the RCA was never reached, or is lost."""
+        """Disconnect; also called when the RCA was never reached, or is lost."""
 
     @abstractmethod
     def _drive(self, velocity: Velocity) -> None:
@@ -169,28 +157,19 @@ class RemoteAdapter(ABC):
     def _cut(self) -> None:
         """Discard what the lost RCA has not received yet; at once."""
 
-    def _unheard(self) -> str:
+    def _why_not_received(self) -> str:
         """Return why no velocity would be received, in a sentence, "" while one would."""
         return ""
 
     async def _settle(self) -> None:
-        """Wait, a moment at most, for what takes its time after the first reading."""
-
-    def _why_late(self) -> str:
-        """Return why the connection was not made in time, as the end of a sentence."""
-        return f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
+        """Wait briefly for subscribers, which may be found after the first reading."""
 
     def _why_silent(self) -> str:
         """Return why `vital` readings are missing, in a sentence, "" when unknown."""
         return ""
 
     async def _order(self, action: Action) -> PendingAction:
-        """Start an action at the RCA and return what to wait for.
-
-        Raises:
-            ActionRefusedError: the RCA has certainly not taken it.
-            AdapterError: it may have.
-        """
+        """Start an action at the RCA and return what to wait for; errors as in `start`."""
         raise ActionRefusedError(
             f"{self.profile.series} does not support {type(action).__name__.lower()}"
         )
@@ -199,16 +178,13 @@ class RemoteAdapter(ABC):
         """Cancel an action at the RCA; called again every 0.5 s until it returns True.
 
         Return True when the RCA has confirmed, now or earlier, that the action does not run and
-        never will.
-
-        Raises:
-            AdapterError: the RCA does not take the cancel.
+        never will. Raises AdapterError when the RCA does not take the cancel.
         """
         raise NotImplementedError
 
     async def _cancel_leftovers(self) -> None:
-        """Cancel the actions of an earlier run of the agent; called after `_open`, before anything
-        else is sent. Those of this run are cancelled anyway.
+        """Cancel the actions of an earlier run of the agent, after `_open`, before anything else is
+        sent. `connect` cancels those of this run.
         """
 
     def _look(self, now: float) -> None:
@@ -219,14 +195,14 @@ class RemoteAdapter(ABC):
 
     # --- what a subclass uses ---------------------------------------------------------------------
 
-    def _heard(self) -> None:
+    def _received(self) -> None:
         """Note a reading: wake the reader of `states`, and send what the gate permits now."""
         self._news.set()
         now = time.monotonic()
-        self._gate.heard(now)
-        self._consider(now)
+        self._gate.received(now)
+        self._probe_if_due(now)
 
-    def _consider(self, now: float) -> None:
+    def _probe_if_due(self, now: float) -> None:
         if not self._failure and self._gate.ask(now):
             self._run(self._ask_and_drive())
 
@@ -236,7 +212,7 @@ class RemoteAdapter(ABC):
         if velocity is not None and not self._failure:
             self._drive(velocity)
 
-    def _tell_to_stand(self, now: float) -> None:
+    def _send_zero(self, now: float) -> None:
         self._gate.stood(now)
         self._drive(ZERO)
 
@@ -259,24 +235,16 @@ class RemoteAdapter(ABC):
         if not task.cancelled() and (error := task.exception()) is not None:
             self._lose(reason_of(error))
 
-    def _expect(self, action: Action) -> PendingAction:
-        """Return what an action is expected to do, before it is sent."""
-        return self._pending(action)
-
     def _pending(self, action: Action) -> PendingAction:
-        """Return what to wait for after an action was accepted."""
+        """Return what to wait for after an action was sent."""
         now = time.monotonic()
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 return PendingAction(action.action_id, "goto", now, (x, y))
             case Goto(place=place):
                 return PendingAction(action.action_id, "goto", now, place=place or "")
-            case Dock():
-                return PendingAction(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
-            case _:
-                return PendingAction(
-                    action.action_id, "undock", now, deadline=now + LONGEST_DOCKING
-                )
+        kind: Kind = "dock" if isinstance(action, Dock) else "undock"
+        return PendingAction(action.action_id, kind, now, deadline=now + LONGEST_DOCKING)
 
     # --- the contract -----------------------------------------------------------------------------
 
@@ -293,15 +261,14 @@ class RemoteAdapter(ABC):
                 await self._cancel_leftovers()
             self._gate = VelocityGate(self.gate_params or GATE, time.monotonic())
             await self._cancel_pending()
-            self._tell_to_stand(time.monotonic())  # an earlier client may have driven
+            self._send_zero(time.monotonic())  # an earlier client may have driven
             await self._first_reading()
             await self._settle()
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
             await self._disconnect("not connected")
-            raise AdapterError(
-                f"{self.place} does not answer: {str(error) or self._why_late()}"
-            ) from error
+            late = f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
+            raise AdapterError(f"{self.place} does not answer: {str(error) or late}") from error
         except AdapterError:
             await self._disconnect("not connected")
             raise
@@ -324,34 +291,33 @@ class RemoteAdapter(ABC):
 
     def apply(self, velocity: Velocity) -> Velocity:
         """Send a velocity, within the base's limits, as soon as the RCA has answered a probe;
-        return the one that was last really sent.
-
-        Raises:
-            AdapterError: the RCA is gone.
+        return the one that was sent last. Raises AdapterError when the RCA is lost.
         """
         if self._failure:
             raise AdapterError(self._failure)
         sent = caps(self.profile.limits, None).clamp(velocity)
         now = time.monotonic()
-        if sent == ZERO or self._gate.shut(now) or self._unheard():
+        if sent == ZERO or self._gate.shut(now) or self._why_not_received():
             if sent == ZERO or self._gate.moving:
-                self._tell_to_stand(now)
+                self._send_zero(now)
             return ZERO
         self._gate.want(sent, now)
-        self._consider(now)
+        self._probe_if_due(now)
         return self._gate.sent
 
     async def start(self, action: Action) -> None:
-        """Begin an action.
-
-        Raises:
-            ActionRefusedError: the RCA has certainly not taken it.
-            AdapterError: it may have.
+        """Start an action. After an ActionRefusedError the RCA has certainly not taken it, after
+        another AdapterError it may have.
         """
         if self._failure:
             raise ActionRefusedError(self._failure)
         if isinstance(action, Tilt):
-            self._tilt(action)
+            check_tilt(self.profile, action)
+            self._turn_head(action.angle)
+            now, goal = time.monotonic(), (action.angle, action.angle)
+            self.pending_actions.begin(
+                PendingAction(action.action_id, "tilt", now, goal, now + LONGEST_TILT)
+            )
             return
         name = str(type(action).__struct_config__.tag)
         if name not in self.profile.capabilities or not isinstance(
@@ -364,7 +330,7 @@ class RemoteAdapter(ABC):
         await self._start_moving(action)
 
     async def _start_moving(self, action: Action) -> None:
-        expected = self._expect(action)
+        expected = self._pending(action)
         self.pending_actions.own(expected)
         try:
             pending = await self._order(action)
@@ -379,18 +345,7 @@ class RemoteAdapter(ABC):
             pending.first_cancelled_at = expected.first_cancelled_at
             self.pending_actions.begin(pending)
 
-    def _tilt(self, action: Tilt) -> None:
-        check_tilt(self.profile, action)
-        self._turn_head(action.angle)
-        now = time.monotonic()
-        self.pending_actions.begin(
-            PendingAction(
-                action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT
-            )
-        )
-
     async def cancel(self, action_id: str) -> bool:
-        """Cancel an action; return whether the RCA has confirmed its end, or does not know it."""
         pending = self.pending_actions.of(action_id)
         if pending is None:
             return True
@@ -426,10 +381,8 @@ class RemoteAdapter(ABC):
                     await self._cancel_again(drive)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield a state for each reading, and at 12 Hz without news.
-
-        Raises:
-            AdapterError: the RCA is gone, or silent for a second.
+        """Yield a state for each reading, and at 12 Hz without one. Raises AdapterError when the
+        RCA is lost, or silent for a second.
         """
         while True:
             now = time.monotonic()
@@ -441,29 +394,23 @@ class RemoteAdapter(ABC):
                 self.pending_actions.end_all(self._failure)
                 raise AdapterError(self._failure)
             yield self.readings.state(time.time())
-            await self._something_new()
-
-    async def _something_new(self) -> None:
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(PERIOD):
-                while not (self.readings.fresh or self._failure):
-                    self._news.clear()
-                    await self._news.wait()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(PERIOD):
+                    while not (self.readings.fresh or self._failure):
+                        self._news.clear()
+                        await self._news.wait()
 
     async def _watch(self) -> None:
         dock = DockState()
         while True:
             now = time.monotonic()
             if self._gate.moving and self._gate.shut(now):
-                self._tell_to_stand(now)
+                self._send_zero(now)
             self._look(now)
             readings = self.readings
-            velocity = readings.velocity
+            linear, angular = readings.velocity.linear, readings.velocity.angular
             reading = DockReading(
-                at=now,
-                contact=readings.charger_contact,
-                linear=velocity.linear,
-                angular=velocity.angular,
+                at=now, contact=readings.charger_contact, linear=linear, angular=angular
             )
             dock = docked.follow(docked.DOCKED, dock, reading)
             self.pending_actions.watch(
@@ -489,7 +436,6 @@ class RemoteAdapter(ABC):
         """Ignore a `Config`: nothing in it is the RCA's."""
 
     def sever(self) -> None:
-        """See robot_interface.Severable."""
         self._lose("the connection was cut on purpose")
         for task in self._tasks:
             task.cancel()

@@ -24,7 +24,13 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 import msgspec
 from msgspec import Meta, Struct
 
-from robots.agent.adapters.common.profile_errors import line_of, refused, shown, unreadable
+from robots.agent.adapters.common.profile_errors import (
+    KeyPath,
+    line_of,
+    refused,
+    shown,
+    unreadable,
+)
 from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
 from robots.api.adapter_names import known_names
@@ -34,7 +40,7 @@ SHIPPED = Path(__file__).parents[1] / "profiles"
 FASTEST = {"linear": 5.0, "reverse": 5.0, "angular": 12.0}  # m/s and rad/s, of anything on wheels
 WITHOUT_PROFILE = frozenset({"simulator"})  # its robots are data of robots/world
 PLACE = re.compile(r"at `\$\.(\w+)")  # of what msgspec complains of
-SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
+SWITCHES = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
 
@@ -98,20 +104,7 @@ UNDELIVERED: dict[ObstacleSensor, str] = {
     "depth": "[depth] cannot be used with {rca}, which delivers no points of a depth camera: remove"
     " this section",
 }
-SHARED = frozenset(
-    {
-        "series",
-        "driver",
-        "footprint",
-        "sonars",
-        "bumper",
-        "depth",
-        "unguarded_navigation",
-        "standstill_linear",
-        "standstill_angular",
-        *SECTIONS,
-    }
-)
+SHARED = frozenset(RobotProfile.__struct_fields__) - {"adapters", "file"}  # a profile's own keys
 
 
 def nearest(word: str, known: Collection[str]) -> str:
@@ -140,44 +133,41 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
 
 
 def check_sensors(profile: RobotProfile, rca: str, delivered: Collection[ObstacleSensor]) -> None:
-    """Refuse a profile with a sensor that its adapter does not deliver: the collision monitor would
-    wait for it for ever, and an assisted driver would creep or not move at all.
-
-    Raises:
-        AdapterError: such a sensor, its line, and what to change; one sentence.
+    """Raise AdapterError for a sensor in the profile that its adapter does not deliver: the
+    collision monitor would wait for it for ever, and an assisted driver would creep or not move.
     """
     for sensor in get_args(ObstacleSensor):
         if getattr(profile, sensor) and sensor not in delivered:
-            text = Path(profile.file).read_text(encoding="utf-8") if profile.file else ""
-            line = line_of(text, (sensor, 0)) or line_of(text, (sensor,))
-            raise AdapterError(
-                f"the robot profile {profile.file or profile.series}: {line}"
-                + UNDELIVERED[sensor].format(rca=rca)
-            )
+            where = _line_in(profile, (sensor, 0), (sensor,))
+            raise AdapterError(where + UNDELIVERED[sensor].format(rca=rca))
 
 
 def settings_of(
     kind: type[Settings], adapter: str, profile: RobotProfile, options: Mapping[str, Any]
 ) -> Settings:
     """Return an adapter's settings: its defaults, overruled by the profile's table, overruled by
-    the options of this run.
+    the options of this run; a `watchdog` is always the profile's.
 
-    A `watchdog` among them is the profile's own.
-
-    Raises:
-        AdapterError: an unknown section or option, a wrong value, or no watchdog; one sentence.
+    Raises AdapterError, one sentence: an unknown section or option, a wrong value, or no watchdog.
     """
     given = {name.replace("-", "_"): value for name, value in options.items()}
     stated = profile.adapters.get(adapter, {})
+    values = {**stated, **given}
+    switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
     try:
         _check_names(kind, adapter, profile, [*stated, *given])
         if "watchdog" in kind.__struct_fields__:
             _check_watchdog(adapter, profile, given)
-        return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
+        switched = {
+            name: SWITCHES.get(str(values[name]).lower(), values[name])
+            for name in switches & values.keys()
+        }
+        return msgspec.convert(values | switched, kind, strict=False)
     except msgspec.ValidationError as error:
-        name, reason = _wrong_value(kind, str(error), {**stated, **given})
+        name, reason = _wrong_value(kind, str(error), values)
         if name in stated and name not in given:
-            raise AdapterError(f"{_stated(profile, adapter, name)}{reason}") from error
+            where = _line_in(profile, (adapter, name))
+            raise AdapterError(f"{where}[{adapter}] {name}{reason}") from error
         raise AdapterError(
             f"an option of the adapter {adapter!r} has a wrong value: {name}{reason}"
         ) from error
@@ -197,11 +187,11 @@ def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> tu
     return "", error
 
 
-def _stated(profile: RobotProfile, adapter: str, key: str) -> str:
-    """Return where a profile has a key of an adapter."""
+def _line_in(profile: RobotProfile, *keys: KeyPath) -> str:
+    """Return the profile and the line of the first key that it has, the start of a sentence."""
     text = Path(profile.file).read_text(encoding="utf-8") if profile.file else ""
-    line = line_of(text, (adapter, key))
-    return f"the robot profile {profile.file or profile.series}: {line}[{adapter}] {key}"
+    line = next(filter(None, (line_of(text, key) for key in keys)), "")
+    return f"the robot profile {profile.file or profile.series}: {line}"
 
 
 def _in_words(kind: msgspec.inspect.Type) -> str:
@@ -256,17 +246,11 @@ def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, A
             "after the last velocity, then check it with `run_robot NAME --check`"
         )
     if type(stated["watchdog"]) not in {int, float}:
-        where = _stated(profile, adapter, "watchdog")
-        raise ValueError(f"{where} must be a number, not {shown(stated['watchdog'], 'a number')}")
+        raise ValueError(
+            f"{_line_in(profile, (adapter, 'watchdog'))}[{adapter}] watchdog must be a number, not"
+            f" {shown(stated['watchdog'], 'a number')}"
+        )
     check_times(stated["watchdog"], profile.limits)
-
-
-def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
-    switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
-    return {
-        name: SAID.get(str(value).lower(), value) if name in switches else value
-        for name, value in given.items()
-    }
 
 
 def _checked(path: Path) -> RobotProfile:
@@ -298,17 +282,13 @@ def _checked(path: Path) -> RobotProfile:
 
 
 def _section(name: str, kind: type[Struct], table: dict[str, Any]) -> dict[str, Any]:
-    """Return a section with its keys as messages have them."""
+    """Return a section with its keys as messages encode them."""
+    encoded = {field.name: field.encode_name for field in msgspec.structs.fields(kind)}
     for key in table:
-        if key not in kind.__struct_fields__:
-            raise ValueError(f"[{name}] has no key {key}; {nearest(key, kind.__struct_fields__)}")
-    return {_camel(key): value for key, value in table.items()}
+        if key not in encoded:
+            raise ValueError(f"[{name}] has no key {key}; {nearest(key, encoded)}")
+    return {encoded[key]: value for key, value in table.items()}
 
 
 def _snake(name: str) -> str:
     return re.sub("([A-Z])", r"_\1", name).lower()
-
-
-def _camel(name: str) -> str:
-    first, *rest = name.split("_")
-    return first + "".join(part.capitalize() for part in rest)

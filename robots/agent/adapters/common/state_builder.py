@@ -30,16 +30,16 @@ CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and sti
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 
-def stamp_of(said: float, arrived: float) -> float:
+def stamp_of(stamp: float, arrived: float) -> float:
     """Return the RCA's stamp where its clock agrees with ours, else the time of arrival."""
-    return said if abs(said - arrived) < CLOCK_SKEW else arrived
+    return stamp if abs(stamp - arrived) < CLOCK_SKEW else arrived
 
 
 class Readings:
-    """The newest of everything.
+    """The newest of each reading.
 
-    `last_received_at` is the moment (monotonic) at which the RCA last said where or how fast the
-    robot is, `fixed_at` that of its localization.
+    `last_received_at` is when (monotonic) the RCA last reported a pose or velocity, `fixed_at` when
+    its localization did.
     """
 
     def __init__(self, battery: BatteryRange | None = None) -> None:
@@ -63,27 +63,27 @@ class Readings:
         self._sonar: deque[SonarEcho] = deque(maxlen=REMEMBERED)
         self._points: ObstaclePoints | None = None
         self._contacts = 0
-        self._said = self._stamp = 0.0
+        self._measured = self._stamp = 0.0  # stamps of the newest measurement, and of the state
 
     def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
         """Take dead reckoning in any frame; `velocity` is None where the RCA measures none."""
         self._advance(odometry, stamp)
         self.odometry, self._velocity = odometry, velocity
-        self._heard(stamp, now)
+        self._received(stamp, now)
 
     def located(self, pose: Pose, stamp: float, now: float) -> None:
-        """Take the RCA's own pose in the map; without odometry it says how the robot moves too."""
+        """Take the RCA's own pose in the map; without odometry, velocities follow from it too."""
         self._fix, self.fixed_at = pose, now
         here = Pose2D(pose.x, pose.y, pose.theta)
         if self.odometry is None:
             self._advance(here, stamp)
-            self._heard(stamp, now)
+            self._received(stamp, now)
         else:
             then = min(self._track, key=lambda entry: abs(entry[0] - stamp))[1]
             self._map_from_odometry = here.compose(then.inverse())
 
     def corrected(self, map_from_odometry: Pose2D, now: float, score: float = 1.0) -> None:
-        """Take how the frame of the odometry lies in the map, as a localization on tf says it."""
+        """Take the frame of the odometry in the map, as a localization on tf publishes it."""
         self._map_from_odometry, self.fixed_at = map_from_odometry, now
         self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
 
@@ -91,7 +91,7 @@ class Readings:
         """Note that the RCA has lost its pose."""
         self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
         if self.odometry is None:
-            self._track.clear()  # the poses before say nothing of how the robot moves now
+            self._track.clear()  # a velocity must not be computed across the loss
 
     def scanned(self, scan: Scan) -> None:
         self._scan = scan
@@ -116,7 +116,7 @@ class Readings:
         self._touching, self._bumper = touching, bearings
 
     def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
-        """Take a measurement of a sonar of the profile: metres, None where nothing came back."""
+        """Take a measurement of a sonar of the profile: metres, None without an echo."""
         self._sonar.append(SonarEcho(sonar, stamp, distance))
 
     def saw(self, points: ObstaclePoints) -> None:
@@ -124,27 +124,23 @@ class Readings:
 
     @property
     def velocity(self) -> Velocity:
-        """How fast the robot moves: as measured, or as its poses say."""
+        """The measured velocity, else an estimate from the poses."""
         return self._velocity if self._velocity is not None else self._estimate()
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is in the map: its last fix, carried on by the odometry."""
+        """The last fix in the map, carried on by the odometry."""
         if self._map_from_odometry is None or self.odometry is None or not self._fix.localized:
             return self._fix
         x, y, theta = self._map_from_odometry.compose(self.odometry)
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
-    @property
-    def _measures_nothing(self) -> bool:
-        """Without odometry or a pose the robot counts as at rest; else it could not be driven."""
-        return self.odometry is None and not self._fix.localized
-
     def state(self, unix: float) -> RcaState:
         """Return all of it; obstacles once only. Stamps grow; a repeated state has `unix`."""
         is_measured, self.fresh = self.fresh, False
-        stamp = self._said if is_measured else unix
-        self._stamp = max(stamp, self._stamp + TICK)
+        self._stamp = max(self._measured if is_measured else unix, self._stamp + TICK)
+        # without odometry or a pose the robot counts as at rest; else it could not be driven
+        measures_nothing = self.odometry is None and not self._fix.localized
         scan, self._scan = self._scan, None
         points, self._points = self._points, None
         sonar = tuple(self._sonar)
@@ -165,11 +161,11 @@ class Readings:
             sonar=sonar,
             bumper=self._bumper,
             points=points,
-            is_measured=is_measured or self._measures_nothing,
+            is_measured=is_measured or measures_nothing,
         )
 
-    def _heard(self, stamp: float, now: float) -> None:
-        self.last_received_at, self.fresh, self._said = now, True, stamp
+    def _received(self, stamp: float, now: float) -> None:
+        self.last_received_at, self.fresh, self._measured = now, True, stamp
 
     def _advance(self, here: Pose2D, stamp: float) -> None:
         if self._track:
@@ -178,7 +174,7 @@ class Readings:
             step, turn = before.distance(here), abs(wrap_angle(here.theta - before.theta))
             elapsed = max(stamp - before_stamp, 0.02)
             if step > FASTEST * elapsed or turn > FASTEST_TURN * elapsed:
-                self._track.clear()  # it was carried, or found itself elsewhere
+                self._track.clear()  # it was carried, or its localization corrected itself
             else:
                 self._distance += step
         self._track.append((stamp, here))

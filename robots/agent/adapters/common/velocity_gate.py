@@ -1,16 +1,15 @@
 """Whether a velocity may be sent to a robot now. Pure: times are given.
 
-A velocity that has left this computer cannot be taken back. The system's socket buffers, here and
-at the peer, keep what a peer that hangs does not read, hand it over when the peer goes on, and on
-Linux even a reset leaves the peer what has arrived already. Many robots obey whatever arrives,
-however late it does. So nothing that moves is sent to a peer that may not read it:
+A sent velocity cannot be taken back. Socket buffers here and at the peer keep what a hung peer does
+not read, and deliver it when the peer resumes; on Linux even a reset leaves the peer what has
+arrived. Many robots obey a velocity however late it arrives. So nothing that moves is sent to a
+peer that may not read it:
 
-- The peer is asked first ("are you there?", in each protocol's terms), and the velocity follows
-  its answer. At most one question is open. A peer that hangs leaves its question unanswered, and
-  finds that and a zero in its buffer when it goes on.
+- A probe goes first (in each protocol's terms), and the velocity follows its answer. At most one
+  probe is open. A hung peer finds only that probe and a zero in its buffer when it resumes.
 - The robot behind the peer must report, too: each of its readings permits a few velocities, and an
   old reading none. An unchanged velocity waits for a new reading.
-- A zero is sent at once, whatever happens, and so is the zero that follows when the gate shuts.
+- A zero is always sent at once, and so is the zero that follows when the gate shuts.
 
 One case remains: a peer that hangs between its answer and the velocity, a fraction of a millisecond
 on one computer, gets that velocity late, and the zero behind it at once.
@@ -27,12 +26,12 @@ from robots.api.messages import Velocity
 class GateParams:
     """All in seconds, but for `orders`."""
 
-    patience: float = 0.25  # for an answer; then no velocity is taken until it comes
+    patience: float = 0.25  # for an answer; then the gate is shut until it arrives
     oldest: float = 0.25  # that a velocity may wait for an answer
-    repeat: float = 0.08  # after which an unchanged velocity is due again, upon the next reading
+    repeat: float = 0.08  # after which an unchanged velocity is due again, with the next reading
     at_latest: float = 0.25  # after which it is due without one
     freshest: float = 0.4  # that a reading counts, or twice the usual period
-    longest: float = 1.0  # that a reading counts in any case
+    longest: float = 1.0  # the longest that a reading counts
     orders: int = 3  # velocities that move, for each reading
 
 
@@ -51,7 +50,7 @@ class VelocityGate:
 
     @property
     def usual(self) -> float:
-        """Return the seconds between two readings, as they mostly are."""
+        """The smoothed time between two readings, in seconds."""
         return self._usual
 
     @property
@@ -62,7 +61,7 @@ class VelocityGate:
     def moving(self) -> bool:
         return self._sent != ZERO
 
-    def heard(self, now: float) -> None:
+    def received(self, now: float) -> None:
         """Note a reading of the robot."""
         self._usual += 0.2 * (now - self._last_received_at - self._usual)
         self._last_received_at, self._left = now, self._params.orders
@@ -75,14 +74,14 @@ class VelocityGate:
         self._wanted, self._sent, self._sent_at = None, ZERO, now
 
     def ask(self, now: float) -> bool:
-        """Return whether to ask the peer now, and take it as done."""
+        """Return whether to send a probe now, and take it as sent."""
         if self._asked_at is not None or not self._due(now) or self.shut(now):
             return False
         self._asked_at = now
         return True
 
     def answered(self, now: float) -> Velocity | None:
-        """Take the peer's answer; return the velocity to send, None when there is none any more."""
+        """Take the peer's answer; return the velocity to send, None when none is due any more."""
         late = self._asked_at is None or now - self._asked_at > self._params.patience
         self._asked_at = None
         if late or not self._due(now) or self.shut(now) or self._wanted is None:
@@ -92,7 +91,7 @@ class VelocityGate:
         return self._sent
 
     def shut(self, now: float) -> str:
-        """Return why no velocity is taken now, "" when it is."""
+        """Return why no velocity is sent now, "" when the gate is open."""
         if self.unanswered(now) > self._params.patience:
             return "does not answer"
         fresh = max(self._params.freshest, 2.0 * self._usual)

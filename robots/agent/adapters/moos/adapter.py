@@ -1,8 +1,8 @@
 """The paper's Giraff at its source: the variables of OpenMORA in a MOOSDB.
 
-A variable never changes its type and keeps its last value, which arrives upon registration. Of what
-was published before we registered, only what stays true counts (battery, place), never an end of
-navigation.
+A variable never changes its type and keeps its last value, which arrives upon registration. Of
+values that were published before we registered, only lasting ones count (battery, place), never an
+end of navigation.
 
 What OpenMORA does with these variables (its sources, by module and file):
 - RobotControlManager/CRobotControllerApp.cpp: NAVIGATE_TARGET, GO_TO_NODE, PARKING 1 and
@@ -40,7 +40,6 @@ from msgspec import Meta
 
 from robots.agent.adapters.common.pending_actions import Kind, PendingAction
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
-from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
@@ -50,22 +49,11 @@ from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
-HEARD = (
-    "LOCALIZATION",
-    "BATTERY_V_FLOAT",
-    "BATTERY_IS_CHARGING",
-    "TILT_CURRENT_ANGLE_FROM_HOME",
-    "BUMPERS",
-    "ERROR_MSG",
-    "NAV_EVENT_START",
-    "NAV_EVENT_END",
-    "NAV_EVENT_ERROR",
-    "NAV_EVENT_NOWAY",
-    "PLAN_FINISHED",
-    "ROBOT_TOPOLOGICAL_PLACE",
-    "ROBOT_CONTROL_MODE",
-    "MOTION_CMD_V",
-    "MOTION_CMD_W",
+SUBSCRIBED = (
+    *("LOCALIZATION", "BATTERY_V_FLOAT", "BATTERY_IS_CHARGING", "TILT_CURRENT_ANGLE_FROM_HOME"),
+    *("BUMPERS", "ERROR_MSG", "NAV_EVENT_START", "NAV_EVENT_END", "NAV_EVENT_ERROR"),
+    *("NAV_EVENT_NOWAY", "PLAN_FINISHED", "ROBOT_TOPOLOGICAL_PLACE", "ROBOT_CONTROL_MODE"),
+    *("MOTION_CMD_V", "MOTION_CMD_W"),
 )
 PLANS: dict[Kind, str] = {"goto": "0", "dock": "505", "undock": "1"}  # their number at its end
 LANDING = 2.0  # seconds that the place may come after the end of the journey
@@ -83,10 +71,8 @@ class MoosOptions(OpenMoraOptions, frozen=True, kw_only=True):
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
-    """Return an adapter for a robot of OpenMORA; nothing is connected yet.
-
-    Raises:
-        AdapterError: no such profile or option, or nothing would stop its navigation; one sentence.
+    """Return an adapter, not connected. Raises AdapterError for a wrong profile or option, or when
+    nothing would stop the robot's navigation.
     """
     robot = load_profile(profile_name)
     return MoosAdapter(robot, settings_of(MoosOptions, "moos", robot, options))
@@ -114,7 +100,7 @@ class MoosAdapter(OpenMoraAdapter):
         self._client = MoosClient(options.name, options.host, options.port, self._take, self._lose)
         await self._client.connect()
         self._connected_at = time.time() + self._client.skew
-        for key in HEARD:
+        for key in SUBSCRIBED:
             self._client.register(key)
         self._ask_for_angle(time.monotonic())
         self._run(self._acknowledge())
@@ -177,19 +163,13 @@ class MoosAdapter(OpenMoraAdapter):
             case (("MOTION_CMD_V" | "MOTION_CMD_W"), float(speed)):
                 self._moved_by(mail.source, speed)
 
-    def _locate(self, text: str, said: float) -> None:
+    def _locate(self, text: str, stamp: float) -> None:
         try:
-            pose = openmora.pose_of(text)
+            self._located(openmora.pose_of(text), stamp)
         except openmora.DialectError as error:
             log.warning("localization_refused", extra={"reason": str(error)})
-            return
-        now = time.monotonic()
-        if pose is None:
-            self.readings.lost(now)
-            self.readings.last_received_at = now
         else:
-            self.readings.located(pose, stamp_of(said, time.time()), now)
-        self._heard()
+            self._received()
 
     def _charge(self) -> None:
         self.readings.charged(voltage=self._voltage, charging=self._charging)
@@ -216,7 +196,7 @@ class MoosAdapter(OpenMoraAdapter):
 
     def _moved_by(self, source: str, speed: float) -> None:
         """Take a velocity of the RobotControlManager, which is ours, or of a navigator: one that
-        moves the base without an action of ours started late, or never stopped.
+        moves the base without an action of ours started late, or has not stopped.
         """
         if source == self._controller or not self._controller:
             return
@@ -239,7 +219,7 @@ class MoosAdapter(OpenMoraAdapter):
         if pending.first_cancelled_at is not None and pending.action_id != self._arrived:
             return  # the confirmation ends it
         is_goto = pending.kind == "goto"
-        if is_goto and pending.over_at < now and self._is_there(pending):
+        if is_goto and pending.over_at < now and self._is_at_goal(pending):
             self._finish(pending, now)
         elif is_goto and now - pending.over_at > LANDING:
             pending.failure = "the robot stopped before it arrived"
@@ -247,7 +227,7 @@ class MoosAdapter(OpenMoraAdapter):
             pending.failure = "the robot does not start moving"
 
     def _finish(self, pending: PendingAction, now: float) -> None:
-        """Cancel a navigator that would set out again; its confirmed end finishes the action."""
+        """Cancel the navigator, which would restart; its confirmed end finishes the action."""
         self._arrived = pending.action_id
         if pending.first_cancelled_at is None:
             pending.first_cancelled_at = now

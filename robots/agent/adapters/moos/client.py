@@ -20,8 +20,8 @@ BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts 
 
 
 class MoosClient:
-    """One connection under a `name` unique at the database. `heard` gets every variable that
-    arrives, `lost` why the connection ended; both on the loop.
+    """One connection under a `name` that is unique at the database. `take` receives each variable,
+    `lost` why the connection ended; both on the loop.
     """
 
     def __init__(
@@ -29,31 +29,26 @@ class MoosClient:
         name: str,
         host: str,
         port: int,
-        heard: Callable[[Mail], None],
+        take: Callable[[Mail], None],
         lost: Callable[[str], None],
     ) -> None:
         self.name, self.community = name, ""
         self.skew = 0.0  # seconds that the database's clock is ahead of ours
-        self._host, self._port, self._heard, self._lost = host, port, heard, lost
+        self._host, self._port, self._take, self._lost = host, port, take, lost
         self._ids = itertools.count()
         self._writer: asyncio.StreamWriter | None = None
         self._tasks: list[asyncio.Task[None]] = []
         self._asking: deque[asyncio.Future[None]] = deque()
 
     async def connect(self) -> None:
-        """Reach the database and say who we are.
-
-        Raises:
-            AdapterError: it refuses, or is something else.
-            OSError, TimeoutError: there is no answer.
+        """Reach the database and register our name. Raises AdapterError when it refuses or is
+        something else, OSError or TimeoutError without an answer.
         """
         async with asyncio.timeout(GREETING_TIME):
             reader, self._writer = await asyncio.open_connection(self._host, self._port)
             make_prompt(self._writer.get_extra_info("socket"))
-            self._writer.write(
-                wire.GREETING
-                + wire.pack([Mail(wire.DATA, wire.ASYNCHRONOUS, self.name, time.time())])
-            )
+            hello = Mail(wire.DATA, wire.ASYNCHRONOUS, self.name, time.time())
+            self._writer.write(wire.GREETING + wire.pack([hello]))
             self.community = await self._welcome(reader)
         self._tasks = [
             asyncio.ensure_future(self._read(reader)),
@@ -78,28 +73,21 @@ class MoosClient:
         return answer.community
 
     def notify(self, key: str, value: Value) -> None:
-        """Send a variable; raises AdapterError when the database is gone, or does not read."""
-        self._send(Mail(wire.NOTIFY, key, value, time.time(), self.name, number=next(self._ids)))
+        """Send a variable; raises AdapterError when the database is lost, or does not read."""
+        self._send(wire.NOTIFY, key, value)
 
     def register(self, key: str, interval: float = 0.0) -> None:
-        """Subscribe to a variable, at most every `interval` seconds; its last value comes first."""
-        self._send(
-            Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids))
-        )
+        """Subscribe to a variable and its last value, at most every `interval` seconds."""
+        self._send(wire.REGISTER, key, interval)
 
     async def ask(self) -> None:
-        """Wait until the database has read what was sent so far.
+        """Wait until the database has read what was sent so far; raises AdapterError when it is
+        lost.
 
-        It answers a message of timing that leads a packet, behind all packets of before
+        It answers a timing message at the head of a packet after all earlier packets
         (ThreadedCommServer::ProcessClient).
-
-        Raises:
-            AdapterError: the database is gone.
         """
-        answer = asyncio.get_running_loop().create_future()
-        self._asking.append(answer)
-        self._say_time()
-        await answer
+        await self._send_time()
 
     def abort(self) -> None:
         """Disconnect at once, discarding what was not received yet."""
@@ -126,42 +114,38 @@ class MoosClient:
                     await self._writer.wait_closed()
             self._writer = None
 
-    def _send(self, mail: Mail) -> None:
+    def _send(self, kind: bytes, key: str, value: Value) -> None:
         writer = self._writer
         if writer is None or writer.transport.is_closing():
             raise AdapterError("the connection to the MOOSDB is lost")
         if writer.transport.get_write_buffer_size() > BACKLOG:
             raise AdapterError("the MOOSDB has stopped reading messages")
+        mail = Mail(kind, key, value, time.time(), self.name, number=next(self._ids))
         writer.write(wire.pack([mail]))
 
     async def _beat(self) -> None:
-        """Send before the silence is too long."""
-        with contextlib.suppress(AdapterError):  # the reader reports that it is lost
+        with contextlib.suppress(AdapterError):  # the reader reports the loss
             while True:
-                # its answer is not awaited
-                self._asking.append(asyncio.get_running_loop().create_future())
-                self._say_time()
+                self._send_time()  # its answer is not awaited
                 await asyncio.sleep(BEAT)
 
-    def _say_time(self) -> None:
-        self._send(
-            Mail(wire.TIMING, wire.CLOCK, 0.0, time.time(), self.name, number=next(self._ids))
-        )
-
-    def _answer(self) -> None:
-        """Take the answer to the oldest question: the database answers in order."""
-        asked = self._asking.popleft()
-        if not asked.done():
-            asked.set_result(None)
+    def _send_time(self) -> asyncio.Future[None]:
+        """Return a future that completes with the answer: the database answers in order."""
+        answer: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._asking.append(answer)
+        self._send(wire.TIMING, wire.CLOCK, 0.0)
+        return answer
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
             while True:
                 for mail in await _packet(reader):
                     if mail.type == wire.NOTIFY:
-                        self._heard(mail)
+                        self._take(mail)
                     elif mail.type == wire.TIMING and self._asking:
-                        self._answer()
+                        asked = self._asking.popleft()
+                        if not asked.done():
+                            asked.set_result(None)
         except (OSError, asyncio.IncompleteReadError, wire.MoosWireError) as error:
             self._lost(f"the MOOSDB is gone: {reason_of(error)}")
 

@@ -6,6 +6,7 @@ the profile's `tilt.home`.
 """
 
 import math
+import re
 from dataclasses import dataclass
 
 from robots.agent.adapters.common.robot_profile import RobotProfile
@@ -22,12 +23,12 @@ SETTING_OUT = 5.0  # seconds in which a journey begins
 
 
 class DialectError(ValueError):
-    """A value of the robot that is not in this dialect."""
+    """A malformed value of the robot."""
 
 
 @dataclass(frozen=True)
 class OpenMoraStatus:
-    """The variable `Status`, at 10 Hz; None, or an empty name, where the robot does not know."""
+    """The variable `Status`, at 10 Hz; None, or an empty name, for unknown."""
 
     pose: Pose | None
     place: str
@@ -65,12 +66,12 @@ def point(x: float, y: float) -> str:
 
 
 def area(x: float, y: float, half_width: float, particles: int) -> str:
-    """Return `[xmin xmax ymin ymax particles]`, metres: what OpenMORA's particle filter takes as
-    RELOCALIZE_IN_AREA.
+    """Return `[xmin xmax ymin ymax particles]`, metres: RELOCALIZE_IN_AREA of OpenMORA's particle
+    filter.
 
-    It ignores whatever is no matrix of at least five columns without a word
-    (Localization2D_PF/CPFLocalizationApp.cpp, ProcessParticleFilter). Of the box it takes the
-    middle, and spreads its particles as wide around it as its own X_MIN … Y_MAX say.
+    The filter silently ignores anything but a matrix of at least five columns
+    (Localization2D_PF/CPFLocalizationApp.cpp, ProcessParticleFilter). It uses the middle of the
+    box, and spreads its particles around it according to its own X_MIN … Y_MAX.
     """
     return (
         f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f}"
@@ -85,19 +86,17 @@ def pose_of(text: str) -> Pose | None:
     parts = text.strip().strip("[]").replace("deg", "").split()
     try:
         x, y, degrees = (float(part) for part in parts[:3])
+        theta = wrap_angle(math.radians(degrees))
     except ValueError as error:
         raise DialectError(f"invalid pose: {text[:60]!r}") from error
     if not all(map(math.isfinite, (x, y, degrees))):
         raise DialectError(f"invalid pose: {text[:60]!r}")
-    return Pose(x=x, y=y, theta=wrap_angle(math.radians(degrees)))
+    return Pose(x=x, y=y, theta=theta)
 
 
 def status_of(text: str) -> OpenMoraStatus:
-    """Read `x y phi|place|destination|mode|volts|charging|…`; what newer robots add behind is
-    ignored.
-
-    Raises:
-        DialectError: it is none.
+    """Read `x y phi|place|destination|mode|volts|charging`, and ignore additions of newer robots;
+    raises DialectError.
     """
     fields = text.split("|")
     if len(fields) < 6:
@@ -108,22 +107,17 @@ def status_of(text: str) -> OpenMoraStatus:
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
         raise DialectError(f"invalid voltage: {volts[:20]!r}") from error
-    return OpenMoraStatus(
-        pose_of(pose),
-        _name(place),
-        _name(destination),
-        mode == "Autonomous",
-        voltage,
-        _truth(charging),
+    place, destination = (
+        "" if name.strip() == UNKNOWN else name.strip() for name in (place, destination)
     )
+    is_charging = {"1": True, "0": False}.get(charging.strip())
+    autonomous = mode == "Autonomous"
+    return OpenMoraStatus(pose_of(pose), place, destination, autonomous, voltage, is_charging)
 
 
 def scan_of(text: str, stamp: float, farthest: float) -> Scan:
-    """Read `Aperture a#Nsamples n#Values r r r …` (radians, metres, from right to left); what
-    reaches `farthest` came back from nowhere.
-
-    Raises:
-        DialectError: it is none.
+    """Read `Aperture a#Nsamples n#Values r r r …` (radians, metres, from right to left), where
+    `farthest` is no echo; raises DialectError.
     """
     try:
         aperture, _, values = text.split("#", 2)
@@ -144,19 +138,12 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
 
 def nodes_of(text: str) -> frozenset[str]:
     """Return the labels of a topology: the words in front of a type and two numbers."""
-    words = (
-        text.replace("#", " ")
-        .replace(";", " ")
-        .replace(",", " ")
-        .replace("[", " ")
-        .replace("]", " ")
-        .split()
+    words = re.sub(r"[#;,\[\]]", " ", text).split()
+    return frozenset(
+        label
+        for label, _, x, y in zip(words, words[1:], words[2:], words[3:], strict=False)
+        if _is_number(x) and _is_number(y) and not _is_number(label)
     )
-    found = set()
-    for label, _, x, y in zip(words, words[1:], words[2:], words[3:], strict=False):
-        if _is_number(x) and _is_number(y) and not _is_number(label):
-            found.add(label)
-    return frozenset(found)
 
 
 def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
@@ -167,14 +154,6 @@ def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
 def tilt_of(degrees: float, robot: RobotProfile, sign: float) -> float:
     """Return degrees from the head's home as our tilt in radians."""
     return (robot.tilt.home if robot.tilt else 0.0) + sign * math.radians(degrees)
-
-
-def _name(text: str) -> str:
-    return "" if text.strip() == UNKNOWN else text.strip()
-
-
-def _truth(text: str) -> bool | None:
-    return {"1": True, "0": False}.get(text.strip())
 
 
 def _is_number(word: str) -> bool:

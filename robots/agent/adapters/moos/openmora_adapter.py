@@ -19,10 +19,11 @@ from robots.agent.adapters.common.pending_actions import (
 )
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile
+from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError
-from robots.api.messages import Action, Capability, Goto, Relocalize, Velocity
+from robots.api.messages import Action, Capability, Goto, Pose, Relocalize, Velocity
 
 SLOWEST_GUARD = 2.0  # seconds, as for a watchdog
 CANCEL_AGAIN = 0.1  # seconds between two cancels, at least
@@ -34,7 +35,7 @@ FILTERING = 1.0
 
 
 class OpenMoraOptions(Struct, frozen=True, kw_only=True):
-    """`tilt_sign` is -1 where the head counts upwards; `nodes` are places by name, by comma.
+    """`tilt_sign` is -1 where the head counts upwards; `nodes` are names of places, with commas.
 
     `client_ack_interval` is the `max_client_ack_interval` of the robot's RobotControlManager in
     seconds, 0 where its `use_client_alive_ack` is off.
@@ -79,7 +80,7 @@ class OpenMoraAdapter(RemoteAdapter):
             f" [{adapter}] of the profile",
         )
         super().__init__(profile, robot.battery)
-        # The middleman answers for a robot that hangs behind it, and would keep more for it.
+        # The broker or database answers for a robot that hangs, and would store more velocities.
         self.gate_params = replace(remote_adapter.GATE, orders=1)
         self._robot = robot
         self._options = options
@@ -90,15 +91,15 @@ class OpenMoraAdapter(RemoteAdapter):
 
     @abstractmethod
     def _send_motion(self, velocity: Velocity) -> None:
-        """Send a velocity; it sets the autonomous mode."""
+        """Send a velocity, which sets the autonomous mode."""
 
     @abstractmethod
     def _send_cancel(self) -> None:
-        """End whatever navigates or docks; it sets the manual mode."""
+        """End navigation and docking, which sets the manual mode."""
 
     @abstractmethod
     async def _send_action(self, action: Action) -> None:
-        """Send an action whose place is known; raises as `_order`."""
+        """Send an action to a known place; raises as `_order`."""
 
     def _drive(self, velocity: Velocity) -> None:
         drive = self.pending_actions.drive
@@ -143,6 +144,15 @@ class OpenMoraAdapter(RemoteAdapter):
     def _head_degrees(self, angle: float) -> float:
         return openmora.head_degrees(angle, self._robot, self._options.tilt_sign)
 
+    def _located(self, pose: Pose | None, stamp: float) -> None:
+        """Take the robot's pose, None while it is lost; `stamp` is in Unix time."""
+        now = time.monotonic()
+        if pose is None:
+            self.readings.lost(now)
+            self.readings.last_received_at = now  # it works, although it is lost
+        else:
+            self.readings.located(pose, stamp_of(stamp, time.time()), now)
+
     def _report_error(self, text: str) -> None:
         self.readings.errors = (text,)
         self._error_at = time.monotonic()
@@ -151,12 +161,11 @@ class OpenMoraAdapter(RemoteAdapter):
         if self.readings.errors and now - self._error_at > ERROR_SHOWN:
             self.readings.errors = ()
 
-    def _is_there(self, pending: PendingAction) -> bool:
+    def _is_at_goal(self, pending: PendingAction) -> bool:
         if pending.goal is None:
             return self._place == pending.place
-        x, y = pending.goal
         pose = self.readings.pose
-        return pose.localized and math.hypot(pose.x - x, pose.y - y) < ARRIVED
+        return pose.localized and math.dist((pose.x, pose.y), pending.goal) < ARRIVED
 
 
 def is_plan(pending: PendingAction) -> bool:

@@ -1,27 +1,27 @@
-"""The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age
-limits in front of it.
+"""The paper's Giraff: OpenMORA's MQTTMosquitto module on a broker of its own, with our age limits
+in front of it.
 
 Its topics are `<robot>/…`, QoS 0, not retained. What it does (MQTTMosquitto/CMQTTMosquitto.cpp):
 - It obeys a `Motion` however late it arrives: on_message compares its time with that of the last
   `ClientACK`, not with the clock. So a velocity that waited here too long is not sent
   (send_slots.py), and none is sent to a broker that has not just acknowledged a `ClientProbe`,
-  which is of QoS 1 and means nothing to the robot (velocity_gate.py).
-- Half a second after the last `Motion` it publishes CANCEL_NAVIGATION, whatever runs by then. But
-  it looks for that only when a message arrives, or after a second without one (`loop(-1)`).
-- It forwards `ClientACK` to the RobotControlManager, which is the guard: see adapter.py. It ends
-  navigation and docking, two seconds after the last one as shipped.
+  which is of QoS 1 and which the robot ignores (velocity_gate.py).
+- Half a second after the last `Motion` it publishes CANCEL_NAVIGATION, which ends anything. But it
+  checks this only when a message arrives, or after a second without one (`loop(-1)`).
+- It forwards `ClientACK` to the RobotControlManager, which is the guard (see adapter.py): as
+  shipped, it ends navigation and docking two seconds after the last one.
 - `StopGiraff` is CANCEL_NAVIGATION. `Debug VARIABLE text` publishes any variable.
-- `RobotACK` begins with the count of the last `ClientACK`, so it tells what the module has read.
+- `RobotACK` begins with the count of the last `ClientACK`: what the module has read.
 
-The agent's last will is a `StopGiraff`: when its process dies, the broker ends whatever runs.
+The agent's last will is a `StopGiraff`: when the agent dies, the broker stops the robot.
 
-The angle of the head is sent and never reported: unknown at first, then assumed to turn as fast as
-the profile says.
+The angle of the head is sent and never reported: unknown at first, then estimated from the speed in
+the profile.
 
 A cancel, and the end of a journey to a place by name, leave the robot in manual mode. The end of
-one to a point leaves it autonomous (RobotControlManager/CRobotControllerApp.cpp): it has ended
-where the robot stays. The Executor forgets a cancel that came before it started a plan, and over
-MQTT nothing tells of plans: a cancelled plan has ended when the mode has stayed manual for longer
+one to a point leaves it autonomous (RobotControlManager/CRobotControllerApp.cpp): it has ended when
+the robot no longer moves. The Executor forgets a cancel that arrived before it started a plan, and
+MQTT does not report plans: a cancelled plan has ended when the mode has stayed manual for longer
 than a plan takes to start. A robot that is autonomous without an action of ours is cancelled again.
 """
 
@@ -47,7 +47,7 @@ from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velo
 from robots.logs import reason_of
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
-HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
+SUBSCRIBED = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
 CONNECTING = 4.0
 KEEPALIVE = 5
 # seconds after a Motion in which the robot would cancel any new journey with it
@@ -55,11 +55,9 @@ MOTION_MEMORY = 0.6
 MOTION_ENDS = 2.0  # seconds after the last Motion, after which the robot is in manual mode
 PLAN_STARTS = 1.0  # seconds in which a plan starts, and sets the autonomous mode
 STAYS = 0.1  # metres that the pose of a robot at rest may vary
-# seconds after which a robot that does not leave its place has ended its journey, if it is where it
-# should be
-STAYED = 1.5
+STAYED = 1.5  # seconds after which a robot that stays at its goal has ended its journey
 LANDING = 5.0  # seconds in which a robot that ended its docking reports that it charges
-GIVEN_UP = 20.0  # seconds after which one that is not has given up
+GIVEN_UP = 20.0  # seconds after which a robot that stays elsewhere has failed
 
 
 class OpenMoraMqttOptions(OpenMoraOptions, frozen=True, kw_only=True):
@@ -77,17 +75,13 @@ class OpenMoraMqttOptions(OpenMoraOptions, frozen=True, kw_only=True):
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapter":
-    """Return an adapter for a robot that speaks OpenMORA's MQTT; nothing is connected yet.
-
-    Raises:
-        AdapterError: no such profile or option, or nothing would stop its navigation; one sentence.
+    """Return an adapter, not connected. Raises AdapterError for a wrong profile or option, or when
+    nothing would stop the robot's navigation.
     """
     robot = load_profile(profile_name)
     settings = settings_of(OpenMoraMqttOptions, "openmora_mqtt", robot, options)
     try:
-        endpoint = Endpoint.of(
-            settings.broker, settings.username or None, settings.password or None
-        )
+        endpoint = Endpoint.of(settings.broker, settings.username, settings.password)
     except ValueError as error:
         raise AdapterError(str(error)) from error
     return OpenMoraMqttAdapter(robot, settings, endpoint)
@@ -131,7 +125,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         try:
             async with self._client() as client:
                 self._broker = client
-                await subscribe(client, [(f"{self._options.robot}/{name}", 0) for name in HEARD])
+                await subscribe(client, [f"{self._options.robot}/{name}" for name in SUBSCRIBED])
                 if not ready.done():
                     ready.set_result(None)
                 self._cancel_navigation()  # what an earlier connection or run has left
@@ -149,23 +143,12 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
                 ready.set_exception(AdapterError(reason))
 
     def _client(self) -> Client:
-        place = self._endpoint
-        return Client(
-            place.host,
-            place.port,
-            username=place.username,
-            password=place.password,
-            transport=place.transport,
-            websocket_path=place.path,
-            tls_context=place.tls,
+        stop = openmora.stamped("StopGiraff", time.time())
+        return self._endpoint.client(
             keepalive=KEEPALIVE,
             timeout=CONNECTING,
-            clean_session=True,
-            will=Will(
-                f"{self._options.robot}/NavigationCommand",
-                openmora.stamped("StopGiraff", time.time()),
-            ),
-            socket_options=socket_options() if place.transport == "tcp" else (),
+            will=Will(f"{self._options.robot}/NavigationCommand", stop),
+            socket_options=socket_options() if self._endpoint.transport == "tcp" else (),
         )
 
     async def _ask(self) -> None:
@@ -198,13 +181,13 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
     async def _receive(self, client: Client) -> None:
         async for delivery in client.messages:
             payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
-            # what cannot be read is as if it had not come: silence is noticed
+            # a malformed message counts as missing: silence is detected
             with contextlib.suppress(openmora.DialectError):
                 self._take(str(delivery.topic).rpartition("/")[2], *openmora.unstamped(payload))
 
     async def _send(self, client: Client) -> None:
-        # asyncio.wait_for, which `publish` waits with, forgets that it was cancelled when it ends
-        # at that moment (until Python 3.12).
+        # asyncio.wait_for, which `publish` uses, loses a cancellation that arrives as it ends
+        # (until Python 3.12).
         while not self._failure:
             topic, text = await self._outgoing.take()
             await client.publish(
@@ -229,7 +212,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
     def _take(self, topic: str, text: str, sent: float) -> None:
         match topic:
             case "Status":
-                self._take_status(openmora.status_of(text), stamp_of(sent, time.time()))
+                self._take_status(openmora.status_of(text), sent)
             case "LaserScan" if "scan" in self.profile.capabilities:
                 self.readings.scanned(
                     openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max)
@@ -247,31 +230,26 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
     def _take_status(self, status: openmora.OpenMoraStatus, stamp: float) -> None:
         now = time.monotonic()
         self._place = status.place
-        if status.pose is None:
-            self.readings.lost(now)
-            self.readings.last_received_at = now  # it lives, and does not know where it is
-        else:
-            self.readings.located(status.pose, stamp, now)
+        self._located(status.pose, stamp)
         self.readings.charged(voltage=status.voltage, charging=status.charging)
         if status.autonomous != self._mode[0]:
             self._mode = status.autonomous, now
         self._watch_journey(status, now)
-        self._stop_strays(status, now)
-        self._heard()
-
-    def _stop_strays(self, status: openmora.OpenMoraStatus, now: float) -> None:
-        """Cancel a late start, or what an earlier run of the agent has left driving."""
         is_ours = self.pending_actions.drive is not None or now - self._moved_at < MOTION_ENDS
         if status.autonomous and not is_ours:
-            self._cancel_navigation()
+            self._cancel_navigation()  # a late start, or left by an earlier run of the agent
+        self._received()
 
     def _watch_journey(self, status: openmora.OpenMoraStatus, now: float) -> None:
-        """Tell from mode and place when a journey ends, and whether it ended where it should."""
+        """Determine from mode and place when a journey ends, and whether at its goal."""
         pending = self.pending_actions.drive
         if pending is None or not pending.accepted or pending.failure:
             return
         if pending.over_at < math.inf:
-            self._finish(pending, status)
+            if not status.autonomous:
+                self.pending_actions.end(pending.action_id, "FINISHED")
+            else:  # the navigator would restart if the robot were moved
+                self._cancel_navigation()
             return
         if pending.first_cancelled_at is not None:
             return  # the confirmation ends it
@@ -289,7 +267,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         self, pending: PendingAction, status: openmora.OpenMoraStatus, now: float
     ) -> None:
         stays = now - max(self._stays_since(status, now), pending.began)
-        if self._is_there(pending):
+        if self._is_at_goal(pending):
             if stays > STAYED and (pending.goal is not None or not status.autonomous):
                 pending.over_at = now
         elif pending.seen_running and not status.autonomous:
@@ -297,20 +275,10 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         elif stays > GIVEN_UP:
             pending.failure = "the robot did not arrive in time"
 
-    def _finish(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> None:
-        """Cancel a navigator that would set out again if the robot were moved."""
-        if not status.autonomous:
-            self.pending_actions.end(pending.action_id, "FINISHED")
-        else:
-            self._cancel_navigation()
-
     def _stays_since(self, status: openmora.OpenMoraStatus, now: float) -> float:
-        """Return since when the robot has not left its place, monotonic seconds."""
+        """Return since when the robot has not moved, monotonic seconds."""
         pose = status.pose
-        if (
-            pose is not None
-            and math.hypot(pose.x - self._stood_at[0], pose.y - self._stood_at[1]) > STAYS
-        ):
+        if pose is not None and math.dist((pose.x, pose.y), self._stood_at) > STAYS:
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
@@ -329,8 +297,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         self._head.turn_to(angle, time.monotonic())
 
     async def _send_action(self, action: Action) -> None:
-        # A Motion of just now is cancelled by the robot after half a second, and any journey with
-        # it.
+        # Half a second after a Motion, the robot cancels it, and any journey with it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
         owned = self.pending_actions.of(action.action_id)
         if not isinstance(action, Relocalize) and (not owned or owned.first_cancelled_at):

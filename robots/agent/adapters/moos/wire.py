@@ -3,10 +3,9 @@ Pure; little endian throughout.
 
     packet   int32 bytes in all, int32 messages, uint8 compressed (always 0 here), the messages
     message  int32 bytes in all, int32 id, char type, char kind of value, four strings (source, its
-    helper, community, variable),
-             three float64 (time, value, second value), the string value;      a string is int32
-             bytes, then the bytes
-    greeting 32 bytes padded with NUL, then a packet with one message that says who the client is
+             helper, community, variable), three float64 (time, value, second value), the string
+             value; a string is int32 bytes, then the bytes
+    greeting 32 bytes padded with NUL, then a packet with one message that names the client
 
 Tried against a MOOSDB of its authors.
 """
@@ -66,7 +65,7 @@ def body_length(header: bytes) -> tuple[int, int]:
 
 
 def unpack(body: bytes, count: int) -> list[Mail]:
-    """Return the messages of a packet; raises MoosWireError when it is none."""
+    """Return the messages of a packet; raises MoosWireError when it is malformed."""
     found, offset = [], 0
     for _ in range(count):
         mail, offset = _unpack(body, offset)

@@ -5,13 +5,11 @@ odometry and a laser.
 
 Each capability that the RCA names stays its own. If it knows its pose, our navigation uses that.
 
-This adapter adds actions, a pose and a path. It sends no velocities: what navigation wants passes
+This adapter adds actions, a pose and a path. It sends no velocities: those of navigation pass
 through the safety kernel like a driver's command (robot_interface.Navigating), and only while an
-action of ours runs, so cancelling one ends it at once, whatever the navigation process does. If
+action of ours runs, so cancelling one ends it at once, even when the navigation process hangs. If
 that process is late, the robot stops; if it stays silent, it is killed, its action fails with the
 reason, and the next process starts from the last known pose.
-
-Longer than most files: it is every member of the contract, in its order.
 """
 
 import asyncio
@@ -67,9 +65,9 @@ SNAPSHOT_PERIOD = 0.1  # seconds, for the navigation process
 LATE = 0.3  # seconds without its output after which the robot stops
 # and after which the process is killed: while an action runs, while none does
 STUCK, STUCK_IDLE = 1.0, 3.0
-# how exactly a robot is put where it begins
+# m and rad: how exactly a robot is placed at its start
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)
-# and how far it may have gone since it was known last
+# m and rad: how far it may have moved since its last known pose
 AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)
 OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
 LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
@@ -78,11 +76,11 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
-    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is
-    when that has both, or no laser.
+    """Return the adapter with the localization and the navigation that its RCA lacks; unchanged
+    when it has both, or no laser.
 
-    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose.
-    `area` is the site, None when the server will send it; `memory` is the file of the last pose.
+    An RCA with localization but without navigation gets ours, on its own pose. `area` is the site,
+    None when the server will send it; `memory` is the file of the last pose.
     """
     profile = inner.profile
     if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
@@ -133,9 +131,9 @@ class AutonomyAdapter:
         self._sent_sweep = -math.inf
         self._path: tuple[Point, ...] = ()
         self._wish: Velocity | None = None
-        self._starting: set[str] = set()  # actions that the navigation process is asked for
+        self._starting: set[str] = set()  # actions that the navigation process has not answered
         self._running: str | None = None  # the action that moves the robot
-        self._looking: set[str] = set()  # actions that look for it
+        self._looking: set[str] = set()  # actions that localize it
         self._last_received_at = -math.inf
         if isinstance(inner, WithLock):
             self.set_lock = inner.set_lock
@@ -171,14 +169,11 @@ class AutonomyAdapter:
             self._settle(update)
 
     async def start(self, action: Action) -> None:
-        """Begin an action, of ours or of the RCA's.
-
-        Raises:
-            ActionRefusedError: not possible, with the reason. One of ours never runs after that,
-                because its velocities are ignored.
-            AdapterError: the RCA did not confirm it.
+        """Start an action, of ours or of the RCA's; errors as in robot_interface.Adapter. A refused
+        action of ours never runs, because its velocities are ignored.
         """
-        if not isinstance(action, Orderable) or _name(action) not in self._ours:
+        name = type(action).__struct_config__.tag
+        if not isinstance(action, Orderable) or name not in self._ours:
             await self.inner.start(action)
             return
         if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
@@ -186,7 +181,7 @@ class AutonomyAdapter:
         if not isinstance(action, Relocalize) and self._running is not None:
             raise ActionRefusedError("another action still runs")
         await self._order(action)
-        self._tell(ActionProgress(action.action_id, "RUNNING"))
+        self._news.put(ActionProgress(action.action_id, "RUNNING"))
         if isinstance(action, Relocalize):
             self._looking.add(action.action_id)
         else:
@@ -219,7 +214,7 @@ class AutonomyAdapter:
         return await self.inner.cancel(action_id)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's states; `located` adds our pose and path. Raises AdapterError."""
+        """Yield the RCA's states; `located` adds our pose and path."""
         try:
             async for reading in self.inner.states():
                 yield reading
@@ -257,25 +252,15 @@ class AutonomyAdapter:
             await self.inner.close()
         finally:
             await self.node.close()
-            if (
-                self._area is not None
-                and self._last is not None
-                and self._pose_buffer.trusted
-                and not self._localizes
-            ):
-                await self._memory.close(
-                    self._area.map_id, self._pose_buffer.place(self._last.odometry)
-                )
+            is_known = self._pose_buffer.trusted and not self._localizes
+            if self._area is not None and self._last is not None and is_known:
+                place = self._pose_buffer.place(self._last.odometry)
+                await self._memory.close(self._area.map_id, place)
 
     # --- readings ---------------------------------------------------------------------------------
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Take a reading and obstacles (n, 2) in the robot's frame; return it with our pose, path
-        and errors.
-
-        Raises:
-            OSError, RuntimeError: why the task that restarts the process has ended.
-        """
+        """See robot_interface.Navigating. Raises what ended the task that restarts the process."""
         self.node.check()
         now = self._now()
         self._perceive(reading, points, now)
@@ -283,12 +268,8 @@ class AutonomyAdapter:
         pose = reading.pose if self._localizes else self._pose_buffer.pose(reading.odometry, now)
         if pose.localized and self._area is not None and not self._localizes:
             self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
-        return replace(
-            reading,
-            pose=pose,
-            errors=(*reading.errors, *self._complaints(reading)),
-            path=self._path,
-        )
+        errors = (*reading.errors, *self._errors(reading))
+        return replace(reading, pose=pose, errors=errors, path=self._path)
 
     def _perceive(self, reading: RcaState, points: Floats, now: float) -> None:
         if reading.odometry is None:
@@ -311,12 +292,11 @@ class AutonomyAdapter:
             if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._sent_sweep = self._beams.stamp
 
-    def _complaints(self, reading: RcaState) -> tuple[str, ...]:
+    def _errors(self, reading: RcaState) -> tuple[str, ...]:
         if reading.odometry is None:
             return ("the robot gives no odometry",)
         if self._localizes and self._area is None:
-            # a robot that needs nothing of ours to be driven is not at fault for want of a map
-            return ()
+            return ()  # without a map, the robot can be driven as usual
         return () if self.node.ready else (f"navigation: {self.node.problem}",)
 
     # --- the navigation process -------------------------------------------------------------------
@@ -328,7 +308,7 @@ class AutonomyAdapter:
         self.node.settle(area)
 
     def _place(self) -> None:
-        """Tell a new process where the robot is: the last known pose, or where it begins."""
+        """Send a new process the robot's last known pose, or its start."""
         self._last_received_at, self._sent_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
@@ -351,7 +331,7 @@ class AutonomyAdapter:
             self._path = output.path
         for news in output.news:
             if news.action_id == self._running or news.action_id in self._looking:
-                take = self._end if news.status in ENDED else self._tell
+                take = self._end if news.status in ENDED else self._news.put
                 take(news)
 
     def _watch(self, now: float) -> None:
@@ -372,18 +352,11 @@ class AutonomyAdapter:
         self._looking.discard(news.action_id)
         if news.action_id == self._running:
             self._running, self._wish, self._path = None, None, ()
-        self._tell(news)
-
-    def _tell(self, news: ActionProgress) -> None:
         self._news.put(news)
 
     async def _pump(self) -> None:
         try:
             async for news in self.inner.progress():
-                self._tell(news)
+                self._news.put(news)
         except AdapterError as error:
             self._news.put(error)
-
-
-def _name(action: Action) -> str:
-    return str(type(action).__struct_config__.tag)

@@ -19,8 +19,8 @@ from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
 from robots.logs import reason_of
 
-START_TIME = 30.0  # a slow computer reads scipy for that long
-READY_TIME = 5.0  # how long an order waits for a process that is starting
+START_TIME = 30.0  # a slow computer takes that long to import scipy
+READY_TIME = 5.0  # that an action waits for a process that is starting
 ANSWER_TIME = 5.0
 BACKLOG = 256 << 10
 POLL_INTERVAL_S = 0.2  # between two checks that a starting process is alive
@@ -61,7 +61,7 @@ class NavigationProcess:
         return self._child.pid if self._child is not None else None
 
     def settle(self, area: FloorPlanUpdate) -> None:
-        """Use this site from now on: a process that uses another one is killed."""
+        """Use this site; a process with another one is killed."""
         self._area = area
         self._area_came.set()
         self.give_up("the map has changed")
@@ -72,7 +72,7 @@ class NavigationProcess:
             self._task = asyncio.get_running_loop().create_task(self._run())
 
     def check(self) -> None:
-        """Raise what ended the task that restarts the process, if anything did."""
+        """Raise what ended the task that restarts the process, if it has ended."""
         if self._task is not None and self._task.done() and not self._task.cancelled():
             self._task.result()
 
@@ -142,15 +142,15 @@ class NavigationProcess:
                 log.warning("navigation_node_lost", reason=reason_of(error))
             finally:
                 self._lose("it is restarting")
-                await _end(self._child)
-                self._child = None
+                if self._child is not None:
+                    self._child.kill()
+                    await asyncio.to_thread(self._child.wait)
+                    self._child = None
             await asyncio.sleep(backoff.failed(asyncio.get_running_loop().time() - began))
 
     async def _live(self) -> None:
-        """Start a process, give it the site, and read its output until it ends.
-
-        Raises:
-            OSError, TimeoutError, IncompleteReadError, WireError: how it ended.
+        """Start a process, send it the site, and read its output until it ends with an OSError,
+        TimeoutError, IncompleteReadError or WireError.
         """
         area = self._area
         assert area is not None
@@ -203,10 +203,8 @@ class NavigationProcess:
             self._child = await asyncio.to_thread(_launch, f"{host}:{port}", token)
             async with asyncio.timeout(START_TIME):
                 while not met.done():
-                    if self._child.poll() is not None:
-                        raise OSError(
-                            f"it ended at once, with exit status {self._child.returncode}"
-                        )
+                    if (status := self._child.poll()) is not None:
+                        raise OSError(f"it ended at once, with exit status {status}")
                     await asyncio.wait({met}, timeout=POLL_INTERVAL_S)
             return met.result()
         finally:
@@ -221,9 +219,8 @@ class NavigationProcess:
                 if answer is not None and not answer.done():
                     answer.set_result(problem)
             case _:
-                raise framing.WireError(
-                    f"unexpected {type(word).__name__} after navigation was set up"
-                )
+                kind = type(word).__name__
+                raise framing.WireError(f"unexpected {kind} after navigation was set up")
 
     def _lose(self, why: str) -> None:
         self.ready, self._writer = False, None
@@ -236,17 +233,10 @@ class NavigationProcess:
 def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
     child = start_module("robots.agent.autonomy", address, stdin=subprocess.PIPE)
     assert child.stdin is not None
-    # it is dead already, which the silence on its socket tells
-    with contextlib.suppress(BrokenPipeError):
+    with contextlib.suppress(BrokenPipeError):  # it has ended already, which `_start` notices
         child.stdin.write(f"{token}\n".encode())
         child.stdin.close()
     return child
-
-
-async def _end(child: subprocess.Popen[bytes] | None) -> None:
-    if child is not None:
-        child.kill()
-        await asyncio.to_thread(child.wait)
 
 
 async def _read(reader: asyncio.StreamReader) -> wire.FromNode:

@@ -1,7 +1,7 @@
 """The robot's last pose in a file, so that the next agent need not search the whole map for it.
 
-The robot may have been moved since, so the pose is only a first guess, which the laser confirms or
-refutes. A file that cannot be read or written counts as missing.
+The robot may have been moved since, so the pose is only a first guess, which the laser must
+confirm. A file that cannot be read or written counts as missing.
 """
 
 import asyncio
@@ -17,7 +17,7 @@ from robots.api.geometry import Pose2D
 
 PERIOD = 5.0  # seconds between two writes
 READING_TIME = 1.0  # seconds that a connection waits for the disk
-MOVED = 0.1  # metres, or radians, less than which are not worth one
+MOVED = 0.1  # metres, or radians, beyond which a pose is written
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -46,13 +46,12 @@ class PoseMemory:
 
     def note(self, map_id: str, pose: Pose2D, now: float) -> None:
         """Write a pose at most every 5 s, in a thread."""
-        if (
-            self._path is None
-            or self._writing is not None
-            or not self._due.due(now)
-            or not self._is_news(map_id, pose)
-        ):
+        if self._path is None or self._writing is not None or not self._due.due(now):
             return
+        if self._kept is not None and self._kept[0] == map_id:
+            step = self._kept[1].inverse().compose(pose)
+            if math.hypot(step.x, step.y) <= MOVED and abs(step.theta) <= MOVED:
+                return
         self._kept = map_id, pose
         self._writing = asyncio.get_running_loop().create_task(
             asyncio.to_thread(self._write, map_id, pose)
@@ -66,12 +65,6 @@ class PoseMemory:
         if self._path is not None and pose is not None:
             await asyncio.to_thread(self._write, map_id, pose)
 
-    def _is_news(self, map_id: str, pose: Pose2D) -> bool:
-        if self._kept is None or self._kept[0] != map_id:
-            return True
-        step = self._kept[1].inverse().compose(pose)
-        return math.hypot(step.x, step.y) > MOVED or abs(step.theta) > MOVED
-
     def _written(self, _: "asyncio.Task[None]") -> None:
         self._writing = None
 
@@ -80,9 +73,8 @@ class PoseMemory:
         unfinished = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(
-                json.dumps({"map_id": map_id, **pose._asdict()}), encoding="utf-8"
-            )
+            content = json.dumps({"map_id": map_id, **pose._asdict()})
+            unfinished.write_text(content, encoding="utf-8")
             unfinished.replace(self._path)
         except OSError as error:
             log.warning("pose_not_kept", reason=str(error))

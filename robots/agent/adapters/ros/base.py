@@ -35,7 +35,7 @@ from robots.agent.adapters.ros.graph import (
     TopicNeed,
     TopicPeers,
     chosen_stamped,
-    nobody_listens,
+    no_subscriber,
     unpublished,
 )
 from robots.agent.adapters.ros.navigators import navigator_of
@@ -63,10 +63,10 @@ from robots.api.messages import (
 ACCEPTANCE = 5.0  # seconds in which navigation has to accept a goal
 AT_REST_FOR = 0.3  # seconds of measurements that show the robot at rest
 WANTED_AGE = 0.3  # seconds after which a velocity of the navigation counts as zero
-# metres and radians: standard deviations of a pose that a person gave
-TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26
+# metres and radians: standard deviations of a pose that a person entered
+POSE_DEVIATION, HEADING_DEVIATION = 0.5, 0.26
 SCAN_PERIOD = 0.05
-PICTURE_PERIOD = 0.03
+IMAGE_PERIOD = 0.03
 STAMPED: dict[str, bool | None] = {
     "auto": None,
     **dict.fromkeys(("true", "yes", "on", "1"), True),
@@ -74,18 +74,18 @@ STAMPED: dict[str, bool | None] = {
 }
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 LISTENERS = 2.0  # seconds in which a subscriber of velocities should be found
-LOOKING = 0.25  # seconds between two looks at the subscribers, while there are none
+LOOKING = 0.25  # seconds between two reports of errors; a fifth between two looks at subscribers
 SETTLING = 3.0  # seconds after which a topic without a publisher is reported
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
-OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
+OFTEN = 0.1  # seconds between two readings, at most, when a velocity can wait for the next of them
 log = structlog.stdlib.get_logger(__name__)
 
 
 class RosOptions(Struct, frozen=True, kw_only=True):
-    """Names of topics, services and frames; an empty name is one that this robot does not have.
+    """Names of topics, services and frames; empty for what this robot does not have.
 
-    As in ROS, a name that begins with a slash is what it says, and every other one is below the
-    `namespace`; frames and joints have none.
+    As in ROS, a name that begins with a slash is absolute, and any other is below the `namespace`;
+    frames and joints have none.
 
     `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action),
     `nav2` (the action) or `none`. `navigation_velocity` is the topic on which navigation and
@@ -143,14 +143,12 @@ class RosOptions(Struct, frozen=True, kw_only=True):
                 )
 
     def resolved(self) -> Self:
-        """Return the same with every topic, service and action from the root."""
+        """Return the same with absolute names of topics, services and actions."""
         namespace = self.namespace.strip("/")
         below = f"/{namespace}/" if namespace else "/"
         names = {option: getattr(self, option) for option in NAMED}
-        relative = {option: name for option, name in names.items() if name and name[0] != "/"}
-        return msgspec.structs.replace(
-            self, **{option: below + name for option, name in relative.items()}
-        )
+        absolute = {each: below + name for each, name in names.items() if name and name[0] != "/"}
+        return msgspec.structs.replace(self, **absolute)
 
 
 # the options that name a topic, a service or an action
@@ -182,7 +180,7 @@ class RosAdapter(RemoteAdapter):
         self._navigator = navigator_of(name, action, bus, self) if "goto" in own else None
         self._docking = TriggerDocking(options.cancel_dock, bus, self._at_rest)
         self._docking_id = ""  # the newest action that docks or undocks
-        self._docking_ended = False  # it has, and the guard does not know it
+        self._docking_ended = False  # it has, but the guard does not know yet
         self._at_rest_since: float | None = None
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
@@ -257,11 +255,7 @@ class RosAdapter(RemoteAdapter):
     # --- publishers and subscribers ---------------------------------------------------------------
 
     def _needs(self) -> list[TopicNeed]:
-        names = {
-            topic: option
-            for option, topic in msgspec.structs.asdict(self._options).items()
-            if isinstance(topic, str)
-        }
+        names = {getattr(self._options, option): option for option in NAMED}
         return [
             TopicNeed(each.topic, each.kind, names[each.topic])
             for each in self._subscriptions()
@@ -269,8 +263,8 @@ class RosAdapter(RemoteAdapter):
         ]
 
     def _advertise_velocities(self) -> None:
-        """Advertise velocities of the type that their subscribers have; with `stamped=auto`, not
-        before there is one.
+        """Advertise velocities of the type of their subscribers; with `stamped=auto`, only once
+        there is one.
         """
         topic, wanted = self._options.cmd_vel, self._set_stamped
         if wanted is None:
@@ -287,40 +281,40 @@ class RosAdapter(RemoteAdapter):
     def _listeners(self) -> int | None:
         return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
 
-    def _unheard(self) -> str:
+    def _why_not_received(self) -> str:
         """Return why no subscriber receives velocities; ROS reports no types that differ."""
         if self._listeners() != 0:
             return ""
-        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
+        return no_subscriber(self._graph, self._options.cmd_vel, stamped=self._stamped)
 
     async def _settle(self) -> None:
         deadline = time.monotonic() + LISTENERS
         # A bus does not announce its first subscriber.
         while (  # noqa: ASYNC110
-            self._unheard() and not self._failure and time.monotonic() < deadline
+            self._why_not_received() and not self._failure and time.monotonic() < deadline
         ):
             await asyncio.sleep(LOOKING / 5)
 
     async def _watch_listeners(self) -> None:
-        """Send a new subscriber a zero velocity first, and give a base the type that it has."""
+        """Send a new subscriber a zero velocity first, and use the type of the base."""
         while True:
             now = self._listeners()
             if now and not self._subscribers:
-                self._tell_to_stand(time.monotonic())
+                self._send_zero(time.monotonic())
             self._subscribers = now
             if not self._gate.moving:
                 self._advertise_velocities()
             await asyncio.sleep(LOOKING / 5)
 
     async def _watch_graph(self) -> None:
-        """Report what is missing. The graph is requested at rest only: rosbridge takes no
-        velocities meanwhile.
+        """Report missing peers. The graph is requested only at rest: during the request, rosbridge
+        takes no velocities.
         """
         began = time.monotonic()
         due = began
         while True:
             now = time.monotonic()
-            if not self._gate.moving and (now >= due or self._unheard()):
+            if not self._gate.moving and (now >= due or self._why_not_received()):
                 due = now + LOOKING_ROUND
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
             silent = [need for need in self._needs() if need.topic in self._silent]
@@ -329,7 +323,7 @@ class RosAdapter(RemoteAdapter):
             errors = (
                 hangs and f"{self.place} {hangs}",
                 *self._bus.problems,
-                self._unheard(),
+                self._why_not_received(),
                 self._lock_problem,
                 *missing,
             )
@@ -352,50 +346,32 @@ class RosAdapter(RemoteAdapter):
         return [(topic, kind) for topic, kind in topics if topic]
 
     def _subscriptions(self) -> list[Subscription]:
-        options, readings = self._options, self.readings
+        options = self._options
         joints = options.joint_states if options.tilt_joint else ""
+        pose = options.pose if options.localization == "pose" else ""
+        tf = options.tf if options.localization == "tf" else ""
+        peers = (self._graph or {}).get(options.navigation_velocity, TopicPeers())
+        is_stamped = TWIST_STAMPED in peers.kinds or self._set_stamped
+        twist = TWIST_STAMPED if is_stamped else TWIST
+        scan_kind, image_kind = "sensor_msgs/LaserScan", "sensor_msgs/CompressedImage"
+        pose_kind = "geometry_msgs/PoseWithCovarianceStamped"
         topics = [
             Subscription(options.odom, "nav_msgs/Odometry", self._odometry),
-            Subscription(
-                options.scan, "sensor_msgs/LaserScan", self._scan, sensor=True, period=SCAN_PERIOD
-            ),
+            Subscription(options.scan, scan_kind, self._scan, sensor=True, period=SCAN_PERIOD),
             Subscription(options.battery, "sensor_msgs/BatteryState", self._charge),
             Subscription(joints, "sensor_msgs/JointState", self._joints),
-            Subscription(
-                options.bumper,
-                "std_msgs/Bool",
-                lambda m: readings.bumped(touching=bool(m.get("data"))),
-            ),
-            Subscription(
-                options.image,
-                "sensor_msgs/CompressedImage",
-                self._picture,
-                sensor=True,
-                period=PICTURE_PERIOD,
-            ),
-            Subscription(
-                options.estop,
-                "std_msgs/Bool",
-                lambda m: setattr(readings, "estop", bool(m.get("data"))),
-                either=True,
-            ),
-            Subscription(options.navigation_velocity, self._navigation_type(), self._navigate),
+            Subscription(options.bumper, "std_msgs/Bool", self._bumper),
+            Subscription(options.image, image_kind, self._image, sensor=True, period=IMAGE_PERIOD),
+            Subscription(options.estop, "std_msgs/Bool", self._estop, either=True),
+            Subscription(options.navigation_velocity, twist, self._navigate),
             *(self._navigator.subscriptions if self._navigator is not None else ()),
+            Subscription(pose, pose_kind, self._fix, latched=True),
+            Subscription(tf, "tf2_msgs/TFMessage", self._transforms),
         ]
-        if options.localization == "pose":
-            kind = "geometry_msgs/PoseWithCovarianceStamped"
-            topics.append(Subscription(options.pose, kind, self._fix, latched=True))
-        elif options.localization == "tf":
-            topics.append(Subscription(options.tf, "tf2_msgs/TFMessage", self._transforms))
         return [each for each in topics if each.topic]
 
-    def _navigation_type(self) -> str:
-        """Return the type of `navigation_velocity`: as it is published, else as `stamped`."""
-        peers = (self._graph or {}).get(self._options.navigation_velocity, TopicPeers())
-        return TWIST_STAMPED if TWIST_STAMPED in peers.kinds or self._set_stamped else TWIST
-
     def _safely(self, topic: str, handler: Handler) -> Handler:
-        """Log a malformed message and ignore it: its topic counts as silent."""
+        """Return a handler that logs and ignores malformed messages."""
 
         def handle(message: dict[str, Any]) -> None:
             self._silent.discard(topic)
@@ -410,29 +386,24 @@ class RosAdapter(RemoteAdapter):
 
     def _odometry(self, message: dict[str, Any]) -> None:
         here, velocity = messages.odometry_in(message)
-        arrived, stamp = time.time(), message.get("header", {}).get("stamp")
+        stamp = message.get("header", {}).get("stamp")
         if stamp == self._odometry_stamp and messages.stamp_in(message, 0.0):
             return  # published again: it measures nothing
         self._odometry_stamp = stamp
-        self.readings.moved(
-            here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
-        )
+        self.readings.moved(here, velocity, _stamp(message), time.monotonic())
         if self._early_fix is not None:
             early, self._early_fix = self._early_fix, None
             self._fix(early)
         if self._next_reading is not None and not self._next_reading.done():
             self._next_reading.set_result(None)
-        self._heard()
+        self._received()
 
     def _fix(self, message: dict[str, Any]) -> None:
-        pose, arrived = messages.fix_in(message), time.time()
-        # a latched fix of long ago, before any odometry: once that is there, they are put together
+        pose = messages.fix_in(message)
         if self.readings.odometry is None:
-            self._early_fix = message
+            self._early_fix = message  # latched long ago: combined with the first odometry
         else:
-            self.readings.located(
-                pose, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
-            )
+            self.readings.located(pose, _stamp(message), time.monotonic())
 
     def _transforms(self, message: dict[str, Any]) -> None:
         found = messages.transform_in(message, self._options.map_frame, self._options.odom_frame)
@@ -440,30 +411,26 @@ class RosAdapter(RemoteAdapter):
             self.readings.corrected(found, time.monotonic())
 
     def _scan(self, message: dict[str, Any]) -> None:
-        arrived = time.time()
-        self.readings.scanned(
-            messages.scan_in(message, stamp_of(messages.stamp_in(message, arrived), arrived))
-        )
+        self.readings.scanned(messages.scan_in(message, _stamp(message)))
+
+    def _bumper(self, message: dict[str, Any]) -> None:
+        self.readings.bumped(touching=bool(message.get("data")))
+
+    def _estop(self, message: dict[str, Any]) -> None:
+        self.readings.estop = bool(message.get("data"))
 
     def _charge(self, message: dict[str, Any]) -> None:
-        battery = messages.battery_in(message)
-        self.readings.charged(
-            voltage=battery.voltage, charge=battery.charge, charging=battery.charging
-        )
+        self.readings.charged(**msgspec.structs.asdict(messages.battery_in(message)))
 
-    def _picture(self, message: dict[str, Any]) -> None:
+    def _image(self, message: dict[str, Any]) -> None:
         if self._camera is not None and self._camera.wanted:
-            arrived = time.time()
-            self._camera.take(
-                messages.picture_in(message), stamp_of(messages.stamp_in(message, arrived), arrived)
-            )
+            self._camera.take(messages.picture_in(message), _stamp(message))
 
     def _joints(self, message: dict[str, Any]) -> None:
         angle = messages.joint_in(message, self._options.tilt_joint)
         self.readings.tilt = self.readings.tilt if angle is None else angle
 
     def video(self) -> VideoSource | None:
-        """Return the camera whose pictures are a topic, always the same one, or None."""
         return self._camera
 
     # --- orders -----------------------------------------------------------------------------------
@@ -491,8 +458,8 @@ class RosAdapter(RemoteAdapter):
                 pending.goal_id = self._send_goal(Pose2D(x, y, theta))
             case Goto(place=place):
                 raise ActionRefusedError(
-                    f"{self.profile.series} does not know the place {place!r}: send it to "
-                    "a point on its map"
+                    f"{self.profile.series} does not know the place {place!r}: send it to a point"
+                    " on its map"
                 )
             case Dock() | Undock():
                 self._docking_id, self._docking_ended = action.action_id, False
@@ -512,18 +479,22 @@ class RosAdapter(RemoteAdapter):
         with the next scan.
         """
         covariance = [0.0] * 36
-        covariance[0] = covariance[7] = TOLD_WITHIN**2
-        covariance[35] = (TURNED_WITHIN if action.theta is not None else math.pi) ** 2
-        header = messages.header(self._options.map_frame, time.time(), self._bus.version)
+        covariance[0] = covariance[7] = POSE_DEVIATION**2
+        covariance[35] = (HEADING_DEVIATION if action.theta is not None else math.pi) ** 2
+        pose = {"pose": messages.pose(place), "covariance": covariance}
         self._bus.publish(
-            self._options.initial_pose,
-            {"header": header, "pose": {"pose": messages.pose(place), "covariance": covariance}},
+            self._options.initial_pose, {"header": self._map_header(time.time()), "pose": pose}
         )
-        area = ExpectedArea(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
+        area = ExpectedArea(
+            place.x, place.y, 2.0 * POSE_DEVIATION, action.theta, 3.0 * HEADING_DEVIATION
+        )
         now = time.monotonic()
         return PendingAction(
             action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area
         )
+
+    def _map_header(self, unix: float) -> dict[str, Any]:
+        return messages.header(self._options.map_frame, unix, self._bus.version)
 
     def _tell(self, progress: ActionProgress) -> None:
         super()._tell(progress)
@@ -546,8 +517,8 @@ class RosAdapter(RemoteAdapter):
         owned = self.pending_actions.drive
         if owned is not None:
             owned.goal_id = goal  # before it is sent: it may be taken in spite of an error
-        header = messages.header(self._options.map_frame, now, self._bus.version)
-        self._navigator.send({"header": header, "pose": messages.pose(place)}, goal)
+        target = {"header": self._map_header(now), "pose": messages.pose(place)}
+        self._navigator.send(target, goal)
         return goal
 
     def _release_guard(self, now: float) -> None:
@@ -580,29 +551,21 @@ class RosAdapter(RemoteAdapter):
         return drive if drive is not None and drive.goal_id == goal else None
 
     def accepted(self, goal: str) -> None:
-        """Take that the robot works on a goal."""
-        pending = self._of_goal(goal)
-        if pending is not None:
+        if (pending := self._of_goal(goal)) is not None:
             pending.seen_running = True
 
     def ended(self, goal: str, status: ActionState, reason: str) -> None:
-        """Take the terminal status of a goal."""
-        pending = self._of_goal(goal)
-        if pending is not None:
+        if (pending := self._of_goal(goal)) is not None:
             self.pending_actions.end(pending.action_id, status, reason)
 
     def failed(self, goal: str, reason: str) -> None:
-        """Take that a goal has failed and may run all the same: it is cancelled until its end is
-        confirmed.
-        """
-        pending = self._of_goal(goal)
-        if pending is not None:
+        """Have a goal that may still run cancelled until its end is confirmed."""
+        if (pending := self._of_goal(goal)) is not None:
             pending.failure = pending.failure or reason
 
-    def server_gone(self) -> None:
-        """Take that the action server has ended."""
+    def server_ended(self) -> None:
         if self._navigator is not None:
-            self._navigator.server_gone()
+            self._navigator.server_ended()
 
     # --- velocities, speed limit and lock of the robot --------------------------------------------
 
@@ -620,18 +583,13 @@ class RosAdapter(RemoteAdapter):
         return velocity if time.monotonic() - arrived <= WANTED_AGE else ZERO
 
     def limit_speed(self, linear: float) -> None:
-        """Publish a speed limit for the navigation, in m/s."""
         if self._options.speed_limit and not self._failure:
-            header = messages.header(self._options.map_frame, time.time(), self._bus.version)
+            header = self._map_header(time.time())
             limit = {"header": header, "percentage": False, "speed_limit": linear}
             self._bus.publish(self._options.speed_limit, limit)
 
     def set_lock(self, *, locked: bool) -> None:
-        """Lock or release the base, by topic and by service.
-
-        Raises:
-            AdapterError: the robot is gone.
-        """
+        """Lock or release the base, by topic and by service."""
         if self._failure:
             raise AdapterError(self._failure)
         self._locked = locked
@@ -641,25 +599,27 @@ class RosAdapter(RemoteAdapter):
             self._run(self._call_lock(locked=locked))
 
     async def _call_lock(self, *, locked: bool) -> None:
-        async with self._locking:  # of two calls, the newer one counts
-            if self._locked == locked:
-                await self._call_lock_service(locked=locked)
-
-    async def _call_lock_service(self, *, locked: bool) -> None:
         kind, service = self._options.estop_service_type, self._options.estop_service
-        if kind == "Trigger" and not locked:
-            return  # a Trigger only locks
-        try:
-            done, reason = await self._bus.call(
-                service, f"std_srvs/{kind}", {"data": locked} if kind == "SetBool" else {}
-            )
-        except AdapterError as error:
-            done, reason = False, str(error)
-        if self._locked == locked:
-            self._lock_problem = "" if done else f"{service} failed: {reason or 'no reason given'}"
+        async with self._locking:  # of two calls, the newer one counts
+            if self._locked != locked or (kind == "Trigger" and not locked):
+                return  # a Trigger only locks
+            arguments = {"data": locked} if kind == "SetBool" else {}
+            try:
+                done, reason = await self._bus.call(service, f"std_srvs/{kind}", arguments)
+            except AdapterError as error:
+                done, reason = False, str(error)
+            if self._locked == locked:
+                failed = f"{service} failed: {reason or 'no reason given'}"
+                self._lock_problem = "" if done else failed
 
     def _at_rest(self) -> bool:
         return is_within(self.readings.velocity, self.profile.standstill)
+
+
+def _stamp(message: dict[str, Any]) -> float:
+    """Return when a message was measured, Unix time."""
+    arrived = time.time()
+    return stamp_of(messages.stamp_in(message, arrived), arrived)
 
 
 ADVICE = (

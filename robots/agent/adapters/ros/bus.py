@@ -20,10 +20,10 @@ Handler = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Subscription:
-    """A topic to subscribe to, its type, and what takes its messages.
+    """A topic to subscribe to, its type, and the handler of its messages.
 
     `latched`: the last message is wanted as well. `either`: publishers of either durability are
-    received. `sensor`: messages may be lost. `period`: seconds between two messages, at least.
+    received. `sensor`: messages may be lost. `period`: the least time between two messages, in s.
     """
 
     topic: str
@@ -36,23 +36,23 @@ class Subscription:
 
 
 class Goals(Protocol):
-    """What receives the progress of goals."""
+    """Receives the progress of goals."""
 
     def accepted(self, goal: str) -> None:
-        """The robot works on it."""
+        """The robot executes it."""
 
     def ended(self, goal: str, status: ActionState, reason: str) -> None:
         """The robot has reported its terminal status."""
 
     def failed(self, goal: str, reason: str) -> None:
-        """It failed, and may run all the same: it has to be cancelled."""
+        """It failed, but may still run, and must be cancelled."""
 
-    def server_gone(self) -> None:
+    def server_ended(self) -> None:
         """The action server has ended, and with it all goals."""
 
 
 class Bus(Protocol):
-    """A connection to a ROS system; only what is awaited may block. After a loss, each call raises
+    """A connection to a ROS system; only awaited calls may block. After a loss, each call raises
     AdapterError.
     """
 
@@ -63,20 +63,17 @@ class Bus(Protocol):
     # whether a guard on the RCA's side stops the robot when the agent is lost
     guards: bool
     advice: str  # the start of a sentence: how to get one
-    connect_time: float | None  # seconds, None for what is usual
+    connect_time: float | None  # seconds, None for the default
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Return what is wrong with the connection itself or with the ROS master, a sentence each,
-        the gravest first.
+        """Problems of the connection itself or of the ROS master, a sentence each, the gravest
+        first.
         """
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect, and cancel the goals of an earlier connection; `lost` is called with the reason
-        when the connection ends.
-
-        Raises:
-            AdapterError, OSError, TimeoutError: it cannot be reached.
+        when the connection ends. Raises AdapterError, OSError or TimeoutError.
         """
 
     def tell_guard(self, **message: Any) -> None:
@@ -85,10 +82,9 @@ class Bus(Protocol):
         """
 
     async def shut(self) -> None:
-        """Disconnect; of a guarding bus, the guard stops the robot first."""
+        """Disconnect; a guard stops the robot first."""
 
-    def subscribe(self, subscription: Subscription) -> None:
-        """Subscribe to a topic."""
+    def subscribe(self, subscription: Subscription) -> None: ...
 
     def advertise(
         self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
@@ -106,13 +102,13 @@ class Bus(Protocol):
     def listeners(self, topic: str) -> int | None:
         """Return how many subscribers of our type a topic that drives has; None when unknown."""
 
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return the peers of topics: at least of the one that drives and of those `heard`; None
-        when unknown.
+    async def graph(self, driving: str, received: Iterable[str]) -> Graph | None:
+        """Return the peers of topics, at least of `driving` and of those `received`; None when
+        unknown.
         """
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
-        """Send; of those that are `newest` only the last counts, and only while it is fresh."""
+        """Send; with `newest`, only the last one counts, and only while it is fresh."""
 
     async def call(
         self,
@@ -122,11 +118,8 @@ class Bus(Protocol):
         *,
         within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
-        """Call a service and return its success and message; `within` is in seconds.
-
-        Raises:
-            ActionRefusedError: it does not exist.
-            AdapterError: no answer, or an error.
+        """Call a service and return its success and message; `within` is in seconds. Raises
+        ActionRefusedError when it does not exist, else AdapterError.
         """
 
 
@@ -145,12 +138,7 @@ class UnansweredError(AdapterError):
 
 
 def result_of(service: str, values: Any, *, problem: Any, is_absent: bool) -> tuple[bool, str]:
-    """Return the success and message of a service's answer.
-
-    Raises:
-        ActionRefusedError: the service does not exist.
-        AdapterError: there are no values.
-    """
+    """Return the success and message of a service's answer; raises as `Bus.call` without values."""
     if not isinstance(values, dict):
         kind_of_error = ActionRefusedError if is_absent else AdapterError
         raise kind_of_error(f"{service} cannot be called: {problem}")

@@ -1,7 +1,7 @@
 """Docking by std_srvs/Trigger services: one docks, one undocks, one cancels either.
 
-That a call has timed out does not end the docking: its service may answer, and the robot move, at
-any later time. Only the cancel service ends it, and only a cancel that was sent after the answer.
+A call that times out does not end the docking: its service may answer, and the robot move, at any
+later time. Only the cancel service ends it, and only a cancel that was sent after the answer.
 """
 
 import asyncio
@@ -28,16 +28,13 @@ class TriggerDocking:
         self._cancelling: asyncio.Future[bool] | None = None
 
     async def start(self, service: str) -> None:
-        """Call the service that docks or undocks.
-
-        Raises:
-            ActionRefusedError: it refuses, or does not exist.
-            AdapterError: no answer.
+        """Call the service that docks or undocks. Raises ActionRefusedError when it refuses or does
+        not exist, AdapterError without an answer.
         """
         call = self._bus.call(service, TRIGGER, within=LONGEST_DOCKING)
         start = self._start = asyncio.ensure_future(call)
         self._is_cancelled = False
-        self._cancelling = None  # what it answers says nothing of this call
+        self._cancelling = None  # a cancel that was sent earlier does not end this call
         start.add_done_callback(self._ended)
         await asyncio.wait([start], timeout=ANSWER_TIME)
         if not start.done() or start.cancelled():
@@ -47,8 +44,8 @@ class TriggerDocking:
             raise ActionRefusedError(f"{service} refused: {reason or 'it gives no reason'}")
 
     async def cancel(self) -> bool:
-        """Call the cancel service, unless a call is under way; return whether it has answered, and
-        no call can start the robot afterwards.
+        """Call the cancel service, unless a call waits for its answer; return whether it has
+        answered, and no call can start the robot afterwards.
 
         An answer without success counts while the robot is at rest: there was nothing to cancel.
         """
@@ -66,7 +63,7 @@ class TriggerDocking:
         return cancelling.result()
 
     def _may_start(self) -> bool:
-        """Return whether the robot may be started by a call that has no answer."""
+        """Return whether an unanswered call may still start the robot."""
         start = self._start
         if start is None:
             return False
@@ -77,7 +74,7 @@ class TriggerDocking:
         return is_unanswered and time.monotonic() - self._ended_at < LOST_FOR
 
     def _ended(self, start: asyncio.Future[tuple[bool, str]]) -> None:
-        """Cancel again at once what was cancelled before it was answered."""
+        """Cancel again at once a call that was cancelled before its answer."""
         self._ended_at = time.monotonic()
         if start.cancelled() or start.exception() is not None or not self._is_cancelled:
             return

@@ -1,8 +1,8 @@
-"""The publishers and subscribers of a ROS system's topics, with their types, and what is missing
-among them. Pure.
+"""The publishers and subscribers of a ROS system's topics, with their types, and which are missing.
+Pure.
 
-Types are written as in ROS 1. Publishers and subscribers of different types do not connect, in
-either ROS, and neither gets an error.
+Types are written as in ROS 1. In either ROS, publishers and subscribers of different types do not
+connect, and neither gets an error.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -16,7 +16,7 @@ MOST_NODES = 6
 
 @dataclass(frozen=True)
 class TopicPeers:
-    """The other nodes of a topic: their types, and how many; None where that is unknown."""
+    """The other nodes of a topic: their types, and how many; None when unknown."""
 
     kinds: frozenset[str] = frozenset()
     listeners: int | None = None
@@ -36,21 +36,18 @@ class TopicNeed:
 
 
 def chosen_stamped(graph: Graph | None, topic: str, *, stamped: bool) -> bool:
-    """Return whether velocities are sent as TwistStamped: the others' type of the topic decides,
-    else `stamped`.
-    """
+    """Return whether to send TwistStamped: as the topic's only type, else `stamped`."""
     known = graph.get(topic) if graph is not None else None
     kinds = set(VELOCITIES) & known.kinds if known is not None else set()
     return kinds == {TWIST_STAMPED} if len(kinds) == 1 else stamped
 
 
-def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
-    """Return the sentence about velocities without a subscriber: which types and topics there are
-    instead, and the option to set.
+def no_subscriber(graph: Graph | None, topic: str, *, stamped: bool) -> str:
+    """Return the sentence about velocities without a subscriber: the types and topics in use, and
+    the option to set.
     """
-    ours = TWIST_STAMPED if stamped else TWIST
-    known = graph.get(topic, TopicPeers()) if graph is not None else TopicPeers()
-    there = sorted(known.kinds - {ours})
+    ours, graph = TWIST_STAMPED if stamped else TWIST, graph or {}
+    there = sorted(graph.get(topic, TopicPeers()).kinds - {ours})
     if there:
         remedy = (
             f"set stamped={'false' if stamped else 'true'}"
@@ -58,19 +55,24 @@ def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
             else "set cmd_vel to another topic"
         )
         return f"nobody listens on {topic} for {ours}: there it is {' and '.join(there)}; {remedy}"
-    others = _listening(graph, topic)
-    return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base" + (
-        f"; here are {', '.join(others)}" if others else ""
-    )
+    others = [
+        f"{name} ({' and '.join(sorted(each.kinds & set(VELOCITIES)))})"
+        for name, each in sorted(graph.items())
+        if each.kinds & set(VELOCITIES) and each.listeners != 0 and name != topic
+    ]
+    here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
+    return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base{here}"
 
 
 def unpublished(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, ...]:
-    """Return a sentence about each topic that we subscribe to and that has no publisher, or one of
-    another type.
+    """Return a sentence about each of our subscriptions without a publisher, or with one of another
+    type.
     """
+    if graph is None:
+        return ()
     found = []
-    for need in needs if graph is not None else ():
-        known = graph.get(need.topic, TopicPeers(speakers=0)) if graph is not None else TopicPeers()
+    for need in needs:
+        known = graph.get(need.topic, TopicPeers(speakers=0))
         if known.kinds and need.kind not in known.kinds:
             found.append(
                 f"{need.topic} is {' and '.join(sorted(known.kinds))}, not {need.kind}: set"
@@ -79,7 +81,7 @@ def unpublished(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, .
         elif known.speakers == 0:
             others = [
                 name
-                for name, each in sorted((graph or {}).items())
+                for name, each in sorted(graph.items())
                 if need.kind in each.kinds and each.speakers != 0 and name != need.topic
             ]
             here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
@@ -91,21 +93,9 @@ def unpublished(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, .
 
 
 def master_restarted(nodes: Collection[str]) -> str:
-    """Return the sentence about nodes of ROS 1 that still run and that a restarted master does not
-    know, "" when there are none.
-    """
-    if not nodes:
-        return ""
+    """Return the sentence about running nodes of ROS 1 that a restarted master does not know."""
     more = f" and {len(nodes) - MOST_NODES} more" if len(nodes) > MOST_NODES else ""
     return (
         "the ROS master was restarted. Nodes that started before it are no longer known to it;"
         f" restart them: {', '.join(sorted(nodes)[:MOST_NODES])}{more}"
     )
-
-
-def _listening(graph: Graph | None, topic: str) -> list[str]:
-    return [
-        f"{name} ({' and '.join(sorted(each.kinds & set(VELOCITIES)))})"
-        for name, each in sorted((graph or {}).items())
-        if each.kinds & set(VELOCITIES) and each.listeners != 0 and name != topic
-    ][:MOST_NAMED]

@@ -65,8 +65,7 @@ class Link:
 class Standstill:
     """Whether odometry proves that the robot is at rest.
 
-    A message counts once: one that is published again, with the stamp of the one before, measures
-    nothing. A stamp of zero is none.
+    A message that is published again, with the same stamp, does not count; a stamp of zero is none.
     """
 
     def __init__(self) -> None:
@@ -96,8 +95,8 @@ class DockingCalls:
     """Whether a docking or undocking may move the robot.
 
     It may from the call of its service until the agent reports its end, the service refuses, or the
-    service that cancels it has answered. A cancel that was sent while the call had no answer proves
-    nothing: the robot may start after it.
+    cancel service has answered. A cancel that was sent before the call was answered proves nothing:
+    the robot may start afterwards.
     """
 
     def __init__(self) -> None:
@@ -114,12 +113,12 @@ class DockingCalls:
         return self.is_active and not self.number
 
     def begin(self, services: Any, cancel_service: str) -> None:
-        """Take the services, and that an earlier run may have left a docking."""
+        """Set the services; an earlier run may have left a docking."""
         self.services, self.cancel_service = services, cancel_service
         self.is_active = bool(cancel_service)
 
     def called(self, service: str) -> int:
-        """Take a call; return its number, 0 for one that docks nothing."""
+        """Note a call; return its number, 0 for a service that does not dock."""
         if service not in self.services or not self.cancel_service:
             return 0
         with self.lock:
@@ -129,7 +128,7 @@ class DockingCalls:
             return self.number
 
     def answered(self, number: int, answer: Any) -> None:
-        """Take the answer of a call: `values`, or a `problem` that is `absent` without a server."""
+        """Note the answer of a call: `values`, or a `problem` that is `absent` without a server."""
         refused = answer.get("absent") or answer.get("values", {}).get("success") is False
         with self.lock:
             self.unanswered.pop(number, None)
@@ -137,7 +136,7 @@ class DockingCalls:
                 self.is_active = False
 
     def cancelling(self) -> int:
-        """Return what to give `cancelled` once the cancel that is sent now has its answer."""
+        """Return the argument of `cancelled` for a cancel that is sent now."""
         oldest = time.monotonic() - ANSWERED_WITHIN
         with self.lock:
             return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
@@ -178,7 +177,7 @@ class GuardedNode:
                 self.beaten_at = time.monotonic()
                 self.obey(json.loads(line))
         except (OSError, ValueError):
-            pass  # as good as the end of what the agent sends
+            pass  # counts as the end of the connection
 
     def obey(self, order: Any) -> None:
         try:
@@ -189,7 +188,7 @@ class GuardedNode:
             traceback.print_exc()
 
     def attempt(self, work: Any) -> Any:
-        """Return what it returns, None when it fails."""
+        """Return the result of `work`, None when it fails."""
         try:
             return work()
         except Exception:  # whatever fails, guarding continues
@@ -218,14 +217,14 @@ class GuardedNode:
 
     def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
         """Call a service and return its `values`, or a `problem` that is `absent` without a server;
-        one that docks, by its number, is called only for an agent that lives.
+        with a number of `docking`, only while the agent is connected.
         """
         raise NotImplementedError
 
     def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended.
+        """Call the cancel service every CANCEL_AGAIN until the docking has ended.
 
-        An earlier cancel may still be answered, and so does not end when the next one is sent.
+        An earlier cancel may still be answered, and so is not abandoned for the next one.
         """
         now = time.monotonic()
         self.docking_cancels = [each for each in self.docking_cancels if each.is_alive()]
@@ -270,9 +269,7 @@ def refuse(connection: Any, reason: str) -> int:
 
 
 def plain(value: Any) -> Any:
-    """Return a message of either ROS as JSON has it: bytes as base64, numbers that JSON lacks as
-    None.
-    """
+    """Return a message of either ROS as JSON: bytes as base64, numbers that JSON lacks as None."""
     names = getattr(
         value, "get_fields_and_field_types", lambda: getattr(value, "__slots__", None)
     )()
@@ -292,8 +289,8 @@ def plain(value: Any) -> Any:
 
 
 def filled(message: Any, content: Any, type_of: Any) -> Any:
-    """Return a message of either ROS with the fields that an object names; `type_of` returns the
-    class of a message by its type.
+    """Return a message of either ROS with the fields of an object; `type_of` returns the class of a
+    message by its type.
     """
     if hasattr(message, "get_fields_and_field_types"):
         kinds = message.get_fields_and_field_types()

@@ -1,42 +1,31 @@
-"""Messages of ROS as JSON objects, as rosbridge writes them, and back to ours. Pure. What reads one
-(`…_in`) raises RosError when it is malformed.
+"""Messages of ROS as JSON objects, as rosbridge writes them, and back to ours. Pure. Functions that
+read one (`…_in`) raise RosError when it is malformed.
 
 Both generations: the stamp of a header is `secs, nsecs` in ROS 1 and `sec, nanosec` in ROS 2.
 Numbers that JSON lacks (NaN, infinity) arrive as null, bytes as base64 or as a list of numbers.
-Frames and signs are ROS's own (REP 103): x forward, y left, a positive pitch looks down, as with
-us.
+Frames and signs are ROS's (REP 103) and ours: x forward, y left, a positive pitch looks down.
 """
 
 import base64
 import binascii
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.api.messages import Pose, Scan, Velocity
+from robots.api.messages import Battery, Pose, Scan, Velocity
 
 MOST_RANGES = 2000
-# metres of standard deviation at which a pose counts half; beyond it the robot is lost
+# metres of standard deviation at which a pose scores 0.5; beyond it the robot is lost
 HALF_TRUSTED = 0.3
 CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
 STATUS_KNOWN = frozenset({1, 2, 3, 4})
 
-Said = Mapping[str, Any]
+Json = Mapping[str, Any]
 
 
 class RosError(ValueError):
-    """A message is not what its type promises."""
-
-
-@dataclass(frozen=True)
-class Charge:
-    """A battery; None for what it does not measure."""
-
-    voltage: float | None
-    charge: float | None
-    charging: bool | None
+    """A message does not have the fields of its type."""
 
 
 def time_of(unix: float, version: int) -> dict[str, int]:
@@ -47,7 +36,6 @@ def time_of(unix: float, version: int) -> dict[str, int]:
 
 
 def header(frame: str, unix: float, version: int) -> dict[str, Any]:
-    """Return a std_msgs/Header."""
     return {"frame_id": frame, "stamp": time_of(unix, version)}
 
 
@@ -70,7 +58,7 @@ def pose(place: Pose2D) -> dict[str, Any]:
     return {"position": {"x": place.x, "y": place.y, "z": 0.0}, "orientation": orientation}
 
 
-def stamp_in(message: Said, arrived: float) -> float:
+def stamp_in(message: Json, arrived: float) -> float:
     """Return the Unix time in a message's header; `arrived` when it has none."""
     stamp = message.get("header", {}).get("stamp", {})
     seconds = stamp.get("sec", stamp.get("secs", 0))
@@ -78,7 +66,7 @@ def stamp_in(message: Said, arrived: float) -> float:
     return float(seconds) + float(nano) * 1e-9 if seconds else arrived
 
 
-def pose_in(message: Said) -> Pose2D:
+def pose_in(message: Json) -> Pose2D:
     """Read a geometry_msgs/Pose as a pose on the floor."""
     try:
         place, turn = message["position"], message["orientation"]
@@ -87,7 +75,7 @@ def pose_in(message: Said) -> Pose2D:
         raise RosError(f"invalid pose: {error}") from error
 
 
-def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
+def odometry_in(message: Json) -> tuple[Pose2D, Velocity]:
     """Read a nav_msgs/Odometry: the pose in its own frame, and the velocity of the robot."""
     try:
         return pose_in(message["pose"]["pose"]), velocity_in(message["twist"])
@@ -95,7 +83,7 @@ def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
         raise RosError(f"invalid odometry: {error}") from error
 
 
-def velocity_in(message: Said) -> Velocity:
+def velocity_in(message: Json) -> Velocity:
     """Read a geometry_msgs/Twist or TwistStamped."""
     try:
         twist = message.get("twist", message)
@@ -106,8 +94,8 @@ def velocity_in(message: Said) -> Velocity:
         raise RosError(f"invalid velocity: {error}") from error
 
 
-def fix_in(message: Said) -> Pose:
-    """Read a geometry_msgs/PoseWithCovarianceStamped; how wide it is says how far to trust it."""
+def fix_in(message: Json) -> Pose:
+    """Read a geometry_msgs/PoseWithCovarianceStamped; the score follows from the covariance."""
     try:
         here = pose_in(message["pose"]["pose"])
         wide = [_number(value) for value in message["pose"]["covariance"]]
@@ -115,39 +103,25 @@ def fix_in(message: Said) -> Pose:
     except (KeyError, TypeError, IndexError) as error:
         raise RosError(f"invalid pose with covariance: {error}") from error
     score = 1.0 / (1.0 + max(0.0, xx, yy) / HALF_TRUSTED**2)
-    return Pose(
-        x=here.x,
-        y=here.y,
-        theta=here.theta,
-        covariance=(xx, xy, xt, yy, yt, tt),
-        localized=score >= 0.5,
-        score=score,
-    )
+    covariance = (xx, xy, xt, yy, yt, tt)
+    return Pose(**here._asdict(), covariance=covariance, localized=score >= 0.5, score=score)
 
 
-def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
-    """Return parent_from_child of a tf2_msgs/TFMessage, None when it tells of others."""
+def transform_in(message: Json, parent: str, child: str) -> Pose2D | None:
+    """Return parent_from_child of a tf2_msgs/TFMessage, None when it has only others."""
     try:
         for each in message["transforms"]:
-            if (
-                each["header"]["frame_id"].lstrip("/") == parent
-                and each["child_frame_id"].lstrip("/") == child
-            ):
-                shift = each["transform"]["translation"]
-                return _checked(
-                    Pose2D(
-                        float(shift["x"]), float(shift["y"]), _yaw(each["transform"]["rotation"])
-                    )
-                )
+            frames = each["header"]["frame_id"], each["child_frame_id"]
+            if tuple(frame.lstrip("/") for frame in frames) == (parent, child):
+                shift, turn = each["transform"]["translation"], each["transform"]["rotation"]
+                return _checked(Pose2D(float(shift["x"]), float(shift["y"]), _yaw(turn)))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RosError(f"invalid transform: {error}") from error
     return None
 
 
-def scan_in(message: Said, stamp: float) -> Scan:
-    """Read a sensor_msgs/LaserScan; beams that run clockwise are turned round, and of too many
-    every so many are kept.
-    """
+def scan_in(message: Json, stamp: float) -> Scan:
+    """Read a sensor_msgs/LaserScan; clockwise beams are reversed, and too many are thinned."""
     try:
         ranges = list(message["ranges"])
         low, step = _number(message["angle_min"]), _number(message["angle_increment"])
@@ -169,22 +143,22 @@ def scan_in(message: Said, stamp: float) -> Scan:
     )
 
 
-def battery_in(message: Said) -> Charge:
+def battery_in(message: Json) -> Battery:
     """Read a sensor_msgs/BatteryState, in which NaN is unmeasured; some drivers count to 100, and
-    some say -1 or 0 V for what they do not know.
+    some send -1 or 0 V for unknown.
     """
     voltage, share = _finite(message.get("voltage")), _finite(message.get("percentage"))
     if share is not None and share > 1.0:
         share /= 100.0
     status = message.get("power_supply_status")
-    return Charge(
-        voltage if voltage is not None and voltage > 0.0 else None,
-        share if share is not None and share >= 0.0 else None,
-        status in {CHARGING, FULL} if status in STATUS_KNOWN else None,
+    return Battery(
+        voltage=voltage if voltage is not None and voltage > 0.0 else None,
+        charge=share if share is not None and share >= 0.0 else None,
+        charging=status in {CHARGING, FULL} if status in STATUS_KNOWN else None,
     )
 
 
-def picture_in(message: Said) -> bytes:
+def picture_in(message: Json) -> bytes:
     """Read a sensor_msgs/CompressedImage: the bytes of a JPEG or PNG."""
     data = message.get("data")
     try:
@@ -193,8 +167,8 @@ def picture_in(message: Said) -> bytes:
         raise RosError(f"invalid image: {error}") from error
 
 
-def joint_in(message: Said, name: str) -> float | None:
-    """Return the angle of one joint of a sensor_msgs/JointState, None when it tells of others."""
+def joint_in(message: Json, name: str) -> float | None:
+    """Return the angle of one joint of a sensor_msgs/JointState, None when it has only others."""
     names, positions = message.get("name", ()), message.get("position", ())
     return next(
         (_finite(angle) for joint, angle in zip(names, positions, strict=False) if joint == name),
@@ -202,7 +176,7 @@ def joint_in(message: Said, name: str) -> float | None:
     )
 
 
-def _yaw(turn: Said) -> float:
+def _yaw(turn: Json) -> float:
     x, y, z, w = (float(turn[axis]) for axis in "xyzw")
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 

@@ -55,6 +55,7 @@ class NodeBus:
     graph_source: str
     connect_time: float | None = 20.0
     arguments: tuple[str, ...] = ()  # of the script, after the port
+    refusal_prefix = ""  # of the reason why a node did not start
 
     def __init__(
         self, place: str, python: str, environment: dict[str, str], *, guards: bool
@@ -121,9 +122,8 @@ class NodeBus:
                 env=self._environment,
             )
         except OSError as error:
-            raise AdapterError(
-                f"{self._python} cannot be run: {error.strerror or error}"
-            ) from error
+            reason = error.strerror or error
+            raise AdapterError(f"{self._python} cannot be run: {reason}") from error
         assert child.stdin is not None
         child.stdin.write(f"{password}\n".encode())
         child.stdin.flush()
@@ -149,11 +149,7 @@ class NodeBus:
         if ready.done():
             self._lost(reason)
         else:
-            ready.set_exception(AdapterError(self._refusal(reason)))
-
-    def _refusal(self, reason: str) -> str:
-        """Return the sentence about a node that did not start."""
-        return reason
+            ready.set_exception(AdapterError(self.refusal_prefix + reason))
 
     def _take(self, message: dict[str, Any]) -> None:
         match message:
@@ -217,8 +213,8 @@ class NodeBus:
     async def ask(self) -> None:
         await self._answer(None, op="ask")
 
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        del heard  # the node describes all topics
+    async def graph(self, driving: str, received: Iterable[str]) -> Graph | None:
+        del received  # the node describes all topics
         try:
             answer = await self._answer(GRAPH_TIME, op="graph", driving=driving, **self._before())
         except TimeoutError as error:
@@ -264,11 +260,7 @@ class NodeBus:
         )
 
     async def _answer(self, within: float | None, **message: Any) -> dict[str, Any]:
-        """Send a message and return its answer.
-
-        Raises:
-            TimeoutError: none came within so many seconds.
-        """
+        """Send a message and return its answer; raises TimeoutError after `within` seconds."""
         number = next(self._numbers)
         answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._calls[number] = answer

@@ -30,11 +30,7 @@ class Ros1Options(RosOptions, frozen=True, kw_only=True):
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
-    """Return an adapter for a robot of ROS 1; nothing is started yet.
-
-    Raises:
-        AdapterError: no such profile or option; one sentence.
-    """
+    """Return an adapter, nothing started; AdapterError for a wrong profile or option."""
     robot = load_profile(profile_name)
     settings = settings_of(Ros1Options, "ros1", robot, options)
     if settings.navigation == "nav2":
@@ -60,8 +56,8 @@ class Ros1Bus(NodeBus):
             environment["ROS_IP"] = options.ip
         guards = outlives_agent() and _is_here(urlsplit(uri).hostname or "")
         super().__init__(f"ROS 1 at {uri}", options.python, environment, guards=guards)
-        # slave API by name, of the nodes that the master knows, and of those that run but that it
-        # knew on an earlier connection only
+        # slave APIs by name, of nodes that the master knows, and of running nodes that it knew only
+        # on an earlier connection
         self.known: dict[str, str] = {}
         self._old: dict[str, str] = {}
 
@@ -72,7 +68,7 @@ class Ros1Bus(NodeBus):
 
     def _take(self, message: dict[str, Any]) -> None:
         if message["op"] == "gone" and self._goals is not None:
-            self._goals.server_gone()
+            self._goals.server_ended()
         super()._take(message)
 
     def _before(self) -> dict[str, Any]:
@@ -86,11 +82,7 @@ class Ros1Bus(NodeBus):
 
 
 def _master_of(options: Ros1Options) -> str:
-    """Return the address of the master: the option, or that of the environment.
-
-    Raises:
-        AdapterError: it is none; one sentence.
-    """
+    """Return the master's address, set by option or environment; AdapterError if malformed."""
     uri = options.master or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
     try:
         parts = urlsplit(uri)

@@ -6,12 +6,11 @@ of the system), and so imports nothing of ours and is written for Python 3.6. ro
 node only once per process and cannot recover from a lost master, so the agent restarts this process
 to reconnect.
 
-    agent -> node   advertise, publish, drive (a velocity: after SILENCE without
-    another the robot is stopped),
-                    ask (do the subscribers of velocities respond?),
-                    graph (and which of the `old` nodes run that the master has forgotten?),
-                    guard (what to cancel and stop), beat (the agent's heartbeat),
-                    subscribe, call, docking_ended
+    agent -> node   advertise, publish, subscribe, call, docking_ended,
+                    drive (a velocity; SILENCE seconds after the last one the robot is stopped),
+                    ask (answered when the subscribers of velocities have responded),
+                    graph (and which of the `old` nodes still run without the master's knowledge),
+                    guard (what to cancel and stop), beat (the agent's heartbeat)
     node -> agent   ready, publish, response, listeners, gone, lost
 
 TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
@@ -107,9 +106,7 @@ def answers(slave: Any) -> bool:
 
 
 def running(nodes: Any) -> Any:
-    """Return the names of the nodes that answer within ALL_LIVE_WITHIN, of an object that has the
-    address of the slave API by name.
-    """
+    """Return the names of the nodes, an object from name to slave API, that answer in time."""
     found: Any = []
 
     def ask(name: str) -> None:
@@ -127,7 +124,7 @@ def running(nodes: Any) -> Any:
 
 def header_arrived(connection: Any) -> Any:
     """Return whether a connection has sent the whole header of TCPROS, a length in four bytes and
-    as many bytes; None while more may come, False when it never will.
+    as many bytes; None while more may arrive, False when it is invalid or lost.
     """
     try:
         if not select.select([connection], [], [], 0)[0]:
@@ -156,7 +153,7 @@ class Node(guarded.GuardedNode):
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
         self.was_alone = False  # at the last look no subscriber of velocities had connected
-        self.driven: Any = None  # monotonic time of the last velocity other than zero
+        self.moved_at: Any = None  # monotonic time of the last velocity other than zero
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, MasterError)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         # one for each thread: it has one connection
@@ -185,8 +182,8 @@ class Node(guarded.GuardedNode):
         self.guard: Any = Guard(self)
 
     def run(self) -> None:
-        """Do what the agent requests until it is gone, then guard the robot."""
-        # the agent takes anything else that comes first for a failure
+        """Serve the agent until it is lost, then guard the robot."""
+        # anything else before it counts as a failure
         self.say(op="ready", node=self.rospy.get_name())
         self.start(self.watch_wheels, self.watch_master, self.answer_questions, self.guard.run)
         try:
@@ -214,7 +211,7 @@ class Node(guarded.GuardedNode):
         if former is not None and former.data_class is message:
             return
         if drives:
-            self.driving, self.driven = topic, None
+            self.driving, self.moved_at = topic, None
         greeting = ZeroFirst(message) if drives else None
         with self.topics.lock:
             # the guard may publish there, too: only another type of ours is replaced
@@ -245,10 +242,10 @@ class Node(guarded.GuardedNode):
     def shake_hands(self) -> None:
         """Give rospy each new connection once its header has arrived, in the order of arrival.
 
-        rospy reads one header at a time and for ever (rospy/impl/tcpros_base.py, TCPServer.run), so
-        that no subscriber connects while a stranger sends none: a client of a node that has ended,
-        whose port this node has now, for example. The order counts because of two connections of
-        one subscriber the newer one is kept.
+        rospy reads one header at a time without a time-out (rospy/impl/tcpros_base.py,
+        TCPServer.run), so no subscriber could connect while a stranger sends none, for example a
+        client of an ended node whose port this node now has. The order matters because rospy keeps
+        the newer of two connections of one subscriber.
         """
         pending: Any = []
         while True:
@@ -299,8 +296,8 @@ class Node(guarded.GuardedNode):
             self.say(op="response", number=number)
 
     def drop_the_dead(self, master: Any) -> None:
-        """Ask each subscriber of velocities, and disconnect those that do not answer. One that has
-        never answered cannot be reached from here, and keeps its connection.
+        """Probe each subscriber of velocities, and disconnect those that do not answer. One that
+        has never answered cannot be reached from here, and keeps its connection.
         """
         publisher = self.publishers.get(self.driving)
         for connection in list(publisher.impl.connections) if publisher is not None else []:
@@ -309,7 +306,7 @@ class Node(guarded.GuardedNode):
                 if name not in self.slaves:
                     self.slaves[name] = slave_at(master.lookupNode(name))
             except self.unreachable:
-                continue  # it is no node of this master's any more; its connection will say so
+                continue  # it is no longer registered; its connection will end
             if answers(self.slaves[name]):
                 self.has_answered.add(name)
             elif name in self.has_answered:
@@ -335,7 +332,7 @@ class Node(guarded.GuardedNode):
                         topic, [[kinds[topic]] if topic in kinds else [], 0, 0]
                     )
                     entry[which] += len([name for name in names if name != own])
-            if self.driving:  # the master knows a topic by the type of who published last: ours
+            if self.driving:  # the master has the type of the last publisher: ours
                 wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
                 entry = found.setdefault(driving, [[], 0, 0])
                 entry[0] = wanted
@@ -351,7 +348,7 @@ class Node(guarded.GuardedNode):
         self.say(op="response", number=number, topics=found, **nodes)
 
     def addresses(self, master: Any, names: Any) -> Any:
-        """Return the address of the slave API by name, without nodes that have ended meanwhile."""
+        """Return the slave APIs by name, without nodes that have ended."""
         found: Any = {}
         for name in names:
             try:
@@ -361,9 +358,9 @@ class Node(guarded.GuardedNode):
         return found
 
     def announce_again(self, wanted: bool) -> None:
-        """Have the master announce our velocities again, when no subscriber has connected since the
-        last look: of two lists of publishers that reach a node at once, rospy takes the one that
-        arrived last, which need not be the newest (rospy/impl/registration.py, RegManager).
+        """Have the master announce our velocities again when no subscriber has connected since the
+        last look: of two lists of publishers that reach a node at the same time, rospy uses the one
+        that arrived last, which may be the older one (rospy/impl/registration.py, RegManager).
         """
         publisher = self.publishers.get(self.driving)
         alone = publisher is not None and wanted and not publisher.get_num_connections()
@@ -373,9 +370,7 @@ class Node(guarded.GuardedNode):
         self.was_alone = alone
 
     def do_publish(self, topic: str, content: Any) -> None:
-        """Publish once there is a subscriber: what rospy publishes before the first one has
-        connected is lost.
-        """
+        """Publish once there is a subscriber: rospy discards messages before the first connects."""
         publisher, waiting = self.publishers[topic], self.waiting.setdefault(topic, [])
         message = self.filled(publisher.data_class(), content)
         self.guard.published(topic, message)
@@ -402,15 +397,14 @@ class Node(guarded.GuardedNode):
             waiting.pop(0)
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
-        # A velocity that is late has waited here: this process has hung.
         if moving and time.monotonic() - at > guarded.OLDEST:
-            return
+            return  # it has waited here: this process has hung
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
         if moving:
             self.guard.starting = False
             self.guard.act()
-        self.driven = time.monotonic() if moving else None
+        self.moved_at = time.monotonic() if moving else None
 
     def do_subscribe(self, topic: str, kind: str, period: float, latched: bool) -> None:
         """Subscribe to a topic; `latched` is the publisher's to decide."""
@@ -446,7 +440,7 @@ class Node(guarded.GuardedNode):
             return {"problem": str(error) or type(error).__name__, "absent": True}
 
     def watch_wheels(self) -> None:
-        """Stop a robot that gets no more velocities, and report the subscribers of velocities."""
+        """Stop a robot that receives no more velocities, and report their subscribers."""
         while True:
             time.sleep(GLANCE)
             self.attempt(self.look_at_wheels)
@@ -455,8 +449,8 @@ class Node(guarded.GuardedNode):
         publisher = self.publishers.get(self.driving)
         count = publisher.get_num_connections() if publisher is not None else 0
         self.report_listeners(self.driving, count)
-        driven = self.driven
-        if driven is not None and time.monotonic() - driven > guarded.SILENCE:
+        moved_at = self.moved_at
+        if moved_at is not None and time.monotonic() - moved_at > guarded.SILENCE:
             self.stop_driving()
 
     def publish_zero(self) -> None:
@@ -465,13 +459,13 @@ class Node(guarded.GuardedNode):
             publisher.publish(zero_of(publisher.data_class))
 
     def stop_driving(self) -> None:
-        if self.driven is not None:
-            self.driven = None
+        if self.moved_at is not None:
+            self.moved_at = None
             self.publish_zero()
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
-        """End when the master is gone or is another one: it knows nothing of this node then.
+        """End when the master is lost or was restarted, and so does not know this node.
 
         A master in a container has the same process id after a restart.
         """
@@ -490,7 +484,7 @@ class Node(guarded.GuardedNode):
         self.exit(1)
 
     def unregister(self) -> None:
-        """Have the master forget this node: other nodes would go on calling its ports."""
+        """Have the master forget this node: other nodes would continue to call its ports."""
         name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
         calls = xmlrpc.client.MultiCall(self.new_master().proxy)
         for topic, _ in self.topics.get_publications():
@@ -568,8 +562,8 @@ class Guard:
         return bool(self.found or self.sent or self.docking.is_active)
 
     def permits(self, topic: str) -> bool:
-        """Return whether a message that waited may still be published: a goal only for an agent
-        that lives.
+        """Return whether a message that waited may still be published: a goal only while the agent
+        is connected.
         """
         return topic != self.action + "/goal" or not self.alone
 
@@ -580,13 +574,13 @@ class Guard:
             self.act()
 
     def lost(self, topic: str) -> None:
-        """Take it that a message was not published: a goal then never runs."""
+        """Note that a message was not published: a goal then never runs."""
         if topic == self.action + "/goal":
             self.sent.clear()
             self.node.say(op="gone")
 
     def act(self) -> None:
-        """Take that the robot moves, or is about to, on our behalf: it has to come to rest."""
+        """Note that the robot moves, or is about to, on our behalf, and must be stopped."""
         self.acted_at, self.brakes = time.monotonic(), True
 
     def measured(self, odometry: Any) -> None:
@@ -641,7 +635,7 @@ class Guard:
             self.rest.set()
 
     def watch_server(self, now: float) -> None:
-        """Take it that goals have ended with a server whose connection is lost."""
+        """Note that goals have ended with a server whose connection is lost."""
         if self.status is None:
             return
         if self.status.get_num_connections():
@@ -661,9 +655,7 @@ class Guard:
             self.publisher.publish(self.kind_of_id(id=goal))
 
     def finish(self) -> None:
-        """Return when all of ours has ended and the robot is at rest, or another node of ours
-        guards it.
-        """
+        """Return when our goals have ended and the robot is at rest, or a newer node guards it."""
         self.closed = True
         self.rest.clear()
         alone_at = time.monotonic()
@@ -683,7 +675,7 @@ class Guard:
 
 
 def zero_of(kind: Any) -> Any:
-    """Return a zero velocity with the time of now: a base may refuse one that is old."""
+    """Return a zero velocity, stamped now: a base may refuse an old one."""
     import rospy
 
     message = kind()

@@ -39,10 +39,10 @@ DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
 
 class Ros2Options(RosOptions, frozen=True, kw_only=True):
-    """Which Python has rclpy, and which domain; without one it is the environment's.
+    """`python` has rclpy; the default `domain` is the environment's.
 
-    `on_robot` tells that this computer is the robot's: only there no cut link separates the guard
-    from the navigation. Where ROS 2 is limited to this computer, it is known.
+    `on_robot` states that this computer is the robot's: only there no cut link separates the guard
+    from the navigation. Where ROS 2 is limited to this computer, that is the default.
     """
 
     python: str = ""
@@ -51,11 +51,7 @@ class Ros2Options(RosOptions, frozen=True, kw_only=True):
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
-    """Return an adapter for a robot of ROS 2; nothing is started yet.
-
-    Raises:
-        AdapterError: no such profile or option; one sentence.
-    """
+    """Return an adapter, nothing started; AdapterError for a wrong profile or option."""
     robot = load_profile(profile_name)
     settings = settings_of(Ros2Options, "ros2", robot, options)
     if settings.navigation == "move_base":
@@ -74,11 +70,6 @@ def python_of(options: Ros2Options) -> str:
     return sys.executable
 
 
-def is_on_robot(options: Ros2Options) -> bool:
-    """Return whether the robot's nodes run on this computer."""
-    return is_limited_to_this_computer() if options.on_robot is None else options.on_robot
-
-
 def is_limited_to_this_computer() -> bool:
     return (
         os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
@@ -87,10 +78,8 @@ def is_limited_to_this_computer() -> bool:
 
 
 def domain_of(options: Ros2Options) -> int:
-    """Return the domain as ROS 2 reads it, decimal or 0x… (rcl/src/rcl/domain_id.c).
-
-    Raises:
-        AdapterError: ROS_DOMAIN_ID is malformed; one sentence.
+    """Return the domain as ROS 2 reads it, decimal or 0x… (rcl/src/rcl/domain_id.c); raises
+    AdapterError when ROS_DOMAIN_ID is malformed.
     """
     if options.domain is not None:
         return options.domain
@@ -138,10 +127,10 @@ class Ros2Bus(NodeBus):
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
         environment = _over_udp(os.environ | {"ROS_DOMAIN_ID": str(domain)})
-        guards = is_on_robot(options) and outlives_agent()
-        super().__init__(
-            f"ROS 2 in domain {domain}", python_of(options), environment, guards=guards
-        )
+        is_local = is_limited_to_this_computer() if options.on_robot is None else options.on_robot
+        place, guards = f"ROS 2 in domain {domain}", is_local and outlives_agent()
+        super().__init__(place, python_of(options), environment, guards=guards)
+        self.refusal_prefix = f"{place}: "
         navigates = "none" not in {options.navigation, options.localization}
         settings = {
             "driving": options.cmd_vel,
@@ -156,9 +145,6 @@ class Ros2Bus(NodeBus):
         self.problems = ()
         await super().open(lost, goals)
 
-    def _refusal(self, reason: str) -> str:
-        return f"{self.place}: {reason}"
-
     def _take(self, message: dict[str, Any]) -> None:
         match message:
             case {"op": "accepted", "goal": goal} if self._goals is not None:
@@ -168,15 +154,14 @@ class Ros2Bus(NodeBus):
             ):
                 end = DONE.get(status, "FAILED")
                 self._ids.pop(goal, None)
-                self._goals.ended(
-                    goal, end, why or ("" if end == "FINISHED" else "navigation gave up")
-                )
+                usual = "" if end == "FINISHED" else "navigation gave up"
+                self._goals.ended(goal, end, why or usual)
             case {"op": "problems", "sentences": sentences}:
                 self.problems = tuple(sentences)
         super()._take(message)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        del kind  # the node has known it since it was started
+        del kind  # an argument of the node
         self._ids[name] = (PREFIX + time.time_ns().to_bytes(8, "big")).hex()
         self._say(op="goal", action=action, uuid=self._ids[name], goal=name, content=goal)
 

@@ -13,14 +13,11 @@ line arrives for HEARTBEAT while a goal of ours may run, it cancels our goals an
 velocities until each goal has a terminal status and the robot is measured at rest. Then it exits.
 
 The ids of our goals are PREFIX and the time at which they were sent. An active one that is older
-than this process was left by an earlier run and is cancelled. Before `ready`, nothing is sent but
-cancels and zero velocities for such goals.
+than this process was left by an earlier run and is cancelled. Before `ready`, only cancels and zero
+velocities for such goals are sent.
 
 Threads: the main one reads the agent's lines, the executor's has all goals and callbacks, `watch`
-is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
-
-Longer than most files: goals, qualities of service and the guard run on one executor, in a process
-that can import little.
+is the guard, and one writes to the agent, so that a hung agent blocks none of the others.
 """
 
 import importlib
@@ -165,7 +162,7 @@ class OwnedGoals:
             self.attend(goal, now)
 
     def attend(self, goal: Any, now: float) -> None:
-        """Do what is due for a goal."""
+        """Send, cancel or end a goal, as is due."""
         if goal.request is not None and goal.unwanted:
             self.finish(goal, CANCELED, "")
         elif goal.request is not None and self.is_matched(now):
@@ -230,9 +227,8 @@ class OwnedGoals:
                 goal.status, goal.over_at = entry.status, time.monotonic()
 
     def is_left(self, uuid: bytes) -> bool:
-        """Whether a goal was given up, or left by an earlier run. Another one that is younger than
-        this process is one of its successor, except before `ready`, when the clock may have been
-        set back.
+        """Whether a goal was given up, or left by an earlier run. One that is younger than this
+        process is its successor's, except before `ready`: the clock may have been set back.
         """
         if uuid in self.left:
             return True
@@ -335,7 +331,7 @@ class Ros2Node(guarded.GuardedNode):
         self.clients: Any = {}
         self.waiting: Any = []  # (topic, message, deadline) without a subscriber
         self.questions: Any = queue.Queue()
-        self.driven: Any = None  # monotonic time of the last velocity other than zero
+        self.moved_at: Any = None  # monotonic time of the last velocity other than zero
         self.ended = threading.Event()
         self.guarding = self.is_attending = False
         self.starting, self.began = True, time.time_ns()
@@ -394,7 +390,7 @@ class Ros2Node(guarded.GuardedNode):
         """Run something on the executor's thread."""
         self.executor.create_task(work, *words)
 
-    # --- what the agent asks for ------------------------------------------------------------------
+    # --- orders of the agent ----------------------------------------------------------------------
 
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
         try:
@@ -406,7 +402,7 @@ class Ros2Node(guarded.GuardedNode):
         if former is not None:
             if self.kinds[topic] is made:
                 return
-            self.driven = None
+            self.moved_at = None
             self.later(self.ros.destroy_publisher, former)
         # of velocities, only the newest is sent again to a subscriber that missed it
         quality = self.quality(latched=latch, depth=1 if drives else 10)
@@ -431,11 +427,10 @@ class Ros2Node(guarded.GuardedNode):
                 self.waiting.append((topic, message, deadline))
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
-        # A velocity that is late has waited here: this process has hung.
         if moving and (self.guarding or time.monotonic() - at > guarded.OLDEST):
-            return
+            return  # the agent is lost, or this process has hung
         self.publishers[topic].publish(self.stamped(filled(self.kinds[topic](), content)))
-        self.driven = time.monotonic() if moving else None
+        self.moved_at = time.monotonic() if moving else None
 
     def do_subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
         subscription = self.subscription(topic, kind)
@@ -483,9 +478,9 @@ class Ros2Node(guarded.GuardedNode):
         threading.Thread(target=self.describe_graph, args=(number, driving), daemon=True).start()
 
     def describe_graph(self, number: int, driving: str) -> None:
-        """Answer which types, and how many publishers and subscribers, others have by topic.
+        """Answer with the types, publishers and subscribers of others by topic.
 
-        A topic that drives has the types of its subscribers: a planner may publish another there.
+        The topic of velocities has its subscribers' types: a planner may publish another one there.
         """
         found: Any = {}
         for topic, _ in self.ros.get_topic_names_and_types():
@@ -525,7 +520,7 @@ class Ros2Node(guarded.GuardedNode):
         return self.received(answers, client, within)
 
     def received(self, answers: Any, client: Any, within: float) -> Any:
-        """Wait for an answer. A server that is gone, or was restarted, never sends it."""
+        """Wait for an answer, which a server that has ended, or was restarted, never sends."""
         began = seen_at = now = time.monotonic()
         while now - began < within and now - seen_at < GONE_AFTER:
             try:
@@ -554,13 +549,13 @@ class Ros2Node(guarded.GuardedNode):
     def watch(self) -> None:
         try:
             self.say(op="lost", reason=self.serve())
-        except Exception as error:  # of any kind: the robot has to be stopped
+        except Exception as error:  # any error: the robot has to be stopped
             traceback.print_exc()
             self.say(op="lost", reason=f"the node of ROS 2 failed: {error!r}")
         self.guard()
 
     def serve(self) -> str:
-        """Watch over the connection; return why it has ended."""
+        """Monitor the connection; return why it has ended."""
         if not self.cancel_leftovers():
             return "a goal of an earlier connection does not end when cancelled"
         self.starting = False
@@ -591,9 +586,9 @@ class Ros2Node(guarded.GuardedNode):
     def guard(self) -> None:
         """Cancel all goals and brake until the robot is measured at rest; then exit."""
         self.guarding = True
-        began, was_driven = time.monotonic(), self.driven is not None
+        began, was_moving = time.monotonic(), self.moved_at is not None
         self.attempt(self.disown_goals)
-        if self.goals or self.docking.is_active or was_driven:
+        if self.goals or self.docking.is_active or was_moving:
             self.brake_until_rest(began)
         self.link.drain(FAREWELL)
         os._exit(0)  # rclpy's threads would wait
@@ -606,7 +601,7 @@ class Ros2Node(guarded.GuardedNode):
             goal.unwanted = True
 
     def brake_until_rest(self, began: float) -> None:
-        """Brake, and cancel what may move the robot; an error ends none of that."""
+        """Brake, and cancel what may move the robot, despite any errors."""
         is_over = False
         while not is_over:
             for work in (self.stop_wheels, self.attend, self.cancel_docking):
@@ -625,7 +620,7 @@ class Ros2Node(guarded.GuardedNode):
         return not self.standstill.is_proved
 
     def stop_wheels(self) -> None:
-        """Publish a zero velocity. Before the agent has advertised any, the type is the one that
+        """Publish a zero velocity; before the agent has advertised any, of the type that
         graph.chosen_stamped would choose: of two, Twist.
         """
         topic = self.settings["driving"]
@@ -639,15 +634,15 @@ class Ros2Node(guarded.GuardedNode):
             self.publishers[topic].publish(self.stamped(self.kinds[topic]()))
 
     def stamped(self, message: Any) -> Any:
-        """Return a velocity with the time of now: a base may refuse one that is old."""
+        """Return a velocity, stamped now: a base may refuse an old one."""
         if hasattr(message, "header"):
             message.header.stamp = self.ros.get_clock().now().to_msg()
             message.header.frame_id = message.header.frame_id or "base_link"
         return message
 
     def look_after(self, now: float) -> None:
-        if self.driven is not None and now - self.driven > guarded.SILENCE:
-            self.driven = None
+        if self.moved_at is not None and now - self.moved_at > guarded.SILENCE:
+            self.moved_at = None
             self.stop_wheels()
         self.report_listeners(self.settings["driving"], self.subscriber_count())
         if self.docking.is_left:
@@ -678,17 +673,14 @@ class Ros2Node(guarded.GuardedNode):
         for each in self.subscribers_of(topic) if own else ():
             fits, why = self.qos.qos_check_compatible(own[0].qos_profile, each.qos_profile)
             if fits == self.qos.QoSCompatibility.ERROR:
-                problem = why.replace("ERROR: ", "").strip("; ")
-                self.problem(
-                    topic,
-                    f"{topic} does not reach {each.node_name}: incompatible QoS ({problem}); change"
-                    " it there",
-                )
+                qos = why.replace("ERROR: ", "").strip("; ")
+                where = f"{topic} does not reach {each.node_name}"
+                self.problem(topic, f"{where}: incompatible QoS ({qos}); change it there")
                 return
         self.problem(topic, "")
 
     def problem(self, key: str, sentence: str) -> None:
-        """Report a problem of the robot's set-up, or that it is over."""
+        """Report a problem of the robot's set-up, or ("") its end."""
         if self.problems.get(key, "") != sentence:
             self.problems[key] = sentence
             self.say(op="problems", sentences=[each for each in self.problems.values() if each])

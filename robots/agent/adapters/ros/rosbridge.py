@@ -12,7 +12,7 @@ import math
 import re
 import secrets
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -71,11 +71,7 @@ class RosbridgeOptions(RosOptions, frozen=True, kw_only=True):
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
-    """Return an adapter for a robot behind a rosbridge; nothing is connected yet.
-
-    Raises:
-        AdapterError: no such profile or option; one sentence.
-    """
+    """Return an adapter, not connected; AdapterError for a wrong profile or option."""
     robot = load_profile(profile_name)
     settings = settings_of(RosbridgeOptions, "rosbridge", robot, options)
     if not _is_address(settings.url):
@@ -97,14 +93,14 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
 class RosbridgeBus:
     """See bus.Bus. `navigate` is Nav2's action, "" without it.
 
-    rosbridge_server puts each message of a client into a queue that a thread works off in order
+    rosbridge_server puts each message of a client into a queue that one thread processes in order
     (websocket_handler.py, IncomingQueue), while Tornado's loop answers the WebSocket's pings. So
     the probe is a message on a topic of its own that returns through the same queue and through
     ROS.
 
-    rosbridge gives a goal its id and cancels none of another client (send_action_goal.py), so goals
-    are cancelled by the action's own cancel service: all of them, because ours cannot be told from
-    others.
+    rosbridge chooses the ids of goals and cancels only those of the same client
+    (send_action_goal.py), so the action's own cancel service cancels all goals: ours cannot be
+    distinguished from others.
     """
 
     answers = True
@@ -125,7 +121,6 @@ class RosbridgeBus:
         self._idle_since: dict[str, float] = {}  # by goal: since when no goal is active
         self._active: frozenset[str] = frozenset()  # active goals by the action's status
         self._leftovers = False  # whether a goal of before this connection may be active
-        self._blocking = ""  # why goals are refused
         self._work: set[asyncio.Task[None]] = set()
         self._outgoing: SendSlots[dict[str, Any]] = SendSlots()
         self._handlers: dict[str, Handler] = {}
@@ -136,7 +131,7 @@ class RosbridgeBus:
         self._goals: Goals | None = None
         self._graph: Graph | None = None
         self._advertised: dict[str, dict[str, Any]] = {}
-        # by topic which refusal, and the type that it has, "" when rosbridge does not say
+        # by topic: number of the refusal, and the topic's type, "" when unknown
         self._refused: dict[str, tuple[int, str]] = {}
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
@@ -201,8 +196,11 @@ class RosbridgeBus:
         await self._wait_for_probe(self._probe())
 
     def _watch_queue(self, reason: str) -> None:
-        """Give up a connection of which the queue is blocked: not even a cancel would pass."""
-        task = asyncio.ensure_future(self._prove_queue(reason))
+        """Give up a connection whose queue is blocked: not even a cancel would pass."""
+        self._start(self._prove_queue(reason))
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.ensure_future(work)
         self._work.add(task)
         task.add_done_callback(self._work.discard)
 
@@ -298,9 +296,7 @@ class RosbridgeBus:
         self._idle_since.pop(name, None)
 
     def subscribe(self, subscription: Subscription) -> None:
-        """Subscribe to a topic, with the publisher's quality of service; of messages that wait only
-        the newest is kept.
-        """
+        """Subscribe with the publisher's quality of service; only the newest message is queued."""
         self._handlers[subscription.topic] = subscription.handler
         self._outgoing.say(
             {
@@ -316,7 +312,6 @@ class RosbridgeBus:
     def advertise(
         self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
     ) -> None:
-        """Advertise a topic; of velocities rosbridge keeps only the newest."""
         former = self._advertised.pop(topic, None)
         if former is not None:
             self._outgoing.say({"op": "unadvertise", "id": former["id"], "topic": topic})
@@ -327,12 +322,13 @@ class RosbridgeBus:
             "type": self._type(kind),
             "latch": latch,
         }
+        # of velocities, rosbridge keeps only the newest
         self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
         self._say_advertised(self._advertised[topic])
 
     def _advertise_again(self, entry: dict[str, Any]) -> None:
-        """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds
-        after its last client.
+        """Retry a refused topic: rosbridge keeps a publisher, and its type, for ten seconds after
+        its last client.
         """
         if self._advertised.get(entry["topic"]) == entry and self._socket is not None:
             self._say_advertised(entry)
@@ -341,11 +337,11 @@ class RosbridgeBus:
         self._outgoing.say(entry)
         if entry["topic"] in self._refused:
             asyncio.get_running_loop().call_later(
-                REFUSED / 4, self._accept_refusal, entry["topic"], self._refused[entry["topic"]]
+                REFUSED / 4, self._end_refusal, entry["topic"], self._refused[entry["topic"]]
             )
 
-    def _accept_refusal(self, topic: str, refusal: tuple[int, str]) -> None:
-        """End a refusal that rosbridge has not repeated: it reports nothing else."""
+    def _end_refusal(self, topic: str, refusal: tuple[int, str]) -> None:
+        """End a refusal that rosbridge has not repeated; it reports no success."""
         if self._refused.get(topic) == refusal:
             del self._refused[topic]
 
@@ -358,20 +354,18 @@ class RosbridgeBus:
                 asyncio.get_running_loop().call_later(REFUSED, self._advertise_again, entry)
 
     def listeners(self, topic: str) -> int | None:
-        """Return how many nodes listened when that was looked up last, none when we are refused;
-        None where rosapi does not run.
-        """
+        """See Bus: the number at the last `graph`, 0 while refused, None without rosapi."""
         if topic in self._refused:
             return 0
         known = (self._graph or {}).get(topic)
         return known.listeners if known is not None else None
 
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+    async def graph(self, driving: str, received: Iterable[str]) -> Graph | None:
         try:
             listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
             speaking = {
                 topic: await self._values("/rosapi/publishers", {"topic": topic}, ROSAPI_TIME)
-                for topic in heard
+                for topic in received
             }
             # last: a new node has a type
             values = await self._values("/rosapi/topics", {}, ROSAPI_TIME)
@@ -446,27 +440,19 @@ class RosbridgeBus:
         with contextlib.suppress(AdapterError):
             self._leftovers = await self._cancel_all()
         if self._leftovers:
-            task = asyncio.ensure_future(self._cancel_leftovers())
-            self._work.add(task)
-            task.add_done_callback(self._work.discard)
-        self._blocking = await self._why_blocking()
-        if self._blocking:
-            raise AdapterError(self._blocking)
-
-    async def _why_blocking(self) -> str:
+            self._start(self._cancel_leftovers())
         arguments = {"name": f"/rosbridge_websocket:{NEW_THREAD}", "default": ""}
+        values = {}
         with contextlib.suppress(AdapterError):
             values = await self._values("/rosapi/get_param", arguments, ROSAPI_TIME)
-            if str(values.get("value")).lower() == "false":
-                return f"{self.place} would be blocked by each goal: set its {NEW_THREAD} to true"
-        return ""
+        if str(values.get("value")).lower() == "false":
+            raise AdapterError(
+                f"{self.place} would be blocked by each goal: set its {NEW_THREAD} to true"
+            )
 
     async def _cancel_all(self) -> bool:
         """Cancel all goals of Nav2 (an id and a time of zero, action_msgs/CancelGoal); return
-        whether one may be active.
-
-        Raises:
-            AdapterError: the service does not answer.
+        whether one may be active. Raises AdapterError when the service does not answer.
         """
         try:
             service = f"{self._navigate}/_action/cancel_goal"
@@ -492,11 +478,6 @@ class RosbridgeBus:
                 self._goals.accepted(name)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Send a goal.
-
-        Raises:
-            ActionRefusedError: an earlier one has not ended.
-        """
         if self._leftovers:
             raise ActionRefusedError("navigation has not ended an earlier goal")
         self._sent.add(name)
@@ -513,8 +494,8 @@ class RosbridgeBus:
         self._watch_queue(f"the goal: set its {NEW_THREAD} to true")
 
     async def cancel_goal(self, action: str, name: str) -> bool:
-        """Cancel a goal, by its id and by the cancel service; True when its result has arrived, or
-        no goal has been active for a second: one that was rejected has no result
+        """Cancel a goal, by its id and by the cancel service; return True when its result has
+        arrived, or no goal has been active for a second: a rejected one has no result
         (internal/actions.py, SendGoal.goal_response_cb).
         """
         if name not in self._sent:
@@ -546,11 +527,7 @@ def _short(kind: str) -> str:
 
 
 def _decoded(text: str | bytes) -> Any:
-    """Read JSON; older rosbridges write NaN and Infinity, which are read as None.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """Read JSON, with None for the NaN and Infinity of older rosbridges; raises ValueError."""
     try:
         return msgspec.json.decode(text)
     except msgspec.DecodeError:

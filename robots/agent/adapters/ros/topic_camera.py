@@ -1,6 +1,4 @@
-"""A camera whose pictures the control architecture publishes as JPEG or PNG: see
-robot_interface.VideoSource.
-"""
+"""A camera whose images the RCA publishes as JPEG or PNG: see robot_interface.VideoSource."""
 
 import time
 from typing import Any
@@ -28,24 +26,20 @@ class TopicCamera:
         self.wanted = False
 
     def start(self) -> None:
-        """Begin to take pictures; idempotent."""
         self._newest.put(None)
         self._awaited_since = time.monotonic()
         self.wanted = True
 
     def stop(self) -> None:
-        """Take no more; idempotent."""
         self.wanted = False
 
     def take(self, data: bytes, stamp: float) -> None:
-        """Take a picture that was made at `stamp`, Unix time."""
+        """Take an image that was captured at `stamp`, Unix time."""
         self._newest.put((data, stamp))
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next picture, at most `timeout` seconds; None when there was none.
-
-        Raises:
-            AdapterError: the images are malformed, or none is published.
+        """Block for the next image, at most `timeout` seconds; None without one. Raises
+        AdapterError when images are malformed, or none is published.
         """
         newest = self._newest.take(timeout)
         if newest is None:

@@ -1,13 +1,11 @@
 """The simulated robot, in a process of its own: started as a child of the agent, or found at an
 address.
 
-Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (how many walk
-about), `door-changes` (seconds between doors that move by themselves), `fps` (pictures a second),
-`linger`, `camera` ("no": without pictures), `sensors` (for obstacles, some of "laser", "sonar",
+Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (the number who
+walk about), `door-changes` (seconds between random changes of doors), `fps` (images per second),
+`linger`, `camera` ("no": without images), `sensors` (for obstacles, some of "laser", "sonar",
 "bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`,
 whose profile must be the same).
-
-Longer than most files: it is every member of the contract, in its order.
 """
 
 import asyncio
@@ -45,26 +43,12 @@ from robots.agent.robot_interface import (
 from robots.agent.simulator import wire
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.agent.simulator.physics.simulation import StartError, start_pose
-from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
 from robots.logs import reason_of
 from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
-OPTIONS = (
-    "plan",
-    "seed",
-    "start",
-    "charge",
-    "people",
-    "door-changes",
-    "fps",
-    "linger",
-    "camera",
-    "sensors",
-    "address",
-)
 NUMBERS: dict[str, tuple[Callable[[Any], float], str]] = {
     "seed": (int, "a whole number"),
     "people": (int, "a whole number"),
@@ -73,6 +57,7 @@ NUMBERS: dict[str, tuple[Callable[[Any], float], str]] = {
     "fps": (float, "a number"),
     "linger": (float, "a number of seconds"),
 }
+OPTIONS = (*NUMBERS, "plan", "start", "camera", "sensors", "address")
 SENSORS = ("laser", "sonar", "bumper")
 GREETING_TIME = 4.0
 SILENCE = 1.0  # s; a state comes 50 times a second
@@ -110,30 +95,22 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
     profile = fitted(
         profile_of(model, plan.map_id, has_camera=has_camera), model, _sensors(options)
     )
-    return SimulatorAdapter(
-        dataclasses.replace(profile, plan=str(directory), start=_start(plan, model, options)),
-        model,
-        known,
-    )
-
-
-def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
-    """Return where our own robot begins; one at an address may be anywhere. Raises AdapterError."""
-    try:
-        return (
-            None
-            if options.get("address")
-            else start_pose(plan, model, str(options.get("start", "dock")))
-        )
-    except StartError as error:
-        raise AdapterError(str(error)) from error
+    start = None  # a robot at an address may be anywhere
+    if not options.get("address"):
+        try:
+            start = start_pose(plan, model, str(options.get("start", "dock")))
+        except StartError as error:
+            raise AdapterError(str(error)) from error
+    profile = dataclasses.replace(profile, plan=str(directory), start=start)
+    return SimulatorAdapter(profile, model, known)
 
 
 def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
-    """Return the factsheet of a simulated robot, which has a laser but no localization."""
+    """Return the profile of a simulated robot, which has a laser but no localization."""
     capabilities: list[Capability] = ["velocity", "scan", "audio", "doors"]
     capabilities += ["video"] if has_camera else []
     capabilities += ["tilt"] if model.tilt else []
+    mount = model.laser.mount
     return Profile(
         series=model.series,
         rca="simulator",
@@ -143,7 +120,7 @@ def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Pr
         watchdog=model.watchdog,
         camera=model.camera if has_camera else None,
         tilt=model.tilt,
-        laser=_laser(model),
+        laser=Laser(x=mount.x, y=mount.y, theta=mount.theta),
         map_id=map_id,
     )
 
@@ -177,11 +154,6 @@ def _sensors(options: Mapping[str, Any]) -> tuple[str, ...]:
     return named
 
 
-def _laser(model: RobotModel) -> Laser:
-    mount = model.laser.mount
-    return Laser(x=mount.x, y=mount.y, theta=mount.theta)
-
-
 @dataclasses.dataclass
 class _Tilting:
     action_id: str
@@ -190,7 +162,7 @@ class _Tilting:
 
 
 class SimulatorAdapter:
-    """See robot_interface.Adapter. Reading runs in one task, so that a state is never half old."""
+    """See robot_interface.Adapter. One task reads, so that no state mixes two messages."""
 
     def __init__(self, profile: Profile, model: RobotModel, options: Mapping[str, Any]) -> None:
         self.profile = profile
@@ -219,7 +191,7 @@ class SimulatorAdapter:
 
     @property
     def address(self) -> str:
-        """Where the simulated robot is, `host:port`, once connected: observers look there."""
+        """The simulator's `host:port` for observers, "" before the first connection."""
         return "" if self._address is None else f"{self._address[0]}:{self._address[1]}"
 
     async def connect(self) -> None:
@@ -232,7 +204,7 @@ class SimulatorAdapter:
             if self._child is None or self._options.get("address"):
                 raise
             child, self._child = self._child, None
-            child.kill()  # it is dying, or hangs: a new one answers
+            child.kill()  # it is ending, or hangs; start another one
             await asyncio.to_thread(end, child)
             self._address = await self._find()
             reader, writer = await self._greet(self._address)
@@ -266,11 +238,9 @@ class SimulatorAdapter:
     def apply(self, velocity: Velocity) -> Velocity:
         """Send a velocity within the base's limits; return the last one sent.
 
-        A simulator that hangs executes its socket's content when it goes on. So each state permits
-        one velocity that moves, and when states stop arriving, a zero follows.
-
-        Raises:
-            AdapterError: the simulator is gone, or does not read any more.
+        A hung simulator executes its socket's content when it resumes. So each state permits one
+        velocity that moves, and when states stop arriving, a zero follows. Raises AdapterError when
+        the simulator is lost, or has stopped reading.
         """
         wanted = caps(self.profile.limits, None).clamp(velocity)
         if time.monotonic() - self._truth_at > FRESH:
@@ -283,12 +253,7 @@ class SimulatorAdapter:
         return self._sent
 
     async def start(self, action: Action) -> None:
-        """Tilt the head.
-
-        Raises:
-            ActionRefusedError: this robot cannot do that, or not so far.
-            AdapterError: the simulator is gone.
-        """
+        """Tilt the head; errors as in robot_interface.Adapter."""
         if not isinstance(action, Tilt):
             raise ActionRefusedError(
                 f"{self.profile.series} does not support {type(action).__name__.lower()}"
@@ -308,12 +273,10 @@ class SimulatorAdapter:
         return True
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield states, 50 a second; a slow reader misses the oldest.
-
-        Raises:
-            AdapterError: the simulator is gone, or silent for a second.
+        """Yield states, 50 a second; a slow reader misses the oldest. Raises AdapterError when the
+        simulator is lost, or silent for a second.
         """
-        while len(self._states) > 1:  # only the newest counts of those that were not read
+        while len(self._states) > 1:  # of unread states, only the newest counts
             self._states.popleft()
         while True:
             while self._states:
@@ -375,11 +338,8 @@ class SimulatorAdapter:
         async with asyncio.timeout(BRAKING_TIME):
             while not self._failure:
                 self._say(wire.DriveOrder(0.0, 0.0))
-                if (
-                    self._truth is not None
-                    and self._truth.linear == 0.0
-                    and self._truth.angular == 0.0
-                ):
+                truth = self._truth
+                if truth is not None and truth.linear == truth.angular == 0.0:
                     return
                 await asyncio.sleep(0.02)
 
@@ -432,7 +392,10 @@ class SimulatorAdapter:
             case wire.Truth():
                 self._truth, self._truth_at, self._may_move = message, time.monotonic(), True
                 self._states.append(self._state(message))
-                self._watch_tilt(message)
+                if self._tilting and abs(message.tilt - self._tilting.target) < TILT_REACHED:
+                    self._end_tilt("FINISHED", "")
+                elif self._tilting and self._truth_at > self._tilting.deadline:
+                    self._end_tilt("FAILED", "the head did not reach the angle in time")
                 self._news.set()
             case wire.Ranges(stamp, ranges) if self.profile.laser is not None:
                 self._scan = self._scan_of(stamp, ranges)
@@ -476,14 +439,6 @@ class SimulatorAdapter:
             range_max=laser.range_max,
             ranges=ranges,
         )
-
-    def _watch_tilt(self, truth: wire.Truth) -> None:
-        if self._tilting is None:
-            return
-        if abs(truth.tilt - self._tilting.target) < TILT_REACHED:
-            self._end_tilt("FINISHED", "")
-        elif time.monotonic() > self._tilting.deadline:
-            self._end_tilt("FAILED", "the head did not reach the angle in time")
 
     def _end_tilt(self, status: Any, reason: str) -> None:
         if self._tilting is not None:

@@ -1,6 +1,4 @@
-"""The simulated robot's process as a child of the agent: started, waited for, and never left
-behind.
-"""
+"""The simulated robot's process as a child of the agent, which outlives no agent."""
 
 import json
 import subprocess
@@ -47,7 +45,7 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
 
 
 def end(child: subprocess.Popen[bytes]) -> None:
-    """Wait for a simulator that was asked to end, and make it end if it does not."""
+    """Wait for a simulator that is ending, and kill it if it does not end."""
     try:
         child.wait(timeout=END_TIME)
     except subprocess.TimeoutExpired:

@@ -1,8 +1,5 @@
 """Camera and microphone of the simulated robot, each on a blocking connection of its own, read by
-the media side's threads.
-
-Neither touches the control loop: a frame crosses in shared memory, only its number through the
-socket.
+the media side's threads. Frames are in shared memory; only their numbers pass through the socket.
 """
 
 import contextlib
@@ -37,16 +34,13 @@ class MediaSocket:
         self._buffer = bytearray()
 
     def read(self, timeout: float) -> Any:
-        """Return the next message, or None when none came in time.
-
-        Raises:
-            OSError: the connection ended.
-            WireError: the other side is no simulator.
+        """Return the next message, or None without one in time. Raises OSError when the connection
+        ends, WireError when the other side is no simulator.
         """
         while True:
-            message = self._next()
-            if message is not None:
-                return message
+            body = framing.take(self._buffer)
+            if body is not None:
+                return wire.unpack_answer(body)
             if not select.select([self._socket], [], [], max(timeout, 0.0))[0]:
                 return None
             data = self._socket.recv(CHUNK)
@@ -54,12 +48,8 @@ class MediaSocket:
                 raise ConnectionResetError("the simulator closed the connection")
             self._buffer += data
 
-    def _next(self) -> Any:
-        body = framing.take(self._buffer)
-        return None if body is None else wire.unpack_answer(body)
-
     def close(self) -> None:
-        """Hang up; a read in another thread ends with OSError."""
+        """Disconnect; a read in another thread ends with OSError."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
@@ -77,7 +67,6 @@ class _Source:
         self._line: MediaSocket | None = None
 
     def start(self) -> None:
-        """Capture from the next `read` on."""
         self._running.set()
 
     def stop(self) -> None:
@@ -170,10 +159,8 @@ class SimulatorMicrophone(_Source):
     role: wire.Role = "microphone"
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
-        """Return the next 20 ms, (960,) int16.
-
-        Raises:
-            AdapterError: the microphone is gone; the next read tries again.
+        """Return the next 20 ms, (960,) int16; raises AdapterError, and tries again on the next
+        read.
         """
         if not self._running.wait(timeout):
             return None
@@ -184,8 +171,6 @@ class SimulatorMicrophone(_Source):
             message = self._next(timeout)
             while isinstance(message, wire.SimulatorWelcome):
                 message = self._next(deadline - time.monotonic())
-            return (
-                np.frombuffer(message.samples, dtype=np.int16)
-                if isinstance(message, wire.Sound)
-                else None
-            )
+            if not isinstance(message, wire.Sound):
+                return None
+            return np.frombuffer(message.samples, dtype=np.int16)

@@ -1,6 +1,4 @@
-"""The robot's camera as the media side uses it: encoded pictures for viewers, and single frames for
-photos.
-"""
+"""The robot's camera: encoded pictures for viewers, and single frames for photos."""
 
 import math
 import threading
@@ -14,10 +12,10 @@ from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import Frame, VideoSource
 
 SNAPSHOT_TIMEOUT = 3.0  # s
-# s, from a camera that must be started first: within what sessions/leases/readiness.py waits for a
-# photo
-SNAPSHOT_STARTING = 12.0
-SNAPSHOT_LOOK = 0.25  # s between two looks whether it still starts
+SNAPSHOT_STARTING = (
+    12.0  # s, of a camera that is starting; sessions/leases/readiness.py waits longer
+)
+SNAPSHOT_POLL = 0.25  # s between two checks whether it is still starting
 
 
 class _Layer:
@@ -48,7 +46,7 @@ class _Layer:
 class CameraFeed(Capture):
     """Reads and encodes frames while there are viewers, once for all of a layer, the best first.
 
-    `clock` gives frames RTP timestamps, the same in every layer; `deliver` is called in the
+    `clock` makes the frames' RTP timestamps, the same in every layer; `deliver` is called in the
     camera's thread with every encoded frame.
     """
 
@@ -65,7 +63,7 @@ class CameraFeed(Capture):
         self._deliver = deliver
         self._layers = [_Layer(PictureEncoder(tier, number)) for number, tier in enumerate(layers)]
         self._frame: Frame | None = None
-        self._frame_came = threading.Condition()
+        self._frame_arrived = threading.Condition()
 
     @property
     def rates(self) -> tuple[int, ...]:
@@ -81,23 +79,20 @@ class CameraFeed(Capture):
 
     def snapshot(self) -> Frame | None:
         """Return the next frame; None after 3 s, or 12 s for a camera that starts. Blocks."""
-        with self._frame_came:
+        with self._frame_arrived:
             before = self._frame
             self.want(1)
             began = time.monotonic()
             try:
-                while not (
-                    came := self._frame_came.wait_for(
-                        lambda: self._frame is not before, timeout=SNAPSHOT_LOOK
-                    )
-                ):
-                    if time.monotonic() - began > (
-                        SNAPSHOT_STARTING if self.state.status == "starting" else SNAPSHOT_TIMEOUT
-                    ):
-                        break
+                while self._frame is before:
+                    starting = self.state.status == "starting"
+                    limit = SNAPSHOT_STARTING if starting else SNAPSHOT_TIMEOUT
+                    if time.monotonic() - began > limit:
+                        return None
+                    self._frame_arrived.wait(SNAPSHOT_POLL)
+                return self._frame
             finally:
                 self.want(-1)
-            return self._frame if came else None
 
     def _restart(self) -> None:
         for layer in self._layers:
@@ -107,15 +102,15 @@ class CameraFeed(Capture):
         frame = self._camera.read(timeout)
         if frame is None:
             return False
-        with self._frame_came:
+        with self._frame_arrived:
             self._frame = frame
-            self._frame_came.notify_all()
+            self._frame_arrived.notify_all()
         if not math.isfinite(frame.stamp):
             raise ValueError(f"stamp {frame.stamp} is not a time")
         ticks = self._clock.tick(frame.stamp)
         now = time.monotonic()
-        # A viewer that waits for a key frame to change layers gets it before the same frame of the
-        # old layer, which has the same time.
+        # a viewer that waits for a key frame to change layers must get it before the same frame of
+        # the old layer, which has the same timestamp
         for layer in sorted(self._layers, key=lambda layer: not layer.needs_key(now)):
             if layer.viewers > 0:
                 self._encode(layer, frame, ticks, now)
@@ -127,11 +122,9 @@ class CameraFeed(Capture):
         if not is_due(frame.stamp, layer.last_stamp, layer.encoder.tier.fps):
             return
         layer.last_stamp = frame.stamp
-        picture = layer.encoder.encode(
-            frame, ticks, self._clock.timestamp(ticks), key=layer.needs_key(now)
-        )
-        if picture is None:
-            return
-        if picture.key:
-            layer.made_key(now)
-        self._deliver(picture)
+        timestamp = self._clock.timestamp(ticks)
+        picture = layer.encoder.encode(frame, ticks, timestamp, key=layer.needs_key(now))
+        if picture is not None:
+            if picture.key:
+                layer.made_key(now)
+            self._deliver(picture)

@@ -1,8 +1,8 @@
 """A camera or a microphone in a thread of its own: started while in use, retried when it fails.
 
-Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. A source
-that is gone leaves its viewers connected: they see the last frame and a reason, and the video goes
-on when the source is back.
+Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. When a
+source fails its viewers stay connected: they see the last frame and a reason, and the video resumes
+when the source works again.
 """
 
 import threading
@@ -24,11 +24,10 @@ log = structlog.stdlib.get_logger(__name__)
 class CaptureLimits:
     """Times in seconds."""
 
-    # from its start to the first that is read: more than devices/reader.py takes, which knows
-    # better what is wrong
+    # from the start to the first data: more than devices/reader.py waits, whose error says more
     opening: float = 25.0
-    stall: float = 2.0  # between two that are read
-    # it runs on after the last viewer, so that a page that reconnects does not restart it
+    stall: float = 2.0  # without data
+    # it keeps running after the last viewer, so that a page that reconnects does not restart it
     linger: float = 1.0
     read: float = 0.5
     first_retry: float = 0.25
@@ -37,38 +36,37 @@ class CaptureLimits:
 
 LIMITS = CaptureLimits()
 
-# What a source or an encoder may raise: the adapter's own word, the operating system's, a frame of
-# the wrong shape, FFmpeg's.
+# what a source or an encoder may raise: an adapter's or the system's error, a frame of the wrong
+# shape, FFmpeg's errors
 FAILURES = (AdapterError, OSError, ValueError, av.FFmpegError)
 
 
 class CaptureSource(Protocol):
-    """What a camera and a microphone have in common."""
+    """A camera or a microphone, as far as they are alike."""
 
-    def start(self) -> None:
-        """Begin to capture."""
+    def start(self) -> None: ...
 
-    def stop(self) -> None:
-        """Stop capturing."""
+    def stop(self) -> None: ...
+
+
+Status = Literal["idle", "starting", "live", "failed"]
 
 
 @dataclass(frozen=True)
 class CaptureState:
-    """How a source is: `idle` (not in use), `starting`, `live`, or `failed`.
-
-    `reason` is why it failed, and why it did the last time while it starts again.
+    """The state of a source: `idle` is not in use. `reason` is why it failed, also while it starts
+    again.
     """
 
-    status: Literal["idle", "starting", "live", "failed"]
+    status: Status
     reason: str = ""
 
 
 class Capture:
-    """Runs a source while it is wanted, in a thread of its own, in which `begin` and `step` may
-    raise any of FAILURES.
+    """Runs a source while it is wanted, in a thread of its own.
 
-    `begin` is called before each start, to open a fresh encoder; `step` reads once, at most the
-    given seconds, and uses the data; it returns False without any.
+    `begin` is called before each start, to open a fresh encoder; `step` reads once, for at most the
+    given seconds, and uses the data; it returns False without any. Both may raise FAILURES.
     """
 
     def __init__(
@@ -132,16 +130,14 @@ class Capture:
                 delay = limits.first_retry
                 self._set_state("idle")
             except FAILURES as error:
-                delay = (
-                    limits.first_retry
-                    if self._state.status == "live"
-                    else min(delay * 2, limits.last_retry)
-                )
+                worked = self._state.status == "live"
+                delay = limits.first_retry if worked else min(delay * 2, limits.last_retry)
                 self._set_state("failed", reason_of(error))
             finally:
                 self._stop_source()
             if self._state.status == "failed":
-                self._pause(delay)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._closing, timeout=delay)
 
     def _read_while_wanted(self) -> None:
         limits = self._limits
@@ -166,13 +162,7 @@ class Capture:
             self._changed.wait_for(lambda: self._closing or self._wanted > 0)
             return not self._closing
 
-    def _pause(self, seconds: float) -> None:
-        with self._changed:
-            self._changed.wait_for(lambda: self._closing, timeout=seconds)
-
-    def _set_state(
-        self, status: Literal["idle", "starting", "live", "failed"], reason: str = ""
-    ) -> None:
+    def _set_state(self, status: Status, reason: str = "") -> None:
         state = CaptureState(status, reason)
         if state != self._state:
             log.info("capture_state", source=self._name, status=status, reason=str(reason))

@@ -1,8 +1,8 @@
 """The robot's own loudspeaker and display: the visitor's media, decoded in a thread of its own.
 
-Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What
-cannot be played in time is dropped, and video up to the next key frame with it. A device that fails
-is closed, and tried again after a growing pause while there is something to play.
+Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. Media
+that cannot be played in time are dropped, video up to the next key frame. A device that fails is
+closed, and tried again after a growing pause while there is something to play.
 """
 
 import queue
@@ -23,14 +23,14 @@ from robots.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
-DEPTH = 25  # sounds and pictures that wait: half a second of sound
-IDLE = 2.0  # s without anything after which loudspeaker and display rest
+DEPTH = 25  # sounds and pictures in the queue: half a second of sound
+IDLE = 2.0  # s without media after which loudspeaker and display are stopped
 CLOSE_TIMEOUT = 3.0  # s
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0  # s
 NOTES = (659.25, 523.25)  # Hz
 NOTE_SECONDS = (0.45, 1.0)
 CHIME_LEVEL = 0.25  # of full scale
-STEADY = 1.0  # s after which a device that was opened works: some say only later that they cannot
+STEADY = 1.0  # s after which an opened device counts as working: some fail only after a while
 FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
 
@@ -40,7 +40,7 @@ class OutputFeed:
     def __init__(self, speaker: Speaker | None, display: Display | None) -> None:
         self.volume = 1.0
         self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
-        self._whole = False  # the pictures in the queue begin with a key frame and have no hole
+        self._whole = False  # the pictures in the queue start with a key frame and have no gap
         self._thread: threading.Thread | None = None
         self._players: dict[str, _Player] = {}
         if speaker is not None:
@@ -61,12 +61,12 @@ class OutputFeed:
             self._thread.start()
 
     def close(self) -> None:
-        """End the thread, after what waits; waits at most some seconds."""
+        """End the thread after the queue; waits at most some seconds."""
         if self._thread is not None and self._thread.is_alive():
             try:
                 self._waiting.put(None, timeout=CLOSE_TIMEOUT)
             except queue.Full:
-                return  # a loudspeaker that blocks for ever: the thread is a daemon
+                return  # a loudspeaker blocks for ever: the thread is a daemon
             self._thread.join(CLOSE_TIMEOUT)
 
     def hear(self, opus: bytes) -> None:
@@ -79,7 +79,7 @@ class OutputFeed:
         return "audio" in self._players
 
     def ring(self) -> None:
-        """Play the chime of a knock; dropped while others are speaking."""
+        """Play the chime of a knock; dropped when the queue is full."""
         if self.has_speaker:
             self._put(("ring", b""))
 
@@ -112,7 +112,9 @@ class OutputFeed:
                 return
             kind, data = what
             if kind == "ring":
-                self._players["audio"].give([_audio_frame(chime())])
+                frame = av.AudioFrame.from_ndarray(chime()[None], format="s16", layout="mono")
+                frame.sample_rate = AUDIO_RATE
+                self._players["audio"].give([frame])
             else:
                 self._players[kind].play(data)
 
@@ -132,7 +134,10 @@ class _Player:
     """A decoder and its device, started on first use; nothing that they raise leaves it."""
 
     def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
-        self._decoder = _decoder(codec)
+        decoder: Any = av.CodecContext.create(codec, "r")
+        if codec == "libopus":
+            decoder.sample_rate, decoder.layout = AUDIO_RATE, "mono"
+        self._decoder = decoder
         self._device, self._give, self._running = device, give, False
         self._since = float("-inf")
         self._retry_at = float("-inf")
@@ -141,7 +146,7 @@ class _Player:
 
     def play(self, data: bytes) -> None:
         try:
-            # Decoded also while the device pauses: later frames build on it.
+            # decoded also while the device pauses: later frames depend on it
             frames = self._decoder.decode(av.Packet(data))
         except FAILURES as error:
             log.warning(
@@ -154,13 +159,16 @@ class _Player:
         if time.monotonic() < self._retry_at:
             return
         try:
-            self._start()
+            if not self._running:
+                self._device.start()
+                self._running, self._since = True, time.monotonic()
             for frame in frames:
                 self._give(frame)
         except FAILURES as error:
             self._failed(reason_of(error))
         else:
-            self._works()
+            if self.failure and time.monotonic() - self._since > STEADY:
+                self.failure, self._pause = "", FIRST_RETRY
 
     def rest(self) -> None:
         if self._running:
@@ -171,17 +179,6 @@ class _Player:
                 log.warning(
                     "visitor_output_stop_failed", codec=self._decoder.name, reason=reason_of(error)
                 )
-
-    def _start(self) -> None:
-        if not self._running:
-            self._device.start()
-            self._running = True
-            self._since = time.monotonic()
-
-    def _works(self) -> None:
-        if self.failure and time.monotonic() - self._since > STEADY:
-            self.failure = ""
-            self._pause = FIRST_RETRY
 
     def _failed(self, reason: str) -> None:
         log.warning(
@@ -194,13 +191,6 @@ class _Player:
         self._retry_at = time.monotonic() + self._pause
         self._pause = min(self._pause * 2, LAST_RETRY)
         self.rest()
-
-
-def _decoder(codec: str) -> Any:
-    decoder: Any = av.CodecContext.create(codec, "r")
-    if codec == "libopus":
-        decoder.sample_rate, decoder.layout = AUDIO_RATE, "mono"
-    return decoder
 
 
 def chime() -> npt.NDArray[np.int16]:
@@ -219,21 +209,10 @@ def chime() -> npt.NDArray[np.int16]:
     return (np.clip(samples * CHIME_LEVEL, -1.0, 1.0) * 32767).astype(np.int16)
 
 
-def _audio_frame(samples: npt.NDArray[np.int16]) -> av.AudioFrame:
-    frame = av.AudioFrame.from_ndarray(samples[np.newaxis, :], format="s16", layout="mono")
-    frame.sample_rate = AUDIO_RATE
-    return frame
-
-
 def _mono(frame: av.AudioFrame) -> Any:
     samples = frame.to_ndarray().astype(np.float64)
     if frame.format.name.startswith("flt"):
         samples = samples * 32767.0
-    channels = len(frame.layout.channels)
-    return np.clip(
-        samples.mean(axis=0)
-        if frame.format.is_planar
-        else samples.reshape(-1, channels).mean(axis=1),
-        -32768,
-        32767,
-    )
+    if not frame.format.is_planar:
+        samples = samples.reshape(-1, len(frame.layout.channels)).T
+    return np.clip(samples.mean(axis=0), -32768, 32767)

@@ -1,8 +1,8 @@
 """Video and sound from the page of the robot's own screen, instead of the agent's own devices.
 
-The robot's computer then runs a browser anyway, and the browser knows its camera. Media arrive
-encoded and are forwarded unchanged, in one quality. The page sends no capture times: a frame's time
-is that of the fastest frame's arrival.
+The robot's computer then runs a browser anyway, and the browser has access to the camera. Media
+arrive encoded and are forwarded unchanged, in one layer. The page sends no capture times: they are
+computed from the arrival of the fastest frame.
 """
 
 import threading
@@ -16,21 +16,20 @@ from robots.agent.devices.camera import picture_of
 from robots.agent.media.capture.capture import LIMITS, CaptureState
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
-from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, Kind, vp8_payloads
+from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, JoinedTicks, Kind, vp8_payloads
 from robots.agent.robot_interface import Frame
 
-# s, and how often a whole picture is asked for in that time
+# s, and how often a key frame is asked for in that time
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
-# by which two clocks may differ; the fastest picture of long ago is forgotten as fast
-DRIFT = 0.001
+DRIFT = 0.001  # of two clocks at most; the fastest frame is forgotten at this rate
 MISSING_VIDEO = "no page on the robot's screen provides video"
 MISSING_SOUND = "no page on the robot's screen provides sound"
-OPENING = 5.0  # s in which the page of the robot's screen begins to send
+OPENING = 5.0  # s in which the page of the robot's screen should start to send
 
 
 class _PageSource:
     def __init__(self, kind: Kind, missing: str) -> None:
-        self._clock = Continuous(STEP[kind])
+        self._clock = JoinedTicks(STEP[kind])
         self._missing = missing
         self._users = 0
         self._last_received_at = self._wanted_since = float("-inf")
@@ -47,10 +46,10 @@ class _PageSource:
         return CaptureState("failed", self._missing)
 
     def start(self) -> None:
-        """Nothing to begin: the page gives what it gives."""
+        """Nothing to start: the page sends by itself."""
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Nothing to stop."""
 
     def want(self, number: int) -> None:
         if self._users == 0:
@@ -59,8 +58,8 @@ class _PageSource:
 
 
 class PageCamera(_PageSource):
-    """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
-    `ask` asks the page for a key frame, from any thread.
+    """Replaces camera.CameraFeed. Belongs to the media loop, except `snapshot` and `state`. `ask`
+    asks the page for a key frame, from any thread.
     """
 
     rates = (0,)
@@ -69,11 +68,11 @@ class PageCamera(_PageSource):
         super().__init__("video", MISSING_VIDEO)
         self._ask, self._deliver = ask, deliver
         self._keys = KeyFrames()
-        # when, and the Unix time of the clock's tick 0, by the fastest picture
+        # when the last frame arrived, and the Unix time of tick 0 by the fastest one
         self._ahead: tuple[float, float] | None = None
         self._source = ""
-        self._whole: bytes | None = None
-        self._whole_came = threading.Condition()
+        self._key_frame: bytes | None = None
+        self._key_frame_arrived = threading.Condition()
 
     def watch(self, number: int, layer: int = 0) -> None:
         self.want(number)
@@ -92,30 +91,29 @@ class PageCamera(_PageSource):
         self._source, self._last_received_at = source, time.monotonic()
         at = self._clock.tick(source, ticks)
         if key:
-            with self._whole_came:
-                self._whole = data
-                self._whole_came.notify_all()
+            with self._key_frame_arrived:
+                self._key_frame = data
+                self._key_frame_arrived.notify_all()
         self._deliver(Picture(vp8_payloads(data), key, at % ROUND, self._stamp(at / VIDEO_RATE)))
 
     def snapshot(self) -> Frame | None:
         """Return the next key frame; None after 3 s. Blocks."""
-        with self._whole_came:
-            self._whole = None
+        with self._key_frame_arrived:
+            self._key_frame = None
             for _ in range(SNAPSHOT_ASKS):
-                # again and again: a browser that has just made a whole picture passes over who asks
-                # for another
+                # repeatedly: a browser that has just made a key frame ignores a request for another
                 self._ask()
-                if self._whole_came.wait_for(
-                    lambda: self._whole is not None, timeout=SNAPSHOT_TIMEOUT / SNAPSHOT_ASKS
+                if self._key_frame_arrived.wait_for(
+                    lambda: self._key_frame is not None, timeout=SNAPSHOT_TIMEOUT / SNAPSHOT_ASKS
                 ):
                     break
             else:
                 return None
-            data, stamp = self._whole, time.time()
+            data, stamp = self._key_frame, time.time()
         frames: list[av.VideoFrame] = av.CodecContext.create("libvpx", "r").decode(av.Packet(data))
-        return (
-            Frame(picture_of(frames[0], VideoReformatter()), stamp, "yuv420p") if frames else None
-        )
+        if not frames:
+            return None
+        return Frame(picture_of(frames[0], VideoReformatter()), stamp, "yuv420p")
 
     def _stamp(self, seconds: float) -> float:
         now = time.time()
@@ -127,7 +125,7 @@ class PageCamera(_PageSource):
 
 
 class PageMicrophone(_PageSource):
-    """Takes the place of sound.MicrophoneFeed; `deliver` gets (payload, RTP ticks) each 20 ms."""
+    """Replaces sound.MicrophoneFeed; `deliver` gets (payload, RTP ticks) every 20 ms."""
 
     def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
         super().__init__("audio", MISSING_SOUND)

@@ -29,13 +29,12 @@ class Tier:
 
 
 TIER_480P = Tier(width=640, height=480, fps=30, bitrate=1_200_000)
-# The best first. The fourth fits, with sound and words (150 kbit/s), through 400 kbit/s.
-# Of a camera's 30 pictures every second one is left out first.
+# The best first. The fourth fits, with sound and messages (150 kbit/s), through 400 kbit/s.
 LAYERS = (
     TIER_480P,
     Tier(width=640, height=480, fps=30, bitrate=700_000),
     Tier(width=640, height=480, fps=15, bitrate=380_000),
-    # larger pictures take twice as much where everything moves, however coarse they are
+    # larger pictures take twice as much where the whole image moves, however coarse they are
     Tier(width=480, height=360, fps=15, bitrate=140_000),
     Tier(width=320, height=240, fps=15, bitrate=100_000),
 )
@@ -64,7 +63,7 @@ def fitted(tier: Tier, width: int, height: int) -> tuple[int, int]:
 
 
 def is_due(stamp: float, last: float | None, fps: int) -> bool:
-    """Tell whether a stream of `fps` takes a frame; of a faster camera some are left out."""
+    """Tell whether a stream of `fps` takes a frame; some of a faster camera are left out."""
     return last is None or not 0.0 <= stamp - last < 0.75 / fps
 
 
@@ -95,7 +94,7 @@ class PictureEncoder:
         return Picture(payloads, any(p.is_keyframe for p in packets), rtp, frame.stamp, self.layer)
 
     def restart(self) -> None:
-        """Forget the pictures so far: the next one is a key frame, whatever was asked for."""
+        """Start again with a key frame."""
         self._codec = None
 
     def _yuv(self, frame: Frame) -> av.VideoFrame:
@@ -103,8 +102,7 @@ class PictureEncoder:
         same = fit == (frame.width, frame.height)
         if same and frame.format == YUV:
             return image
-        # Same size needs only the colours, for which POINT is the fastest way; one thread, because
-        # a pool costs more than it saves.
+        # POINT is the fastest for colours alone; one thread: a pool costs more than it saves
         interpolation = Interpolation.POINT if same else Interpolation.BILINEAR
         return self._reformatter.reformat(
             image, *fit, format="yuv420p", interpolation=interpolation, threads=1
@@ -131,11 +129,11 @@ def open_vp8(tier: Tier, width: int, height: int) -> Any:
         "minrate": rate,  # min = max = rate is constant bit rate
         "maxrate": rate,
         "bufsize": rate,  # one second
-        # % of a picture's share: a key frame may not fill a slow network for long
+        # % of a frame's share: a key frame must not fill a slow network for long
         "max-intra-rate": str(30 * tier.fps),
         "overshoot-pct": "15",
         "undershoot-pct": "100",
         "noise-sensitivity": "0",
-        "static-thresh": "800",  # what stands costs half, what moves looks the same
+        "static-thresh": "800",  # static areas cost half, moving ones look the same
     }
     return codec

@@ -1,9 +1,9 @@
-"""When the next JPEG goes through the server, and how large it may be: decisions only.
+"""When the next JPEG is sent through the server, and how large it may be: decisions only.
 
-A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request
-is an acknowledgement too. So at most one picture is under way, whatever the network between does,
-and none is queued. A picture is sent once for all pages that wait; a driver who asks sets the pace,
-and another page's slow network costs the driver nothing. `now` is monotonic time in seconds.
+A page that no WebRTC path reaches requests each picture, and the next one when it has it: a request
+is an acknowledgement too. So at most one picture is in flight, whatever the network does, and none
+is queued. A picture is sent once for all pages that wait; a driver sets the pace, and another
+page's slow network costs the driver nothing. `now` is monotonic time in seconds.
 """
 
 from collections.abc import Callable
@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from robots.agent.media.codecs.encoder import Tier
 
 FPS = 10
-PRESENT = 3.0  # s after its last request that a page still counts as watching
+PRESENT = 3.0  # s after its last request in which a page counts as watching
 MOST_PAGES = 64
-# s that a picture's size may cost at most; below FAST there is room for a larger one
+# s that a picture may take longer than a small message; below FAST a larger one can be tried
 SLOW, FAST = 0.25, 0.08
-# pictures in a row that must have been fast before a larger one is tried
-PATIENCE, MOST_PATIENCE = 10, 320
+PATIENCE, MOST_PATIENCE = 10, 320  # fast pictures in a row before a larger one is tried
 MOST_ROUND_TRIP = 2.0
 RETRY = 1.0  # s after a camera gave nothing
 
@@ -47,7 +46,7 @@ FIRST = 2
 
 
 class StillQuality:
-    """The layer, by how long pictures take."""
+    """The layer, chosen by how long pictures take."""
 
     def __init__(self) -> None:
         self.layer = FIRST
@@ -90,18 +89,16 @@ class StillPace:
             return
         self._asked[peer] = now
         self._waiting.add(peer)
-        if self._stamp is not None and self._leads(peer, now):
+        if self._stamp is not None and self._driver(now) in {peer, None}:
             self._acknowledge(seen, round_trip, now)
 
     def wait(self, now: float) -> float | None:
-        """Return seconds until a picture is due, 0 for now; None when only a request helps."""
+        """Return seconds until a picture is due, 0 for now; None without a request."""
         driver = self._driver(now)
-        if not (self._waiting if driver is None else driver in self._waiting):
-            return (
-                None
-                if driver is None or not self._waiting
-                else max(0.0, self._asked[driver] + PRESENT - now)
-            )
+        if not self._waiting:
+            return None
+        if driver is not None and driver not in self._waiting:
+            return max(0.0, self._asked[driver] + PRESENT - now)
         return max(0.0, self._not_before - now)
 
     def layer(self) -> Layer:
@@ -118,7 +115,7 @@ class StillPace:
         self._not_before = now + RETRY
 
     def watching(self, now: float) -> frozenset[str]:
-        """Return who has asked within the last seconds, and forget everybody else."""
+        """Return the pages that asked within the last seconds, and forget the others."""
         for peer in [peer for peer, asked in self._asked.items() if now - asked >= PRESENT]:
             del self._asked[peer]
             self._waiting.discard(peer)
@@ -127,9 +124,6 @@ class StillPace:
     def _driver(self, now: float) -> str | None:
         return next((peer for peer in self.watching(now) if self._is_driver(peer)), None)
 
-    def _leads(self, peer: str, now: float) -> bool:
-        return self._driver(now) in {peer, None}
-
     def _acknowledge(self, seen: float | None, round_trip: float | None, now: float) -> None:
         elapsed = now - self._sent - self.delay
         if seen == self._stamp:
@@ -137,7 +131,6 @@ class StillPace:
             if round_trip is not None:
                 self.quality.took(elapsed - min(round_trip, MOST_ROUND_TRIP))
         elif elapsed > PRESENT / 3:
-            # It asks again without having seen the last one: lost, or too large to have come
-            # through by now.
+            # it asks again without having seen the last one, which is lost or too large
             self._stamp = None
             self.quality.too_large()

@@ -12,7 +12,7 @@ import structlog
 
 from robots.agent.media.capture.capture import FAILURES
 from robots.agent.media.codecs.encoder import fitted
-from robots.agent.media.jpeg_fallback.pace import Layer, StillPace
+from robots.agent.media.jpeg_fallback.pace import StillPace
 from robots.agent.media.photos import reduced
 from robots.agent.robot_interface import Frame
 from robots.agent.thread_priority import ORDINARY, set_nice
@@ -27,10 +27,10 @@ CLOSE_TIMEOUT = 4.0  # s
 
 
 class JpegFallback:
-    """Sends a picture when one was asked for. All methods may be called from any thread.
+    """Sends a picture for each request. All methods may be called from any thread.
 
-    `snapshot` blocks for a fresh frame, or None; `send` is called in the pictures' thread with each
-    packed picture and the peers who wait for it.
+    `snapshot` blocks for a fresh frame, or None; `send` is called in the thread of this class with
+    each packed picture and the peers that wait for it.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class JpegFallback:
             self._thread.join(CLOSE_TIMEOUT)
 
     def _run(self) -> None:
-        set_nice(ORDINARY)  # it was started by the control loop, before which it must not go
+        set_nice(ORDINARY)  # the control loop started it, whose priority it must not have
         while self._wait_until_due():
             try:
                 self._send_one()
@@ -93,7 +93,9 @@ class JpegFallback:
         if frame is None:
             self._failed()
             return
-        payload = picture.pack(frame.stamp, _jpeg(frame, self._pace.layer()))
+        layer = self._pace.layer()
+        size = fitted(layer.tier, frame.width, frame.height)
+        payload = picture.pack(frame.stamp, reduced(frame, *size, layer.quantizer))
         if len(payload) > LIMIT:
             with self._changed:
                 self._pace.quality.too_large()
@@ -107,7 +109,3 @@ class JpegFallback:
     def _failed(self) -> None:
         with self._changed:
             self._pace.failed(time.monotonic())
-
-
-def _jpeg(frame: Frame, layer: Layer) -> bytes:
-    return reduced(frame, *fitted(layer.tier, frame.width, frame.height), layer.quantizer)

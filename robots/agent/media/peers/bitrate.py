@@ -1,14 +1,15 @@
 """Which layer of quality one viewer gets: lower at once when the network takes less, up by trial.
 
-Pure. The sign is the age of the frame on the screen, which the page reports five times a second,
-and ten times while it grows: where more is sent than arrives, frames wait before the bottleneck.
+Pure. The measure is the age of the frame on the screen, which the page reports five times a second,
+and ten times while it grows: when more is sent than arrives, frames wait before the bottleneck.
 Browsers' own estimates (REMB) would show it too, but Chromium sends none on a connection on which
 it may send video as well.
 
 To try a higher layer, copies of sent packets are added for a moment, to see whether frames become
-older. That costs no frame, where a trial of the layer itself would begin with a large key frame.
+older. That costs no frame, whereas a trial of the layer itself starts with a large key frame.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,26 +22,26 @@ class BitrateParams:
     Lateness is (s older than at its best, reports in a row).
     """
 
-    # A busy computer makes single pictures late, too, and at 15 a second the one on the screen is
-    # up to 0.07 s old by itself.
+    # a busy computer also delays single pictures, and at 15 a second the one on the screen is up to
+    # 0.07 s old anyway
     late: tuple[float, int] = (0.15, 3)
     very_late: tuple[float, int] = (0.3, 2)
     late_in_trial: tuple[float, int] = (0.1, 2)
     best_age_for: float = 60.0  # s for which the best age counts
-    picture_share: float = 0.8  # of what the network took; sound and words need the rest
+    picture_share: float = 0.8  # of the network's rate; sound and messages need the rest
     lossy: float = 0.1  # share of the packets lost, in two reports in a row
     very_lossy: float = 0.3  # the same, in one report
     same: float = 0.02  # s between the times of two pictures that are the same
     unseen: float = 1.0  # s of the same frame, after which the page counts as hidden
-    steady: float = 0.8  # share of what is sent that arrives: above it a queue does not grow
-    full_queue: float = 0.5  # share that is believed of a queue that is full
+    steady: float = 0.8  # share of the sent data that arrives, above which no queue grows
+    full_queue: float = 0.5  # share that is assumed to arrive through a full queue
     settling: float = 1.0  # s after a step down in which nothing new is learned
     drained: float = 3.0  # s, the same while the age falls
-    # s without a picture, so that what waits can leave; after 1 s the robot would stand
+    # s without a picture, so that the queue can drain; after 1 s the robot would stop
     longest_pause: float = 0.5
-    first_hold: float = 1.5  # s without a bad sign before a trial; doubled by each that fails
+    first_hold: float = 1.5  # s without lateness before a trial; doubled by each that fails
     longest_hold: float = 6.0  # s, the same at most
-    next_hold: float = 0.3  # s, after a trial that went well
+    next_hold: float = 0.3  # s, after a successful trial
     probe: float = 0.35  # s of sending more
     watch: float = 0.65  # s after it in which pictures may still become older
     regret: float = 4.0  # s in which a step up still counts as a trial
@@ -58,11 +59,11 @@ class BitrateAdapter:
         self.probes = 0
         self._rates = tuple(rates)
         self._ages: deque[tuple[float, float]] = deque()  # the least of each second, at most
-        # when, and how much older than at its best
+        # when reported, and how much older than at its best
         self._late: deque[tuple[float, float]] = deque(maxlen=3)
-        # when, and when the picture on the screen was taken
+        # when reported, and when the picture on the screen was captured
         self._shown: deque[tuple[float, float]] = deque(maxlen=3)
-        # when the picture on the screen was first there, and when it was taken
+        # when the picture on the screen was first reported, and when it was captured
         self._taken: tuple[float, float] | None = None
         self._lossy = 0
         self._calm_since = self._down_at = now
@@ -72,7 +73,7 @@ class BitrateAdapter:
         self._silent_until = float("-inf")
 
     def pauses(self, now: float) -> bool:
-        """Tell whether no picture should be sent, because too many wait on the way already."""
+        """Tell whether to send no picture, because too many are queued in the network."""
         return now < self._silent_until
 
     def aged(self, now: float, age: float, sent: float) -> None:
@@ -162,26 +163,13 @@ class BitrateAdapter:
         if self._probe_at is not None:  # only the trial was too much
             self._probe_at = None
             self._hold = min(2.0 * max(self._hold, params.first_hold), params.longest_hold)
-            self._down_at = now  # and pictures are late until what it sent has left
+            self._down_at = now  # pictures are late until the copies have left the queue
             return
-        regretted = now - self._up_at < params.regret
-        self._hold = (
-            min(2.0 * max(self._patience, params.first_hold), params.longest_hold)
-            if regretted
-            else params.first_hold
-        )
+        self._hold = params.first_hold
+        if now - self._up_at < params.regret:
+            self._hold = min(2.0 * max(self._patience, params.first_hold), params.longest_hold)
+        most = math.inf if capacity is None else params.picture_share * capacity
         lowest = len(self._rates) - 1
-        fits = (
-            0
-            if capacity is None
-            else next(
-                (
-                    n
-                    for n, rate in enumerate(self._rates)
-                    if rate <= params.picture_share * capacity
-                ),
-                lowest,
-            )
-        )
+        fits = next((n for n, rate in enumerate(self._rates) if rate <= most), lowest)
         self._silent_until = now + min(waits, params.longest_pause)
         self._down_at, self.layer = self._silent_until, min(lowest, max(self.layer + 1, fits))

@@ -1,13 +1,13 @@
-"""The pages that are connected over WebRTC: which get a place, whose offers are answered, who is
-who, and why a connection ended.
+"""The pages that are connected over WebRTC: which get a place, whose offers are answered, their
+roles, and why a connection ended.
 
-Belongs to the media loop, but for what says otherwise.
+Belongs to the media loop, except for the first section.
 """
 
 import asyncio
 import itertools
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from typing import Any, Literal
 
 import msgspec
@@ -33,8 +33,9 @@ from robots.api.messages import (
 
 log = structlog.stdlib.get_logger(__name__)
 
-# s; to connect costs the robot more than what the page may say until it is sent away
+# s in which a page that flooded is refused: connecting costs more than its messages do
 FLOOD_PAUSE = 5.0
+Side = Literal["driver", "screen"]
 MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
 
 
@@ -43,8 +44,8 @@ class Connections:
 
     Args:
         places: how many pages may be connected at once; the driver always finds room.
-        make_viewer: makes the connection of (peer, role), with a name for this connection of theirs
-            and what to call when it fails by itself.
+        make_viewer: makes the connection of (peer, role), with a name for it and a callback for
+            when it fails by itself.
         reply: called with (peer, message) for the page.
         changed: called after a new page, which may be the driver's.
     """
@@ -65,11 +66,10 @@ class Connections:
         # hidden operators: the server alone sends them states, and they do not count as viewers
         self._wizards: set[str] = set()
         self._passed_on: dict[str, int] = {}  # of an SFU: how many watch through it
-        self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
+        self._flooded: dict[str, float] = {}  # until when pages are refused that have flooded
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
-        # the name of the connection of the robot's own display that came last
-        self.newest_screen = ""
+        self.newest_screen = ""  # the name of the robot's own display that connected last
 
     # --- any thread -------------------------------------------------------------------------------
 
@@ -97,8 +97,7 @@ class Connections:
 
     def viewers(self, others: frozenset[str] = frozenset()) -> int:
         """Return how many people watch: over these connections, and `others`."""
-        passed_on = self._passed_on
-        return sum(passed_on.get(peer, 1) for peer in self.connected() | others)
+        return sum(self._passed_on.get(peer, 1) for peer in self.connected() | others)
 
     @property
     def screens(self) -> int:
@@ -131,9 +130,7 @@ class Connections:
             self._end(peer, None)
 
     def _take_offer(self, peer: str, offer: SdpOffer) -> None:
-        # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is
-        # gone
-        if self._closing:
+        if self._closing:  # a page may offer again as soon as it gets the Bye
             self._reply(peer, Bye(reason="left"))
             return
         now = time.monotonic()
@@ -155,7 +152,7 @@ class Connections:
             peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason)
         )
         if old is not None:
-            viewer.page.gate = old.page.gate  # or connecting again would be a way to say more
+            viewer.page.gate = old.page.gate  # or connecting again would reset its limits
             self._keep(old.close())
         self._viewers[peer] = viewer
         if is_screen:
@@ -186,7 +183,7 @@ class Connections:
         self._reply(peer, SdpAnswer(sdp=answer))
 
     def _answered(self, task: "asyncio.Task[None]", peer: str, viewer: Viewer) -> None:
-        """Let no offer stay without a reply, whatever went wrong with it."""
+        """Reply to an offer that could not be answered because of an unexpected error."""
         if not task.cancelled() and task.exception() is not None:
             self._ended(peer, viewer)
 
@@ -202,7 +199,7 @@ class Connections:
                 self._end(peer, reason)
 
     async def close(self) -> None:
-        """Say goodbye to every page, and to every one that asks from now on."""
+        """End all connections, and refuse new ones."""
         self._closing = True
         for peer in list(self._viewers):
             self._end(peer, "left")
@@ -220,7 +217,7 @@ class Connections:
         self._end(peer, reason)
 
     def _end(self, peer: str, reason: str | None) -> None:
-        """Close a page's connection and tell it why, or nothing when it said goodbye itself."""
+        """Close a page's connection and send it the reason, None when the page left by itself."""
         viewer = self._viewers.pop(peer)
         self._screens.discard(peer)
         self._wizards.discard(peer)
@@ -242,10 +239,10 @@ class Connections:
         if not task.cancelled() and (error := task.exception()) is not None:
             log.error("media_task_failed", exc_info=error)
 
-    # --- what they are sent -----------------------------------------------------------------------
+    # --- messages and media -----------------------------------------------------------------------
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame to all pages but hidden operators: a state reveals a study's condition."""
+        """Send a frame to all pages except hidden operators: states reveal a study's condition."""
         for peer, viewer in self._viewers.items():
             if peer not in self._wizards:
                 viewer.send(suffix, frame)
@@ -258,46 +255,46 @@ class Connections:
                 suffix, encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own))
             )
 
-    def point(self, by: Literal["driver", "screen"], frame: str) -> None:
-        """Send a frame of one side to the other: the robot's own displays, or the driver."""
-        for peer, viewer in self._viewers.items():
-            if (peer in self._screens) if by == "driver" else self.drives(peer):
-                viewer.send("pointer", frame)
+    def point(self, by: Side, frame: str) -> None:
+        """Send a pointer of one side to the other."""
+        for viewer in self._at("screen" if by == "driver" else "driver"):
+            viewer.send("pointer", frame)
 
-    def lead(self, line: TimedLine | None) -> None:
-        """Send the driver's media over the line, and everybody else's directly."""
+    def route(self, line: TimedLine | None) -> None:
+        """Send the driver's media over the line, and all others directly."""
         for peer, viewer in self._viewers.items():
-            viewer.send_by(line if self.drives(peer) else None)
+            viewer.route(line if self.drives(peer) else None)
 
     def show(self, picture: Picture) -> None:
-        """Show the robot's picture to all but its own displays."""
-        for viewer in self._pages():
-            viewer.show(picture)
+        """Send the robot's picture to all pages except its own displays."""
+        for peer, viewer in self._viewers.items():
+            if peer not in self._screens:
+                viewer.show(picture)
 
     def sound(self, payload: bytes, ticks: int) -> None:
-        """Let all but its own displays hear the robot."""
-        for viewer in self._pages():
-            viewer.sound(payload, ticks)
+        """Send the robot's sound to all pages except its own displays."""
+        for peer, viewer in self._viewers.items():
+            if peer not in self._screens:
+                viewer.sound(payload, ticks)
 
     def show_at_robot(self, picture: Picture) -> None:
-        """Show the visitor's picture on the robot's own displays."""
-        for peer in self._screens:
-            self._viewers[peer].show(picture)
+        """Send the visitor's picture to the robot's own displays."""
+        for viewer in self._at("screen"):
+            viewer.show(picture)
 
     def sound_at_robot(self, payload: bytes, ticks: int) -> None:
-        """Let the robot's own displays sound the visitor's voice."""
-        for peer in self._screens:
-            self._viewers[peer].sound(payload, ticks)
+        """Send the visitor's voice to the robot's own displays."""
+        for viewer in self._at("screen"):
+            viewer.sound(payload, ticks)
 
-    def ask_driver(self) -> None:
-        """Ask the driver's page for a whole picture of its visitor."""
-        for peer, viewer in self._viewers.items():
-            if self.drives(peer):
-                self._keep(viewer.page.ask_key_frame())
+    def ask_key_frame(self, side: Side) -> None:
+        for viewer in self._at(side):
+            self._keep(viewer.page.ask_key_frame())
 
-    def ask_screens(self) -> None:
-        for peer in self._screens:
-            self._keep(self._viewers[peer].page.ask_key_frame())
-
-    def _pages(self) -> Iterator[Viewer]:
-        return (viewer for peer, viewer in self._viewers.items() if peer not in self._screens)
+    def _at(self, side: Side) -> list[Viewer]:
+        """Return the driver's connection, or those of the robot's own displays."""
+        return [
+            viewer
+            for peer, viewer in self._viewers.items()
+            if (peer in self._screens if side == "screen" else self.drives(peer))
+        ]

@@ -1,12 +1,11 @@
 """Which peers are connected, and in which role: decisions only.
 
-The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and
-no longer holds the lease is an observer from that moment, and an observer who is given the lease
-drives without a new connection.
+Only the lease makes a peer the driver: a peer that offered as driver and no longer has the lease is
+an observer from that moment, and an observer who gets the lease drives without a new connection.
 
-A connection outlives the page's socket, by which the server says goodbye for it, so it ends unless
-it is confirmed: an earlier driver must offer again to watch, and the server vouches for observers
-again and again.
+A connection outlives the page's socket, over which the server would end it, so it ends unless it is
+confirmed: an earlier driver must offer again to watch, and the server vouches for observers
+regularly.
 """
 
 from dataclasses import dataclass
@@ -14,15 +13,15 @@ from dataclasses import dataclass
 from robots.api.bucket import Bucket
 from robots.api.messages import Candidate, Role
 
-STAYS_AFTER_DRIVING = 5.0  # s, in which a lease that has merely come late is there again
-STAYS_UNVOUCHED = 150.0  # s; the server speaks for a peer every minute
+STAYS_AFTER_DRIVING = 5.0  # s in which a renewal of the lease that was late has arrived
+STAYS_UNVOUCHED = 150.0  # s; the server vouches for a peer every minute
 MAX_HELD_PEERS, MAX_HELD_CANDIDATES = 32, 32
 MAX_LIMITED_PEERS = 256
 
 
 @dataclass(frozen=True)
 class PeerAdmission:
-    """The answer to an offer: whether it is let in, and the peer that must leave for it."""
+    """The answer to an offer: whether it is admitted, and the peer that must leave for it."""
 
     admitted: bool
     leaves: str | None = None
@@ -43,12 +42,12 @@ class PeerRegistry:
         self._drove: dict[str, float] = {}  # until when each peer drove that drives no more
 
     def admit(self, peer: str, role: Role, now: float) -> PeerAdmission:
-        """Decide about an offer of `peer` and note it when it is let in; an offer of a connected
+        """Decide about an offer of `peer` and store it if it is admitted; an offer of a connected
         peer replaces its old one.
 
-        When all places are taken the offer of the driver, of a hidden operator, or of a screen,
-        which is the robot's own, sends away the observer who came last; for a driver a screen goes
-        after the observers, and an earlier driver last of all.
+        When all places are taken, an offer of the driver, of a hidden operator, or of the robot's
+        own screen replaces the newest observer. A driver replaces a screen when there is no
+        observer, and an earlier driver last.
         """
         others = [other for other in self._offered if other != peer]
         leaves = None
@@ -87,7 +86,7 @@ class PeerRegistry:
         self._driver = driver
 
     def vouch(self, peer: str, now: float) -> None:
-        """Note that the server speaks for a peer."""
+        """Note that the server vouches for a peer."""
         if peer in self._offered:
             self._vouched[peer] = now
 
@@ -131,7 +130,7 @@ class HeldCandidates:
 
 class OfferLimits:
     """How many offers are answered, because each costs sockets and processor time: five of one peer
-    and one more every two seconds; of all peers together twenty and two a second, but for the
+    and one more every two seconds; of all peers together twenty and two a second, except the
     driver's.
     """
 

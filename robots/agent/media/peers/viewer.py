@@ -10,7 +10,7 @@ import structlog
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.peers.bitrate import BitrateAdapter
-from robots.agent.media.rtp import ClockTeller, Kind
+from robots.agent.media.rtp import Kind, MediaClockSender
 from robots.agent.media.webrtc.aiortc_hooks import Detour
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
@@ -20,8 +20,8 @@ from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import CommandHeartbeat, SdpOffer
 
-NARROW = 2  # the first layer of a network without room to spare
-# s between two of them there; five and fifteen a second would be as much as the picture
+NARROW = 2  # the first layer at which telemetry competes with the video
+# s between two messages there; at five and fifteen a second they need as much as the video
 SPARSE = {"scan": 0.95, "pose": 0.19}
 
 log = structlog.stdlib.get_logger(__name__)
@@ -32,20 +32,20 @@ class WatchedVideo(Protocol):
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the bit/s of the qualities there are, the best first."""
+        """Return the bit/s of the layers, the best first."""
 
     def watch(self, number: int, layer: int = 0) -> None:
-        """Say that `number` more watch one of them."""
+        """Count `number` more (or fewer) viewers of a layer."""
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
-        """Ask for a key frame of one of them."""
+        """Ask for a key frame of a layer."""
 
 
 class Sounds(Protocol):
     """The sound of a viewer: the microphone's, or the visitor's."""
 
     def listen(self, number: int) -> None:
-        """Say that `number` more listen."""
+        """Count `number` more (or fewer) listeners."""
 
 
 class Viewer:
@@ -54,9 +54,7 @@ class Viewer:
 
     Args:
         peer: the peer id that the server made.
-        camera: what it watches from the offer on, so that the first picture is there when the
-            connection is.
-        microphone: what it hears.
+        camera: started at the offer, so that the first frame is ready when the page connects.
         on_command: called with every message of the page that passed the gate.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
@@ -80,20 +78,17 @@ class Viewer:
         self._camera = camera
         self._microphone = microphone
         self._on_command = on_command
-        self._clock = ClockTeller()
-        self._pictures = (
-            FrameQueue(self._ask_camera, self._tell_clock, self._lost)
-            if camera is not None
-            else None
-        )
-        self._adapter = BitrateAdapter(
-            camera.rates if camera is not None else (0,), time.monotonic()
-        )
-        # the quality that is shown, and the one whose next key frame takes over
-        self._layer = self._coming = 0
-        origin = random.randrange(1 << 32)
+        self._clock = MediaClockSender()
+        self._pictures = None
+        rates: tuple[int, ...] = (0,)
+        if camera is not None:
+            self._pictures = FrameQueue(self._ask_camera, self._send_clock, self._lost)
+            rates = camera.rates
+        self._adapter = BitrateAdapter(rates, time.monotonic())
+        self._layer = 0  # that is shown
+        self._next_layer = 0  # that is shown from its next key frame on
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
-        self._sounds = SoundQueue(origin) if microphone is not None else None
+        self._sounds = SoundQueue(random.randrange(1 << 32)) if microphone is not None else None
         self.page = PageConnection(
             peer,
             self._pictures,
@@ -105,8 +100,8 @@ class Viewer:
             relays or Relays(),
         )
         self._shown = -1  # the RTP timestamp of the newest picture
-        # pictures were left out, and a key frame was asked for that mends it
-        self._holed = self._begged = False
+        self._skipped = False  # frames were left out: the next one must be a key frame
+        self._key_frame_requested = False  # for that
         self._watching = False
         self.takes_candidates = False
 
@@ -117,22 +112,22 @@ class Viewer:
         self.takes_candidates = True
         return sdp
 
-    def send_by(self, detour: Detour | None) -> None:
-        """Have picture and sound take a detour from now on, or the straight way."""
-        for box in (self._pictures, self._sounds):
-            if box is not None:
-                box.detour = detour
+    def route(self, detour: Detour | None) -> None:
+        """Send video and sound through a detour from now on, or directly."""
+        for frames in (self._pictures, self._sounds):
+            if frames is not None:
+                frames.detour = detour
 
     def show(self, picture: Picture) -> None:
-        """Queue a picture of the quality that this viewer's network takes, and leave the others."""
+        """Queue a picture of the layer that this viewer's network takes; ignore other layers."""
         if self._pictures is None:
             return
         if self._adapter.pauses(time.monotonic()):
-            self._holed, self._begged = True, False
+            self._skipped, self._key_frame_requested = True, False
             return
-        if self._holed and not self._is_mended_by(picture):
+        if self._skipped and not self._resumes_with(picture):
             return
-        if picture.layer == self._coming != self._layer and picture.key:
+        if picture.layer == self._next_layer != self._layer and picture.key:
             self._take_over(picture)
         if picture.layer == self._layer:
             self._shown = picture.rtp
@@ -146,13 +141,9 @@ class Viewer:
 
     def send(self, suffix: str, frame: str) -> None:
         """Send a frame on the data channel or drop it; a narrow network gets fewer."""
-        if (
-            self._layer >= NARROW
-            and (cadence := self._sparse.get(suffix)) is not None
-            and not cadence.due(time.monotonic())
-        ):
-            return
-        self.page.send(frame)
+        cadence = self._sparse.get(suffix) if self._layer >= NARROW else None
+        if cadence is None or cadence.due(time.monotonic()):
+            self.page.send(frame)
 
     def statistics(self) -> dict[str, int | None]:
         """Return counts of frames, restarts, refused and dropped messages, and the layer."""
@@ -160,7 +151,7 @@ class Viewer:
         return {
             "pictures": pictures.sent if pictures else 0,
             "restarts": pictures.queue.restarts if pictures else 0,
-            "rung": self._layer,
+            "layer": self._layer,
             "oversized": self.page.gate.counts["oversized"],
             "too_fast": self.page.gate.counts["too_fast"],
             "telemetry_dropped": self.page.dropped_telemetry,
@@ -177,7 +168,7 @@ class Viewer:
         self._watching = watching
         number = 1 if watching else -1
         if self._camera is not None:
-            for layer in {self._layer, self._coming}:
+            for layer in {self._layer, self._next_layer}:
                 self._camera.watch(number, layer)
         if self._microphone is not None:
             self._microphone.listen(number)
@@ -201,37 +192,37 @@ class Viewer:
         self._move()
 
     def _move(self) -> None:
-        """Ask for the adapter's layer; the present one is shown until its first key frame."""
+        """Ask for the adapter's layer; the current one is shown until its first key frame."""
         wanted = self._adapter.layer
-        if self._camera is None or not self._watching or wanted == self._coming:
+        if self._camera is None or not self._watching or wanted == self._next_layer:
             return
-        if self._coming != self._layer:
-            self._camera.watch(-1, self._coming)
-        self._coming = wanted
+        if self._next_layer != self._layer:
+            self._camera.watch(-1, self._next_layer)
+        self._next_layer = wanted
         if wanted != self._layer:
             self._camera.ask_key_frame("joined", wanted)
             self._camera.watch(1, wanted)
 
-    def _is_mended_by(self, picture: Picture) -> bool:
-        """Tell whether frames can go on after a gap; if not, ask for a key frame, once."""
-        self._holed = not (picture.key and picture.layer == self._coming)
-        if self._holed and not self._begged and self._camera is not None:
-            self._begged = True
-            self._camera.ask_key_frame("joined", self._coming)
-        return not self._holed
+    def _resumes_with(self, picture: Picture) -> bool:
+        """Tell whether frames can resume after a gap; if not, ask for a key frame, once."""
+        self._skipped = not (picture.key and picture.layer == self._next_layer)
+        if self._skipped and not self._key_frame_requested and self._camera is not None:
+            self._key_frame_requested = True
+            self._camera.ask_key_frame("joined", self._next_layer)
+        return not self._skipped
 
     def _take_over(self, picture: Picture) -> None:
         assert self._camera is not None
-        # two pictures of one time are one to a page, and that one is broken
+        # a page takes two pictures with one timestamp for a single, broken one
         if picture.rtp == self._shown:
-            self._camera.ask_key_frame("joined", self._coming)
+            self._camera.ask_key_frame("joined", self._next_layer)
             return
         if self._watching:
             self._camera.watch(-1, self._layer)
-        self._layer = self._coming
-        log.info("picture_quality", peer=self.peer, rung=self._layer)
+        self._layer = self._next_layer
+        log.info("picture_quality", peer=self.peer, layer=self._layer)
 
-    def _tell_clock(self, picture: Picture) -> None:
-        clock = self._clock.tell(picture.rtp, picture.stamp, time.monotonic())
+    def _send_clock(self, picture: Picture) -> None:
+        clock = self._clock.before(picture.rtp, picture.stamp, time.monotonic())
         if clock is not None:
             self.page.send(encode_frame("media", clock))

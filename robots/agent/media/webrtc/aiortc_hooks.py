@@ -1,11 +1,11 @@
 """What aiortc 1.16 does not offer: shared packets, playout-delay, key-frame requests, an RTP clock,
-and a robot without network.
+fewer FORWARD TSN, and a robot without network.
 
-`PacketSender` takes the place of aiortc's RTCRtpSender. The original asks a track for frames,
-encodes them for its one viewer and draws a random RTP origin that cannot be read; ours is handed
-payloads that were encoded once for everybody, with their RTP timestamps. DTLS, SRTP, ICE, RTCP
-reports and SDP stay aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name
-used here, and a test runs all of it against a real connection.
+`PacketSender` replaces aiortc's RTCRtpSender. The original asks a track for frames, encodes them
+for its one viewer and draws a random RTP origin that cannot be read; ours gets payloads that were
+encoded once for all viewers, with their RTP timestamps. DTLS, SRTP, ICE, RTCP reports and SDP stay
+aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name used here, and a
+test runs all of it against a real connection.
 """
 
 import functools
@@ -56,11 +56,12 @@ ABS_SEND_TIME = "http://www.webrtc.org/experiments/rtp-hdrext/abs-send-time"
 MID = "urn:ietf:params:rtp-hdrext:sdes:mid"
 _FREE_EXTENSION_ID = 4  # aiortc itself takes 1 to 3 in the offers it makes
 LOOPBACK = "127.0.0.1"
-_NOTE_EVERY = 0.25  # s; a sender report goes out about once a second
+_NOTE_EVERY = 0.25  # s; a sender report is sent about once a second
+FORWARD_TSN_PERIOD = 0.25  # s; unordered messages are delivered at once, so nothing waits for it
 
-# Every private name of theirs that the code in this folder touches, and where it is: `check` looks
-# for each, and a test reads the folder for others.
-PRIVATE_NAMES: dict[type, tuple[str, ...]] = {
+# Every private name of aiortc and aioice that this folder uses, by its class: `check` looks for
+# each, and a test searches the folder for others.
+PRIVATE_NAMES: dict[Any, tuple[str, ...]] = {
     RTCRtpSender: (
         "_RTCRtpSender__rtp_started",
         "_RTCRtpSender__rtp_exited",
@@ -89,14 +90,14 @@ PRIVATE_NAMES: dict[type, tuple[str, ...]] = {
     RTCDtlsTransport: ("_tx_srtp", "_send_rtp"),
     RTCIceTransport: ("_connection",),
     RTCIceGatherer: ("_connection",),
-    RTCSctpTransport: ("_forward_tsn_chunk", "_update_advanced_peer_ack_point"),  # of sctp.py
+    RTCSctpTransport: ("_forward_tsn_chunk", "_update_advanced_peer_ack_point"),
     aioice.ice.Connection: ("_nominated", "turn_ssl"),
     aioice.turn.TurnTransport: ("_TurnTransport__inner_protocol",),
 }
 
 
 class UnsupportedAiortcError(RuntimeError):
-    """The installed aiortc is not one that these hooks fit."""
+    """These hooks do not fit the installed aiortc."""
 
 
 @dataclass(frozen=True)
@@ -117,33 +118,33 @@ class Detour(Protocol):
 
 
 class FrameSource(Protocol):
-    """Where a sender finds what it sends, and whom it tells what the viewer asks for.
+    """The queue that a sender sends from, and which receives the viewer's RTCP.
 
-    `backlog` is set by the sender: it returns the bytes that wait in the socket. `detour` is what
-    its packets have to take, or None.
+    `backlog` is set by the sender: it returns the bytes that wait in the socket. `detour` is the
+    worse network that packets take, or None.
     """
 
     backlog: Callable[[], int]
     detour: Detour | None
 
     async def take(self) -> OutgoingFrame:
-        """Wait for the next thing to send."""
+        """Wait for the next frame."""
 
     def key_frame_wanted(self) -> None:
-        """Hear that the viewer lost a picture (PLI, FIR)."""
+        """The viewer lost a frame (PLI, FIR)."""
 
-    def heard(self, loss: float | None) -> None:
-        """Note RTCP from the viewer, with its share of lost packets if it reports one."""
+    def on_report(self, loss: float | None) -> None:
+        """RTCP has arrived from the viewer, with its share of lost packets if it reports one."""
 
 
 class PacketSender(RTCRtpSender):
-    """Sends what an outbox holds to one viewer, instead of encoding a track."""
+    """Sends the frames of a queue to one viewer, instead of encoding a track."""
 
     def __init__(
         self, kind: str, transport: Any, frames: FrameSource, on_failure: Callable[[], None]
     ) -> None:
         super().__init__(kind, transport)
-        self._outbox, self._on_failure = frames, on_failure
+        self._frames, self._on_failure = frames, on_failure
         frames.backlog = self.backlog
         self._stream: RtpStream | None = None
         self._noted = 0.0
@@ -170,13 +171,11 @@ class PacketSender(RTCRtpSender):
         assert self._stream is not None
         try:
             while True:
-                out = await self._outbox.take()
+                out = await self._frames.take()
                 now = time.time()
-                self._send_at_once(
-                    self._stream.packets(out.payloads, out.timestamp, now, key=out.key)
-                )
+                self._send(self._stream.packets(out.payloads, out.timestamp, now, key=out.key))
                 if out.more:
-                    self._send_at_once(self._stream.again(out.more, now))
+                    self._send(self._stream.again(out.more, now))
                 if now - self._noted >= _NOTE_EVERY:
                     self._noted = now
                     self._note_for_reports(out.timestamp, now)
@@ -189,12 +188,11 @@ class PacketSender(RTCRtpSender):
         finally:
             getattr(self, "_RTCRtpSender__rtp_exited").set()
 
-    def _send_at_once(self, packets: list[bytes]) -> None:
-        """Encrypt and send, without the five awaits a packet of aiortc's own way, none of which
-        ever waits.
+    def _send(self, packets: list[bytes]) -> None:
+        """Encrypt and send; aiortc itself awaits five times a packet, which never waits.
 
         Raises:
-            ConnectionError: the connection is not up, or not any more.
+            ConnectionError: there is no connection, or no longer one.
         """
         dtls: Any = self.transport
         pair = dtls.transport._connection._nominated.get(1)
@@ -203,18 +201,17 @@ class PacketSender(RTCRtpSender):
         protect = dtls._tx_srtp.protect
         send = pair.protocol.transport.sendto
         address = pair.remote_addr
-        detour = self._outbox.detour
+        detour = self._frames.detour
         for packet in packets:
             if detour is None:
                 send(protect(packet), address)
             else:
-                # Encrypted in its order, as SRTP wants it; what a network then does to it is the
-                # network's.
+                # encrypted in order, as SRTP requires; only then delayed or lost
                 protected = protect(packet)
                 detour.offer(len(protected), functools.partial(self._send_late, protected))
 
     def _send_late(self, protected: bytes) -> None:
-        """Send an encrypted packet that comes from a detour, to wherever the page is by now."""
+        """Send an encrypted packet after a detour, to the page's current address."""
         dtls: Any = self.transport
         pair = dtls.transport._connection._nominated.get(1)
         if pair is not None and dtls.state == "connected":
@@ -229,16 +226,16 @@ class PacketSender(RTCRtpSender):
 
     async def _retransmit(self, sequence_number: int) -> None:
         packet = self._stream and self._stream.retransmission(sequence_number, time.time())
-        if packet and self._outbox.detour is None:
+        if packet and self._frames.detour is None:
             await self.transport._send_rtp(packet)
         elif packet:
-            self._send_at_once([packet])
+            self._send([packet])
 
     def _send_keyframe(self) -> None:
-        self._outbox.key_frame_wanted()
+        self._frames.key_frame_wanted()
 
     async def _handle_rtcp_packet(self, packet: AnyRtcpPacket) -> None:
-        self._outbox.heard(_loss(packet, self._ssrc))
+        self._frames.on_report(_loss(packet, self._ssrc))
         await super()._handle_rtcp_packet(packet)
 
 
@@ -254,15 +251,14 @@ def add_sender(
     """Add a transceiver that sends from `frames` with `codec` alone, such as `video/VP8`; call
     before the offer is set.
 
-    `listens`: whether what the page sends on the same line is wanted. `on_failure` is called when
-    sending ends although the connection has not.
+    `listens`: whether the page may send on the same line. `on_failure` is called when sending ends
+    although the connection has not.
     """
     transceiver = connection.addTransceiver(kind, direction="sendrecv" if listens else "sendonly")
     transceiver.setCodecPreferences(_with_retransmission(kind, codec))
     old = transceiver.sender
     sender = PacketSender(kind, old.transport, frames, on_failure)
-    # A stream id of its own: browsers hold a picture back to match the sound of the same stream,
-    # ours must never wait.
+    # its own stream id: browsers delay video to match the sound of the same stream
     sender._stream_id = f"{old._stream_id}-{kind}"
     transceiver.receiver._set_rtcp_ssrc(sender._ssrc)
     setattr(transceiver, "_RTCRtpTransceiver__sender", sender)
@@ -270,30 +266,30 @@ def add_sender(
 
 
 def discard(receiver: RTCRtpReceiver) -> None:
-    """Let a receiver never begin; call it before the connection is up.
+    """Keep a receiver from starting; call it before the connection is up.
 
     aiortc finds the receiver of a stream that no offer has named by its payload type, and only
-    while one receiver alone has that type: one that is discarded must not be in the way.
+    while a single receiver has that type: those that are not used must not start.
     """
-    setattr(receiver, "receive", _receive_nothing)
 
+    async def receive_nothing(_parameters: Any) -> None:
+        pass
 
-async def _receive_nothing(_parameters: Any) -> None:
-    pass
+    setattr(receiver, "receive", receive_nothing)
 
 
 def on_encoded_frame(receiver: RTCRtpReceiver, take: Callable[[bytes, int], None]) -> None:
     """Have `take` called on the loop with (encoded picture or sound, RTP ticks from 0) instead of
     it being decoded.
 
-    Call it before the connection is up. Putting packets together, asking again for lost ones and
-    telling the sender stay aiortc's.
+    Call it before the connection is up. aiortc still puts packets together, asks for lost ones and
+    reports to the sender.
     """
     setattr(receiver, "_RTCRtpReceiver__decoder_queue", _EncodedFrameTap(take))
 
 
 async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
-    """Tell the sender that a picture was lost, so that the next one is whole."""
+    """Report a lost frame to the sender, so that the next one is a key frame."""
     retransmissions = getattr(receiver, "_RTCRtpReceiver__rtx_ssrc")
     for ssrc in list(getattr(receiver, "_RTCRtpReceiver__remote_streams")):
         if ssrc not in retransmissions:
@@ -319,15 +315,15 @@ def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext)
 
 
 async def close_sockets(connection: RTCPeerConnection) -> None:
-    """Close the sockets of a connection whose own close() failed: an offer that aiortc gave up
-    half-way leaves parts that cannot be closed, and that stops at the first of them.
+    """Close the sockets of a connection whose own close() failed: after an offer that aiortc could
+    not apply, close() stops at the first part that cannot be closed.
     """
     for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
         await transport.iceGatherer._connection.close()
 
 
 class _EncodedFrameTap(queue.Queue[Any]):
-    """Takes the place of the queue to aiortc's decoder, whose thread then sleeps until the end."""
+    """Replaces the queue to aiortc's decoder, whose thread then sleeps until the end."""
 
     def __init__(self, take: Callable[[bytes, int], None]) -> None:
         super().__init__()
@@ -341,9 +337,33 @@ class _EncodedFrameTap(queue.Queue[Any]):
         self._take(frame.data, frame.timestamp)
 
 
+def limit_forward_tsn(transport: Any) -> None:
+    """Let an `RTCSctpTransport` send FORWARD TSN at most once every `FORWARD_TSN_PERIOD` s.
+
+    A message that is not retransmitted leaves a gap, and a FORWARD TSN (RFC 3758) tells the
+    receiver to skip it. aiortc sends one in answer to every SACK that does not know it yet, and the
+    receiver answers each with a SACK: where a full queue makes the path half a second long, about a
+    hundred of each are in flight at any time, more with each message, and keep the queue full.
+    """
+    update = transport._update_advanced_peer_ack_point
+    sent_at = float("-inf")
+
+    def update_rarely() -> None:
+        nonlocal sent_at
+        update()
+        if transport._forward_tsn_chunk is not None:
+            now = time.monotonic()
+            if now - sent_at < FORWARD_TSN_PERIOD:
+                transport._forward_tsn_chunk = None
+            else:
+                sent_at = now
+
+    transport._update_advanced_peer_ack_point = update_rarely
+
+
 def install() -> None:
-    """Teach aiortc the playout-delay extension, and aioice to fall back on the loopback address;
-    idempotent.
+    """Add the playout-delay extension to aiortc, and the loopback address to aioice where there is
+    no other; idempotent.
 
     Raises:
         UnsupportedAiortcError: another aiortc than 1.16.x is installed, or one that lacks a name
@@ -367,7 +387,7 @@ def check() -> None:
         f"{owner.__name__}.{name}"
         for owner, names in PRIVATE_NAMES.items()
         for name in names
-        if not _has(owner, name)
+        if name not in dir(owner) and name not in owner.__init__.__code__.co_names
     ]
     if missing:
         raise UnsupportedAiortcError(f"aiortc {aiortc.__version__} lacks {', '.join(missing)}")
@@ -381,10 +401,6 @@ class _WithLoopback:
 
     def __call__(self, use_ipv4: bool, use_ipv6: bool) -> list[str]:
         return self.found_by(use_ipv4=use_ipv4, use_ipv6=use_ipv6) or [LOOPBACK]
-
-
-def _has(owner: Any, name: str) -> bool:
-    return name in dir(owner) or name in owner.__init__.__code__.co_names
 
 
 def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> RtpStream:

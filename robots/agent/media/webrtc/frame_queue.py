@@ -1,4 +1,4 @@
-"""What waits to be sent to one viewer, between the shared encoders and aiortc's sender."""
+"""Frames and sounds for one viewer, between the shared encoders and aiortc's sender."""
 
 import asyncio
 import time
@@ -41,8 +41,8 @@ class SentRate:
 class FrameQueue:
     """The frames for one viewer; belongs to the media loop.
 
-    `before` gets each frame before it is sent, so that its clock reading arrives first; `lost` gets
-    the share of packets that the viewer reports as lost.
+    `before` is called with each frame before it is sent, so that its media clock arrives first,
+    `lost` with the share of packets that the viewer reports as lost.
     """
 
     def __init__(
@@ -93,17 +93,14 @@ class FrameQueue:
         self._before(picture)
         now = time.monotonic()
         gap = self._rate.add(now, picture.size)
-        more = (
-            max(0.0, self.more - self._rate.of(now)) * min(gap, LONGEST_GAP) / 8
-            if self.more
-            else 0.0
-        )
-        return OutgoingFrame(picture.payloads, picture.rtp, picture.key, int(more))
+        missing = max(0.0, self.more - self._rate.of(now)) if self.more else 0.0
+        more = int(missing * min(gap, LONGEST_GAP) / 8)
+        return OutgoingFrame(picture.payloads, picture.rtp, picture.key, more)
 
     def key_frame_wanted(self) -> None:
         self._ask_key_frame("lost")
 
-    def heard(self, loss: float | None) -> None:
+    def on_report(self, loss: float | None) -> None:
         self.last_report = time.monotonic()
         if loss is not None:
             self._lost(loss)
@@ -140,5 +137,5 @@ class SoundQueue:
     def key_frame_wanted(self) -> None:
         """Sound has no key frames."""
 
-    def heard(self, loss: float | None) -> None:
+    def on_report(self, loss: float | None) -> None:
         self.last_report = time.monotonic()

@@ -1,9 +1,9 @@
 """Reads a page's offer before aiortc does: its lines, and those for the robot's video and sound.
 
-The page offers every line at once (the robot's video and sound, its own, a screen's), because
-aiortc cannot renegotiate; a track is put into a line later, unnoticed. The candidates are taken out
-and given to ICE afterwards: an mDNS name without an answer takes a second to fail, and no answer
-should wait for it.
+The page offers all lines at once (the robot's video and sound, its own, a screen's), because aiortc
+cannot renegotiate; a track is put into a line later. The candidates are removed and given to ICE
+afterwards: an mDNS name that cannot be resolved takes a second to fail, and the answer should not
+wait for it.
 """
 
 from dataclasses import dataclass
@@ -121,8 +121,8 @@ def parsed_candidate(text: str, mid: str | None, index: int | None) -> RTCIceCan
     """Return a candidate as aiortc wants it; None for an end of candidates and for one that cannot
     be used.
 
-    Unused are TCP, what is malformed, and component 2 (RTCP of its own), which Firefox lists
-    although everything is multiplexed.
+    Not used are TCP, malformed candidates, and component 2 (separate RTCP), which Firefox lists
+    although RTP and RTCP are multiplexed.
     """
     if not text:
         return None

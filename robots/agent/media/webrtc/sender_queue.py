@@ -1,8 +1,8 @@
 """Frames to send to one viewer: a short queue without gaps.
 
-A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late frames
-are worthless to a driver, and a decoder that misses a delta frame shows garbage until the next key
-frame.
+When the queue or the socket fills up, the queue is emptied and starts again with a key frame: late
+frames are worthless to a driver, and a decoder that misses a delta frame shows garbage until the
+next key frame.
 """
 
 from collections import deque

@@ -1,5 +1,4 @@
-"""One page's WebRTC connection: the offer answered, candidates added, the data channel carried. A
-shell around aiortc.
+"""One page's WebRTC connection: its answer, its candidates and its data channel, by aiortc.
 
 There is one `PageConnection` an offer and it is never renegotiated: recovery is a new offer and a
 new connection. All of it runs on the media loop.
@@ -24,7 +23,7 @@ from aiortc import (
 from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateError, OperationError
 
 from robots.agent.media.rtp import Kind
-from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
+from robots.agent.media.webrtc import aiortc_hooks, sdp
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
@@ -39,15 +38,17 @@ MAX_BUFFERED = 64 * 1024
 MAX_CHANNELS = 4
 MAX_CANDIDATES = 64
 CONNECT_TIMEOUT = 15.0  # s from the offer
-# s; aiortc waits 5 s for who does not answer, which is as long as a page waits for an answer
+# s; aiortc waits 5 s for a silent server, which is as long as a page waits for an answer
 LONG_GATHERING = 2.0
 # s without a report or a frame from a page whose reports had come; ICE itself notices after 30 s
 SILENCE = 10.0
 _CODECS = {"video": "video/VP8", "audio": "audio/opus"}
 
-# What aiortc raises about an offer that it cannot use.
-_AIORTC_SAYS = (InternalError, InvalidAccessError, InvalidStateError, OperationError)
-UNUSABLE = (*sdp.UNREADABLE, RuntimeError, OSError, *_AIORTC_SAYS)
+# what aiortc raises about an offer that it cannot use
+UNUSABLE = (
+    *(*sdp.UNREADABLE, RuntimeError, OSError),
+    *(InternalError, InvalidAccessError, InvalidStateError, OperationError),
+)
 
 
 @dataclass
@@ -60,10 +61,10 @@ class PageConnection:
         on_open: called when the page has opened a data channel.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
-        on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and
+        on_media: called with (kind, encoded data, RTP ticks from 0) for the visitor's voice and
             face; None drops them unread.
-        relays: shared by all connections of a robot. An empty list of
-            servers means none, where aiortc's default is a stranger's.
+        relays: shared by all connections of a robot. Without any, none is used; aiortc's default
+            would be a public server.
     """
 
     peer: str
@@ -98,7 +99,7 @@ class PageConnection:
         if not self.is_connected:
             return now - self._began > CONNECT_TIMEOUT
         reports = max(
-            (box.last_report for box in (self.pictures, self.sounds) if box is not None),
+            (frames.last_report for frames in (self.pictures, self.sounds) if frames is not None),
             default=0.0,
         )
         return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
@@ -114,13 +115,10 @@ class PageConnection:
         servers = await self.relays.usable(offer.ice_servers)
         if self._closed:
             raise sdp.BadOfferError("the page has left, or has made another offer")
+        # By default aiortc gives the lines of each kind a transport of their own before the offer
+        # joins them all, and leaks the second one.
         self._connection = connection = RTCPeerConnection(
-            # By its default aiortc puts lines of one kind on a transport of their own before the
-            # offer joins them all, and forgets the second ones.
-            RTCConfiguration(
-                iceServers=servers,
-                bundlePolicy=RTCBundlePolicy.MAX_BUNDLE,
-            )
+            RTCConfiguration(iceServers=servers, bundlePolicy=RTCBundlePolicy.MAX_BUNDLE)
         )
         connection.on("connectionstatechange", self._on_state)
         connection.on("datachannel", self._on_channel)
@@ -138,7 +136,7 @@ class PageConnection:
         return str(connection.localDescription.sdp)
 
     async def _gather(self, connection: RTCPeerConnection) -> None:
-        """Gather our own addresses; a server that has gone silent delays that only once."""
+        """Gather our own addresses; a server that has become silent delays that only once."""
         if self.relays.trust is not None:
             aiortc_hooks.set_turn_tls_context(connection, self.relays.trust)
         began = time.monotonic()
@@ -187,29 +185,25 @@ class PageConnection:
         self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]
     ) -> frozenset[int]:
         """Add a transceiver for each line, in order; return the lines of the visitor."""
-        has: set[Kind] = set()
-        if self.pictures is not None:
-            has.add("video")
-        if self.sounds is not None:
-            has.add("audio")
-        carries = sdp.robot_lines(lines, frozenset(has))
+        queues: dict[Kind, FrameQueue | SoundQueue | None] = {
+            "video": self.pictures,
+            "audio": self.sounds,
+        }
+        has = frozenset(kind for kind, frames in queues.items() if frames is not None)
+        carries = sdp.robot_lines(lines, has)
         for index, line in enumerate(lines):
-            outbox = (
-                {"video": self.pictures, "audio": self.sounds}[line.kind]
-                if index in carries
-                else None
-            )
-            if outbox is not None:
+            frames = queues[line.kind] if index in carries else None
+            if frames is not None:
                 aiortc_hooks.add_sender(
                     connection,
                     line.kind,
-                    outbox,
+                    frames,
                     _CODECS[line.kind],
                     listens=self.on_media is not None,
                     on_failure=functools.partial(self.on_end, "failed"),
                 )
             else:
-                # A page that may give something learns by the direction whether it is wanted.
+                # the direction tells a page that could send whether it should
                 connection.addTransceiver(
                     line.kind, direction="recvonly" if self.on_media is not None else "inactive"
                 )
@@ -258,8 +252,8 @@ class PageConnection:
             channel.close()
             return
         self.channels.append(channel)
-        if len(self.channels) == 1:  # they share one
-            sctp.limit_forward_tsn(channel.transport)
+        if len(self.channels) == 1:  # they share one transport
+            aiortc_hooks.limit_forward_tsn(channel.transport)
         channel.on("message", self._on_message)
         self.on_open()
 

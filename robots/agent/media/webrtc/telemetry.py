@@ -11,10 +11,8 @@ DIGITS = 4  # tenths of a millimetre, and of a thousandth of a radian
 
 
 def for_page(message: Message) -> Message:
-    """Return the message with rounded pose and velocity, and of the commands that reached the
-    wheels the newest alone.
-
-    The record, which goes to the broker, has them all: five a state are more than the rest of it.
+    """Return the message with rounded pose and velocity, and only the newest of the commands that
+    reached the wheels. The record, which is sent to the broker, has all of them.
     """
     if isinstance(message, State):
         message = msgspec.structs.replace(

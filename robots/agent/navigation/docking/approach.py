@@ -1,9 +1,9 @@
 """Into a charging station and out of it.
 
-The map leads to a pose before the station; from there the station's own shape in the laser does,
-because the contacts need more precision than a map can give. The station's place is remembered in
-the frame of the odometry, so that one bad sweep means nothing. A try that ends beside the contacts
-is backed out of and repeated.
+The map leads to a pose before the station. From there the robot uses the station's own shape in the
+laser, because the contacts need more precision than the map has. The station's place is kept in the
+frame of the odometry and averaged over scans. A try that ends beside the contacts is backed out of
+and repeated.
 
 Distances in this file are in the frame of the docked robot: x < 0 before the station, y aside.
 """
@@ -21,6 +21,7 @@ from robots.agent.navigation.planning.follower import FOLLOWER, Follower
 from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed, finished
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.braking import BrakeCheck, Hazards
+from robots.agent.safety.collision.odometry import between
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.floorplan import ChargingDock
 from robots.api.geometry import Pose2D, wrap_angle
@@ -104,12 +105,10 @@ class Docking:
         approach: Callable[[Pose2D], NavigationTask],
         params: DockingParams = DOCKING,
     ) -> None:
-        self._dock = dock
-        self._check = check
-        self._limits = limits
-        self._approach = approach
-        self._params = params
+        self._dock, self._check, self._limits = dock, check, limits
+        self._approach, self._params = approach, params
         self._pose = Pose2D(dock.x, dock.y, dock.theta)
+        self._start = self._pose.compose(Pose2D(-params.start_distance, 0.0, 0.0))
         self._contact_since: float | None = None
         self._seated = DockState()
         self._presses = True
@@ -136,9 +135,7 @@ class Docking:
     def _begin_try(self, number: int) -> None:
         self._try = number
         self._stage = DockingStage.APPROACH
-        self._way = self._approach(
-            self._pose.compose(Pose2D(-self._params.start_distance, 0.0, 0.0))
-        )
+        self._journey = self._approach(self._start)
         self._docked_in_odometry: Pose2D | None = None
         self._seen = 0
         self._since = self._seen_at = self._beams_at = -math.inf
@@ -147,7 +144,7 @@ class Docking:
         self._out: _Reverse | None = None
 
     def _come(self, sense: Sense) -> NavigationStep:
-        step = self._way.step(sense)
+        step = self._journey.step(sense)
         if step.status == "FAILED":
             return failed(f"the charging station cannot be reached: {step.reason}")
         if step.status == "FINISHED":
@@ -168,13 +165,9 @@ class Docking:
         waited = sense.now - self._since
         if waited > 5.0 * params.look_time:
             return self._again(sense, "no charging station is to be seen where the map has it")
-        side = (
-            0.0
-            if waited < params.look_time
-            else params.search_angle
-            if waited < 3.0 * params.look_time
-            else -params.search_angle
-        )
+        side = params.search_angle if waited < 3.0 * params.look_time else -params.search_angle
+        if waited < params.look_time:
+            side = 0.0
         error = wrap_angle(self._straight_on + side - sense.odometry.theta)
         turned = self._glance.turn(error, sense.velocity, sense.hazards, 0.05)
         return self._running(turned.velocity, "looks for the charging station", 0.7)
@@ -183,14 +176,8 @@ class Docking:
         params = self._params
         here = self._error(sense)
         if sense.now - self._since > params.entering_time:
-            return self._again(
-                sense,
-                (
-                    "something stands before it"
-                    if self._waits
-                    else "the contacts did not meet in time"
-                ),
-            )
+            late = "the contacts did not meet in time"
+            return self._again(sense, "something stands before it" if self._waits else late)
         if here.x < -params.near and sense.now - self._seen_at > params.lost_after:
             return self._again(sense, "the charging station went out of sight")
         if self._off_course(here):
@@ -203,23 +190,19 @@ class Docking:
         done = self._check.fastest(sense.velocity, self._servo(here), self._others(sense))
         self._waits = done.velocity == ZERO
         reason = "waits for what stands before the charging station" if self._waits else ""
-        return self._running(
-            done.velocity,
-            reason,
-            min(0.99, 0.75 + 0.25 * (1.0 + here.x / params.start_distance)),
-        )
+        progress = 0.75 + 0.25 * (1.0 + here.x / params.start_distance)
+        return self._running(done.velocity, reason, min(0.99, progress))
 
     def _seat(self, sense: Sense) -> NavigationStep:
         """Press on a little so that the contacts keep meeting; then rest until docked."""
         params = self._params
         self._contact_since = sense.now if self._contact_since is None else self._contact_since
-        velocity, released = sense.velocity, not self._presses
         reading = DockReading(
             at=sense.now,
             contact=True,
-            linear=velocity.linear,
-            angular=velocity.angular,
-            released=released,
+            linear=sense.velocity.linear,
+            angular=sense.velocity.angular,
+            released=not self._presses,
         )
         self._seated = follow(DOCKED, self._seated, reading)
         if self._seated.docked:
@@ -232,21 +215,17 @@ class Docking:
             or self._error(sense).x >= params.seated_at
         )
         self._presses = not deep and sense.now - self._contact_since < params.seating_time
-        return self._running(
-            Velocity(linear=params.slowest, angular=0.0) if self._presses else ZERO, "", 0.99
-        )
+        press = Velocity(linear=params.slowest, angular=0.0)
+        return self._running(press if self._presses else ZERO, "", 0.99)
 
     def _again(self, sense: Sense, reason: str) -> NavigationStep:
         """Back out and try again, or give up."""
         self._why = reason
         self._stage = DockingStage.BACK
-        self._out = _Reverse(
-            self._check,
-            self._limits,
-            max(0.0, self._params.start_distance - 0.3 + self._error(sense).x)
-            if self._docked_in_odometry
-            else 0.0,
-        )
+        distance = 0.0
+        if self._docked_in_odometry:
+            distance = max(0.0, self._params.start_distance - 0.3 + self._error(sense).x)
+        self._out = _Reverse(self._check, self._limits, distance)
         return self._running(ZERO, reason, 0.7)
 
     def _back(self, sense: Sense) -> NavigationStep:
@@ -271,9 +250,7 @@ class Docking:
             return
         self._beams_at = sense.beams.stamp
         known = self._docked_in_odometry
-        docked = (sense.pose.inverse() if known is None else sense.odometry.inverse()).compose(
-            known or self._pose
-        )
+        docked = self._error(sense).inverse()
         at_sweep = sense.beams_from.inverse().compose(sense.odometry).compose(docked)
         ahead = Pose2D(self._dock.station.distance, 0.0, 0.0)
         window = shape.WIDE if self._seen < params.trusted_after else shape.NARROW
@@ -281,45 +258,33 @@ class Docking:
         if found is None:
             return
         seen = sense.beams_from.compose(found.front).compose(Pose2D(-ahead.x, 0.0, 0.0))
-        self._docked_in_odometry = (
-            seen if known is None else _between(known, seen, params.sighting_weight)
-        )
+        if known is not None:
+            seen = between(known, seen, params.sighting_weight)
+        self._docked_in_odometry = seen
         self._seen, self._seen_at = self._seen + 1, sense.now
 
     def _error(self, sense: Sense) -> Pose2D:
         """Return the pose of the robot in the frame of the docked one."""
         known = self._docked_in_odometry
-        return (
-            self._pose.inverse().compose(sense.pose)
-            if known is None
-            else known.inverse().compose(sense.odometry)
-        )
+        if known is None:
+            return self._pose.inverse().compose(sense.pose)
+        return known.inverse().compose(sense.odometry)
 
     def _servo(self, here: Pose2D) -> Velocity:
         """Return the velocity that steers onto the line before the station and along it."""
         params = self._params
-        speed = min(
-            params.fastest,
-            self._limits.linear,
-            params.slowest + params.slowing * max(0.0, -here.x - 0.03),
-        )
+        slower = params.slowest + params.slowing * max(0.0, -here.x - 0.03)
+        speed = min(params.fastest, self._limits.linear, slower)
         wanted = math.atan2(-here.y, params.steering_distance)
         turn = params.steering_gain * wrap_angle(wanted - here.theta) * min(1.0, speed / 0.1)
-        return Velocity(
-            linear=speed,
-            angular=min(max(turn, -params.steering_limit), params.steering_limit),
-        )
+        angular = min(max(turn, -params.steering_limit), params.steering_limit)
+        return Velocity(linear=speed, angular=angular)
 
     def _off_course(self, here: Pose2D) -> bool:
         params = self._params
-        near = -0.2 < here.x < -0.08
-        return (
-            near
-            and (
-                abs(here.y) > params.lateral_tolerance
-                or abs(here.theta) > 2.0 * params.heading_tolerance
-            )
-        ) or abs(here.y) > params.lateral_limit
+        aside, turned = abs(here.y), abs(here.theta)
+        misses = aside > params.lateral_tolerance or turned > 2.0 * params.heading_tolerance
+        return (-0.2 < here.x < -0.08 and misses) or aside > params.lateral_limit
 
     def _others(self, sense: Sense) -> Hazards:
         """Return the hazards without the station and anything behind it."""
@@ -329,11 +294,9 @@ class Docking:
         half = self._dock.station.width / 2.0 + params.exempt
 
         def elsewhere(points: Floats) -> Floats:
-            local = points_in_frame(docked, points)
-            chosen: Floats = points[
-                (local[:, 0] < front)
-                | ((np.abs(local[:, 1]) > half) & (local[:, 0] < front + params.exempt))
-            ]
+            x, y = points_in_frame(docked, points).T
+            beside = (np.abs(y) > half) & (x < front + params.exempt)
+            chosen: Floats = points[(x < front) | beside]
             return chosen
 
         near = sense.hazards
@@ -349,20 +312,11 @@ class Docking:
             self._still_since = None
             return False
         self._still_since = sense.now if self._still_since is None else self._still_since
-        return (
-            self._error(sense).x > -params.near
-            and sense.now - self._still_since >= params.stalled_after
-        )
+        is_near = self._error(sense).x > -params.near
+        return is_near and sense.now - self._still_since >= params.stalled_after
 
     def _running(self, velocity: Velocity, reason: str, progress: float) -> NavigationStep:
-        line = np.array(
-            [
-                [
-                    self._pose.compose(Pose2D(-self._params.start_distance, 0.0, 0.0))[:2],
-                    self._pose[:2],
-                ]
-            ]
-        ).reshape(2, 2)
+        line = np.array([self._start[:2], self._pose[:2]])
         return NavigationStep(velocity, "RUNNING", reason, line, progress)
 
 
@@ -376,10 +330,8 @@ class _Reverse:
         distance: float,
         params: UndockingParams = UNDOCKING,
     ) -> None:
-        self._check = check
-        self._limits = limits
-        self._way = distance
-        self._params = params
+        self._check, self._limits, self._params = check, limits, params
+        self._distance = distance
         self._from: Pose2D | None = None
         self._moving_at = -math.inf
 
@@ -388,26 +340,20 @@ class _Reverse:
         if self._from is None:
             self._from, self._moving_at = sense.odometry, sense.now
         backed = -self._from.inverse().compose(sense.odometry).x
-        if backed >= self._way:
-            return (
-                finished()
-                if abs(sense.velocity.linear) <= FOLLOWER.settled
-                else NavigationStep(ZERO, "RUNNING", progress=1.0)
-            )
-        speed = min(params.speed, self._limits.reverse, 0.05 + (self._way - backed))
-        done = self._check.fastest(
-            sense.velocity, Velocity(linear=-speed, angular=0.0), sense.hazards
-        )
+        if backed >= self._distance:
+            if abs(sense.velocity.linear) <= FOLLOWER.settled:
+                return finished()
+            return NavigationStep(ZERO, "RUNNING", progress=1.0)
+        speed = min(params.speed, self._limits.reverse, 0.05 + (self._distance - backed))
+        back = Velocity(linear=-speed, angular=0.0)
+        done = self._check.fastest(sense.velocity, back, sense.hazards)
         if abs(sense.velocity.linear) > 0.01:
             self._moving_at = sense.now
         if sense.now - self._moving_at > params.patience:
             return failed("something stands behind the robot")
-        return NavigationStep(
-            done.velocity,
-            "RUNNING",
-            "" if done.velocity != ZERO else "waits for what stands behind the robot",
-            progress=min(max(backed / max(self._way, 0.01), 0.0), 1.0),
-        )
+        reason = "" if done.velocity != ZERO else "waits for what stands behind the robot"
+        progress = min(max(backed / max(self._distance, 0.01), 0.0), 1.0)
+        return NavigationStep(done.velocity, "RUNNING", reason, progress=progress)
 
 
 class Undocking:
@@ -449,11 +395,9 @@ class Undocking:
         if step.status == "FINISHED" and self._turn is not None:
             self._is_out = True
             return NavigationStep(ZERO, "RUNNING", progress=params.backed_share)
-        return (
-            replace(step, progress=step.progress * params.backed_share)
-            if self._turn is not None and step.status == "RUNNING"
-            else step
-        )
+        if self._turn is not None and step.status == "RUNNING":
+            return replace(step, progress=step.progress * params.backed_share)
+        return step
 
     def _face_away(self, away: float, sense: Sense) -> NavigationStep:
         """Turn; done as well without room, or with a person in the way: the robot is out."""
@@ -469,18 +413,6 @@ class Undocking:
             self._held_since is not None and sense.now - self._held_since > params.held_after
         ):
             return finished()
-        return NavigationStep(
-            turned.velocity,
-            "RUNNING",
-            progress=params.backed_share
-            + (1.0 - params.backed_share) * (1.0 - abs(error) / math.pi),
-        )
-
-
-def _between(old: Pose2D, new: Pose2D, share: float) -> Pose2D:
-    """Return the pose `share` of the way from old to new."""
-    return Pose2D(
-        old.x + share * (new.x - old.x),
-        old.y + share * (new.y - old.y),
-        wrap_angle(old.theta + share * wrap_angle(new.theta - old.theta)),
-    )
+        share = 1.0 - abs(error) / math.pi
+        progress = params.backed_share + (1.0 - params.backed_share) * share
+        return NavigationStep(turned.velocity, "RUNNING", progress=progress)

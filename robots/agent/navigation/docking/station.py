@@ -1,11 +1,11 @@
-"""Where a charging station stands, from one sweep of the laser: its known shape is fitted to the
-points about where it should be.
+"""Finds a charging station in one scan: its known shape is fitted to the points where it is
+expected.
 
-Seen by a robot that comes to dock, a station is a flat front of known width that stands out before
-whatever is behind it. First many poses about the expected one are scored: points on the front speak
-for a pose, points that stick out before it, that went through it or that continue it beyond its
-edges speak against it. Then a straight line through the points on the front gives distance and
-heading (total least squares), and its two ends, halfway to the next beam, give the middle.
+To a robot that comes to dock, a station is a flat front of known width that stands out before
+whatever is behind it. First many poses around the expected one are scored: points on the front
+count for a pose; points before it, behind it or in line with it beyond its edges count against it.
+Then a straight line through the points on the front gives distance and heading (total least
+squares), and its two ends, halfway to the next beam, give the middle.
 """
 
 import math
@@ -62,8 +62,8 @@ class Sighting:
 def find(
     beams: LaserScan, expected: Pose2D, station: Station, window: SearchWindow
 ) -> Sighting | None:
-    """Return the front of a station in a sweep, or None; `expected` is its middle's pose in the
-    robot's frame at the sweep, `window` how far from there it may be.
+    """Return the front of a station in a scan, or None. `expected` is its middle's pose in the
+    robot's frame at the scan, `window` how far from there it may be.
     """
     points = beams.points()
     reach = station.width / 2.0 + window.aside + window.along + STATION.beyond_edges

@@ -10,10 +10,12 @@ from robots.agent.navigation.planning.planner import Planner
 from robots.api.floorplan import FloorPlan
 from robots.world.sensing import Floats
 
+Ends = tuple[tuple[float, float], tuple[float, float]]
+
 
 @dataclass(frozen=True)
 class ReasonParams:
-    """Where it is looked for what blocks a route."""
+    """Where the obstacles of a blocked route are searched."""
 
     at_door: float = 0.8  # m from the middle of a doorway: the door is meant
     routes: int = 4  # that are examined
@@ -28,12 +30,11 @@ def what_blocks(
     obstacle_map: LocalObstacleMap,
     planner: Planner,
     plan: FloorPlan | None,
-    *,
-    way: tuple[tuple[float, float], tuple[float, float]],
+    ends: Ends,
     now: float,
 ) -> str:
-    """Return why no way leads now from the one point of `way` to the other."""
-    start, goal = way
+    """Return why no route leads now from the start to the goal of `ends`."""
+    start, goal = ends
     costmap = obstacle_map.costmap
     clearance = obstacle_map.clearance(now)
     if planner.place_near(*start, clearance, REASON.start_reach) is None:
@@ -43,27 +44,23 @@ def what_blocks(
         return "no way leads to the goal on the map"
     if float(costmap.sample(clearance, np.array([goal]))[0]) < costmap.least:
         return "something stands on the goal"
-    found = list(
-        dict.fromkeys(
-            _at(obstacle_map, plan, spot, now)
-            for spot in _spots(obstacle_map, planner, way, clearance)
-        )
-    )
-    return f"blocked: {_and(found)}" if found else "the way is too narrow for the robot"
+    spots = _spots(obstacle_map, planner, ends, clearance)
+    found = list(dict.fromkeys(_at(obstacle_map, plan, spot, now) for spot in spots))
+    if not found:
+        return "the way is too narrow for the robot"
+    *others, last = found
+    return f"blocked: {', '.join(others)} and {last}" if others else f"blocked: {last}"
 
 
 def _spots(
-    obstacle_map: LocalObstacleMap,
-    planner: Planner,
-    way: tuple[tuple[float, float], tuple[float, float]],
-    clearance: Floats,
+    obstacle_map: LocalObstacleMap, planner: Planner, ends: Ends, clearance: Floats
 ) -> list[Floats]:
     """Return the points (2,) where the best ways on the map are blocked, one each."""
     costmap = obstacle_map.costmap
     spots = list[Floats]()
     known = np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)
     for _ in range(REASON.routes):
-        path = planner.plan(*way, costmap.clearance_with(known))
+        path = planner.plan(*ends, costmap.clearance_with(known))
         if path is None:
             break
         tight = path.points[costmap.sample(clearance, path.points) < costmap.least]
@@ -72,9 +69,7 @@ def _spots(
         spots.append(tight[0])
         rows, columns = np.nonzero(clearance <= 0.0)
         centres = costmap.centres(rows, columns)
-        near = (
-            np.hypot(centres[:, 0] - tight[0, 0], centres[:, 1] - tight[0, 1]) <= REASON.one_thing
-        )
+        near = np.hypot(*(centres - tight[0]).T) <= REASON.one_thing
         known[rows[near], columns[near]] = True
     return spots
 
@@ -82,30 +77,12 @@ def _spots(
 def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, now: float) -> str:
     """Return the obstacle at a point (2,)."""
     x, y = float(spot[0]), float(spot[1])
-    closed = obstacle_map.doors.closed(now)
-    door = next(
-        (
-            door
-            for door in (plan.doors if plan else ())
-            if _distance(door.start, door.end, x, y) <= REASON.at_door
-        ),
-        None,
-    )
-    if door:
-        return (
-            f"{door.title} is closed"
-            if door in closed
-            else f"something stands in the doorway ({door.title})"
-        )
+    for door in plan.doors if plan else ():
+        middle = (door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0
+        if math.dist(middle, (x, y)) <= REASON.at_door:
+            if door in obstacle_map.doors.closed(now):
+                return f"{door.title} is closed"
+            return f"something stands in the doorway ({door.title})"
     room = plan.room_at(x, y) if plan else None
-    return f"something stands in the way at ({x:.1f}, {y:.1f})" + (
-        f" in {room.title}" if room else ""
-    )
-
-
-def _distance(start: tuple[float, float], end: tuple[float, float], x: float, y: float) -> float:
-    return math.dist(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0), (x, y))
-
-
-def _and(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+    where = f" in {room.title}" if room else ""
+    return f"something stands in the way at ({x:.1f}, {y:.1f}){where}"

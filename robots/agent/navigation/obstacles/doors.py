@@ -1,8 +1,8 @@
 """Which doors of a plan are closed, as far as the laser has seen.
 
-A beam that would cross a doorway on its way and ends in it has met the leaf; one that goes on well
-behind it went through. Beams that end before it, or that only graze it, tell nothing. A door that
-was seen closed stays so until it is seen open, or is worth another look after a while.
+A beam that ends in a doorway that it would cross has met the leaf; one that goes well behind it has
+passed. Beams that end before it or graze it show nothing. A door seen closed counts so until it is
+seen open, or for some time.
 """
 
 import math
@@ -78,16 +78,8 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
     """Return how many beams met a door's leaf, and how many went through the doorway."""
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
-    leaf = np.array(
-        [
-            [
-                x0 + DOORS.frame * width,
-                y0 + DOORS.frame * height,
-                x1 - DOORS.frame * width,
-                y1 - DOORS.frame * height,
-            ]
-        ]
-    )
+    right, up = DOORS.frame * width, DOORS.frame * height
+    leaf = np.array([[x0 + right, y0 + up, x1 - right, y1 - up]])
     towards = _towards(leaf[0], laser, beams)
     if len(towards) == 0:
         return 0, 0
@@ -99,9 +91,8 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
         & (np.abs(np.sin(directions - math.atan2(height, width))) >= DOORS.grazing)
     )
     ranges = np.minimum(beams.ranges[towards[crossing]], beams.range_max)
-    return int((np.abs(ranges - reach[crossing]) <= DOORS.in_line).sum()), int(
-        (ranges > reach[crossing] + DOORS.behind).sum()
-    )
+    beyond = ranges - reach[crossing]
+    return int((np.abs(beyond) <= DOORS.in_line).sum()), int((beyond > DOORS.behind).sum())
 
 
 def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.intp]:

@@ -1,8 +1,7 @@
-"""Who walked out of the laser's sight near the robot a moment ago, and may be beside or behind it
-now.
+"""People who walked out of the laser's sight a moment ago and may be beside or behind the robot.
 
-A laser of 180 or 240 degrees sees people come and loses them when they pass. For `hold` seconds
-they count as walking still, where they were seen last; so the robot lets them by before it goes on.
+A laser of 180 or 240 degrees loses people when they pass. For `hold` seconds they still count as
+walking, where they were last seen, so that the robot lets them pass.
 """
 
 from collections import deque
@@ -38,12 +37,8 @@ class LostObstacles:
         params = self._params
         near = walkers[np.hypot(walkers[:, 0], walkers[:, 1]) <= params.near]
         if len(near):
-            self._seen.append(
-                (
-                    stamp,
-                    points_from_frame(odometry, near[:: max(1, len(near) // params.points)]),
-                )
-            )
+            some = near[:: max(1, len(near) // params.points)]
+            self._seen.append((stamp, points_from_frame(odometry, some)))
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
         """Return points (m, 2) in the robot's frame that the laser no longer covers."""
@@ -53,8 +48,7 @@ class LostObstacles:
             return np.zeros((0, 2))
         points = points_in_frame(odometry, np.vstack([points for _, points in self._seen]))
         from_laser = points_in_frame(beams.mount, points)
-        turned = (np.arctan2(from_laser[:, 1], from_laser[:, 0]) - float(beams.angles[0])) % (
-            2.0 * np.pi
-        )
+        bearings = np.arctan2(from_laser[:, 1], from_laser[:, 0])
+        turned = (bearings - float(beams.angles[0])) % (2.0 * np.pi)
         hidden: Floats = points[turned > abs(float(beams.angles[-1] - beams.angles[0]))]
         return hidden

@@ -1,9 +1,9 @@
-"""What stands about the robot that is not on the map: things, people, closed doors; marked where
-the laser met them.
+"""Obstacles that are not on the map (things, people, closed doors), marked where the laser met
+them.
 
-A cell of the map is marked while something is seen in it, and free again when the laser looks
-through it. Out of sight, what stood there for long is remembered for long, and what was passing by
-is soon forgotten. What has not been still for `settled` seconds may be a person who walks.
+A cell is marked while something is seen in it, and free again when the laser looks through it. Out
+of sight, what was there for long is kept for long, and what was passing is soon dropped. What has
+not been still for `settled` seconds may be a walking person.
 """
 
 from dataclasses import dataclass
@@ -101,18 +101,12 @@ class LocalObstacleMap:
         params = self._params
         there = np.flatnonzero(self._there)
         first, last = self._first.ravel()[there], self._last.ravel()[there]
-        kept = np.minimum(
-            np.maximum(
-                params.kept_at_least + params.kept_by_age * (last - first),
-                params.kept_at_least,
-            ),
-            params.kept_at_most,
-        )
+        kept = params.kept_at_least + np.maximum(params.kept_by_age * (last - first), 0.0)
+        kept = np.minimum(kept, params.kept_at_most)
         rows, columns = np.divmod(there[now - last <= kept], self.costmap.shape[1])
         leaf_rows, leaf_columns, inside = self.costmap.cells(self.doors.leaves(now))
-        return np.concatenate([rows, leaf_rows[inside]]), np.concatenate(
-            [columns, leaf_columns[inside]]
-        )
+        columns = np.concatenate([columns, leaf_columns[inside]])
+        return np.concatenate([rows, leaf_rows[inside]]), columns
 
     def clearance(self, now: float) -> Floats:
         """Return (h, w) the distance in metres to the nearest thing, on the map or not."""
@@ -170,9 +164,8 @@ class LocalObstacleMap:
         high, wide = self.costmap.shape
         down = np.minimum(np.maximum(rows + AROUND[0], 0), high - 1)
         right = np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1)
-        result: Bools = (
-            self._there[down, right] & (now - self._first[down, right] >= self._params.settled)
-        ).any(axis=0)
+        is_old = now - self._first[down, right] >= self._params.settled
+        result: Bools = (self._there[down, right] & is_old).any(axis=0)
         return result
 
     def _leaf(self, points: Floats, now: float) -> Bools:
@@ -181,9 +174,8 @@ class LocalObstacleMap:
             return np.zeros(len(points), dtype=np.bool_)
         closed = {door.name for door in self.doors.closed(now)}
         doors = zip(self.doors.doors, self._leaves, strict=True)
-        lines = np.array(
-            [[door.start, door.end] if door.name in closed else leaf for door, leaf in doors]
-        )
+        ends = [[door.start, door.end] if door.name in closed else leaf for door, leaf in doors]
+        lines = np.array(ends)
         result: Bools = np.logical_or.reduce(_beside(points, lines) <= self._params.on_map, axis=0)
         return result
 
@@ -195,25 +187,19 @@ class LocalObstacleMap:
             return
         seen = points_in_frame(laser, self.costmap.centres(rows, columns))
         distances = np.hypot(seen[:, 0], seen[:, 1])
-        bearings = (
-            np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)
-        ) % (2.0 * np.pi)
+        bearings = np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min
+        bearings = (np.sign(beams.angle_increment) * bearings) % (2.0 * np.pi)
         # of the angle under which a cell is seen
         half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, params.nearest_cell)
         step, last = abs(beams.angle_increment), len(beams.ranges) - 1
         index = np.rint(bearings / step).astype(np.intp)
-        free = np.minimum(
-            np.minimum(beams.ranges, beams.range_max) - params.seen_through,
-            params.marked,
-        )
+        free = np.minimum(beams.ranges, beams.range_max) - params.seen_through
+        free = np.minimum(free, params.marked)
         passed = np.zeros(len(rows), dtype=np.bool_)
         for beside in (0, -1, 1):
             beam = index + beside
-            met = (
-                (beam >= 0)
-                & (beam <= last)
-                & (np.abs(beam * step - bearings) <= np.maximum(half, step / 2.0))
-            )
+            met = np.abs(beam * step - bearings) <= np.maximum(half, step / 2.0)
+            met &= (beam >= 0) & (beam <= last)
             passed |= met & (free[np.minimum(np.maximum(beam, 0), last)] > distances)
         self._there[rows[passed], columns[passed]] = False
 

@@ -1,9 +1,9 @@
-"""What the last few sweeps showed close by while the robot hardly moved, all of it: the nearest of
-several measurements decides how much room there is.
+"""The near points of the last few scans while the robot hardly moved: the nearest of several
+measurements decides how much room there is.
 
-A sweep replaces in the obstacle memory what it measures again. A robot held by something at the
-edge of its margin would look there sweep after sweep, until one is wrong by enough to let it a
-little nearer, and the next: it would creep up to the thing on noise alone.
+The obstacle memory replaces what a scan measures again. A robot held by something at the edge of
+its margin would look there scan after scan, until the error of one lets it a little nearer, and so
+creep up to the thing on noise alone.
 """
 
 import math

@@ -1,10 +1,10 @@
 """The middle of narrow places, finer than the cells of the map.
 
-In a gap that is hardly wider than the robot, half a cell decides whether it touches, and so do a
-few centimetres of error in its pose. There each point of a path is moved across it to where the
-least distance to obstacles on both sides is largest: the ridge of the clearance. An obstacle on
-one side only draws nothing aside. A plan is moved so between the squares of the occupied cells,
-and once more, while it is driven, between what the laser sees.
+In a gap hardly wider than the robot, half a cell and a few centimetres of pose error decide whether
+it touches. There each point of a path is moved across it to where the least distance to obstacles
+on both sides is largest: the ridge of the clearance. An obstacle on one side only moves nothing. A
+plan is centred between the squares of the occupied cells, and once more, while it is driven,
+between what the laser sees.
 """
 
 import math
@@ -38,17 +38,17 @@ NEAREST = 4  # cells by their centres, one of which has the nearest edge
 Distances = Callable[[Floats], Floats]
 
 
-def centred_on_map(line: Floats, way: Floats, clearance: Floats, costmap: CostMap) -> Floats:
-    """Return a line (n, 2), `way` (n,) metres along, centred in its narrow places."""
+def centred_on_map(line: Floats, along: Floats, clearance: Floats, costmap: CostMap) -> Floats:
+    """Return a line (n, 2), `along` (n,) metres along, centred in its narrow places."""
     enough = costmap.inscribed + CENTRING.tight
     narrow = np.flatnonzero(costmap.sample(clearance, line) < enough)
     cells = _occupied_about(line[narrow], enough + CENTRING.aside, clearance, costmap)
     if len(cells) == 0:
         return line
-    return _centred(line, way, narrow, _to_squares(cells, costmap), costmap.inscribed)
+    return _centred(line, along, narrow, _to_squares(cells, costmap), costmap.inscribed)
 
 
-def centred_between(line: Floats, way: Floats, points: Floats, half_width: float) -> Floats:
+def centred_between(line: Floats, along: Floats, points: Floats, half_width: float) -> Floats:
     """Return the same between points (m, 2) for a robot of that half width, metres."""
     enough = half_width + CENTRING.tight
     reach = enough + CENTRING.aside
@@ -63,14 +63,14 @@ def centred_between(line: Floats, way: Floats, points: Floats, half_width: float
         return found
 
     narrow = np.flatnonzero(distances(line) < enough)
-    return _centred(line, way, narrow, distances, half_width)
+    return _centred(line, along, narrow, distances, half_width)
 
 
 def _centred(
-    line: Floats, way: Floats, narrow: Cells, distances: Distances, half_width: float
+    line: Floats, along: Floats, narrow: Cells, distances: Distances, half_width: float
 ) -> Floats:
-    """Return the line with those of its `narrow` points (k,) that have something on both sides
-    moved to the middle, and those beside them a part of that way.
+    """Return the line with its `narrow` points (k,) between obstacles on both sides moved to the
+    middle, and their neighbours a part of that distance.
     """
     params = CENTRING
     if len(narrow) == 0 or len(line) < 3:
@@ -83,30 +83,30 @@ def _centred(
     rooms = np.minimum(distances(tried.reshape(-1, 2)), enough).reshape(len(narrow), -1)
     most = rooms.max(axis=1)
     # an obstacle that leaves no room in the middle is before the robot, not beside it
-    shut = way[narrow][most <= half_width - params.too_tight]
-    gap = _nearest(way[narrow], shut) > params.fade
+    shut = along[narrow][most <= half_width - params.too_tight]
+    gap = _nearest(along[narrow], shut) > params.fade
     # with an obstacle on one side only, room grows with the distance
     gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < most - params.alike
     if not gap.any():
         return line
     good = rooms >= most[:, None] - params.alike
     best = offsets[np.where(good, np.abs(offsets), math.inf).argmin(axis=1)]
-    at = way[narrow][gap]
+    at = along[narrow][gap]
     # the tighter a place, the more it says about those beside it: where there is just enough room,
     # the least move that finds it ends at once
     weight = np.clip(1.0 - np.abs(at[:, None] - at) / params.blend, 0.0, 1.0)
     weight *= (enough - most[gap] + params.alike) ** 2
     moves = weight @ (best[:, None] * across)[gap] / weight.sum(axis=1, keepdims=True)
-    share = np.clip(1.0 - _nearest(way, at) / params.fade, 0.0, 1.0)
-    share *= np.clip(np.minimum(way - way[0], way[-1] - way) / params.from_end, 0.0, 1.0)
-    moved = [np.interp(way, at, moves[:, axis]) * share for axis in (0, 1)]
+    share = np.clip(1.0 - _nearest(along, at) / params.fade, 0.0, 1.0)
+    share *= np.clip(np.minimum(along - along[0], along[-1] - along) / params.from_end, 0.0, 1.0)
+    moved = [np.interp(along, at, moves[:, axis]) * share for axis in (0, 1)]
     result: Floats = line + np.column_stack(moved)
     return result
 
 
-def _nearest(way: Floats, others: Floats) -> Floats:
+def _nearest(along: Floats, others: Floats) -> Floats:
     """Return (n,) metres along the line from points (n,) to the nearest of others (k,)."""
-    apart: Floats = np.abs(way[:, None] - others).min(axis=1, initial=math.inf)
+    apart: Floats = np.abs(along[:, None] - others).min(axis=1, initial=math.inf)
     return apart
 
 

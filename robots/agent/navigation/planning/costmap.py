@@ -1,8 +1,8 @@
-"""Where a robot may be, and what it costs to be there: a map seen with the eyes of one footprint.
+"""Where a robot with a footprint may be on a map, and at what cost.
 
 The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can
-never be where the clearance is smaller than the footprint's inscribed radius; beyond that it
-becomes cheaper with more room, until there is plenty.
+never be where the clearance is below the footprint's inscribed radius; above it the cost falls with
+more room, until there is plenty.
 """
 
 import math
@@ -40,11 +40,9 @@ class NoWayError(ValueError):
 class CostMap:
     """A map for one footprint, (n, 2) in the robot's frame.
 
-    Attributes:
-        clearance: (h, w) metres to the nearest thing of the map, 0 inside of things and where the
-            map knows nothing.
-        inscribed: the least distance from the robot's centre to the edge of its footprint, metres.
-        circumscribed: the largest.
+    `clearance` (h, w) is in metres to the nearest thing, 0 inside of things and in unknown cells.
+    `inscribed` and `circumscribed` are the least and largest distance from the robot's centre to
+    the edge of its footprint, metres.
     """
 
     def __init__(self, grid: OccupancyGrid, footprint: Floats) -> None:
@@ -69,13 +67,10 @@ class CostMap:
         rows = np.floor(self.transform.height + sine * x - cosine * y).astype(np.intp)
         high, wide = self.shape
         inside = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
-        if inside.all():
-            return rows, columns, inside
-        return (
-            np.minimum(np.maximum(rows, 0), high - 1),
-            np.minimum(np.maximum(columns, 0), wide - 1),
-            inside,
-        )
+        if not inside.all():
+            rows = np.minimum(np.maximum(rows, 0), high - 1)
+            columns = np.minimum(np.maximum(columns, 0), wide - 1)
+        return rows, columns, inside
 
     def centres(self, rows: Cells, columns: Cells) -> Floats:
         """Return (n, 2) the centres of cells in metres."""
@@ -94,11 +89,9 @@ class CostMap:
 
     def clearance_with(self, live: Bools) -> Floats:
         """Return the clearance (h, w) when `live` cells are occupied too."""
-        return (
-            np.minimum(self.clearance, room(~live, self.transform.resolution))
-            if live.any()
-            else self.clearance
-        )
+        if not live.any():
+            return self.clearance
+        return np.minimum(self.clearance, room(~live, self.transform.resolution))
 
     def cost(self, clearance: Floats) -> Floats:
         """Return (h, w) the price of a metre: 1 with plenty of room, `inf` without enough."""
@@ -132,6 +125,4 @@ def _radii(footprint: Floats) -> tuple[float, float]:
     after = np.roll(footprint, -1, axis=0)
     across = footprint[:, 0] * after[:, 1] - footprint[:, 1] * after[:, 0]
     sides = np.hypot(*(after - footprint).T)
-    return float((np.abs(across) / sides).min()), float(
-        np.hypot(footprint[:, 0], footprint[:, 1]).max()
-    )
+    return float((np.abs(across) / sides).min()), float(np.hypot(*footprint.T).max())

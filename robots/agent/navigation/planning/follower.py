@@ -1,9 +1,9 @@
-"""Driving along a path: pursuit of a point some way ahead, turning on the spot where that is
-better, slower where it is narrow.
+"""Driving along a path: pursuit of a point ahead, turning on the spot where that is better, slower
+where it is narrow.
 
 Pure pursuit (Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm",
-CMU-RI-TR-92-01): the arc to a point at distance L and bearing a has the curvature 2 sin a / L. What
-the base is asked for passes `BrakeCheck` first.
+CMU-RI-TR-92-01): the arc to a point at distance L and bearing a has the curvature 2 sin a / L.
+`BrakeCheck` checks each velocity.
 """
 
 import math
@@ -67,34 +67,32 @@ class Follower:
     def __init__(
         self, check: BrakeCheck, limits: Limits, params: FollowerParams = FOLLOWER
     ) -> None:
-        self.check = check
-        self.limits = limits
-        self._params = params
+        self.check, self.limits, self._params = check, limits, params
         self.path = PlannedPath(np.zeros((1, 2)))
-        self.way = 0.0
+        self.along = 0.0
         self._heading: float | None = None
         self._side = 0.0  # of the turn on the spot that is going on, 0 without one
-        self._long_way = False  # the near side is blocked
+        self._turns_long = False  # the near side is blocked
         self._at_end = False
 
     def take(self, path: PlannedPath, heading: float | None) -> None:
         """Follow a path from its start and end with a heading, or with any."""
-        self.path, self.way, self._heading = path, 0.0, heading
-        self._at_end, self._side, self._long_way = False, 0.0, False
+        self.path, self.along, self._heading = path, 0.0, heading
+        self._at_end, self._side, self._turns_long = False, 0.0, False
 
     @property
     def remaining(self) -> float:
         """The way left in metres."""
-        return self.path.length - self.way
+        return self.path.length - self.along
 
     def off_path(self, pose: Pose2D) -> float:
         """Return how far in metres the robot is from where it should be on the path."""
-        return math.dist(self.path.at(self.way), (pose.x, pose.y))
+        return math.dist(self.path.at(self.along), (pose.x, pose.y))
 
     def step(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
         """Return what to ask of the base at `pose` on the map, moving with `velocity`."""
         params = self._params
-        self.way = self.path.nearest(pose.x, pose.y, self.way - 0.2, self.way + 0.6)
+        self.along = self.path.nearest(pose.x, pose.y, self.along - 0.2, self.along + 0.6)
         left = math.dist(self.path.end, (pose.x, pose.y))
         if left <= params.arrived or (self.remaining < params.arrived and left <= params.nearly):
             self._at_end = True
@@ -104,8 +102,8 @@ class Follower:
         return self._pursue(pose, velocity, hazards, left)
 
     def rest(self, pose: Pose2D) -> bool:
-        """End the path here, because something keeps the robot from its last centimetres; tell
-        whether that ends it now: its end is near enough, and the robot does not rest there yet.
+        """End the path here because of an obstacle in its last centimetres; return False when its
+        end is too far away or the robot already rests there.
         """
         if self._at_end or math.dist(self.path.end, (pose.x, pose.y)) > self._params.nearly:
             return False
@@ -118,86 +116,76 @@ class Follower:
         """Turn in place by `error` radians to within `tolerance`, the long way if blocked."""
         params = self._params
         if abs(error) <= tolerance:
-            self._side, self._long_way = 0.0, False
-            return Followed(
-                ZERO, "arrived" if abs(velocity.angular) <= params.settled else "driving"
-            )
-        keeps = self._side != 0.0 and (self._long_way or abs(error) > params.keeps_side)
+            self._side, self._turns_long = 0.0, False
+            is_settled = abs(velocity.angular) <= params.settled
+            return Followed(ZERO, "arrived" if is_settled else "driving")
+        keeps = self._side != 0.0 and (self._turns_long or abs(error) > params.keeps_side)
         self._side = self._side if keeps else math.copysign(1.0, error)
         done = self._turned(self._side, error, velocity, hazards)
-        if (
-            done.velocity == ZERO
-            and done.why == "thing"
-            and not self._long_way
-            and abs(error) > 2.0 * tolerance
-        ):
-            self._side, self._long_way = -self._side, True
+        is_blocked = done.velocity == ZERO and done.why == "thing"
+        if is_blocked and not self._turns_long and abs(error) > 2.0 * tolerance:
+            self._side, self._turns_long = -self._side, True
             done = self._turned(self._side, error, velocity, hazards)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
     def _turned(self, side: float, error: float, velocity: Velocity, hazards: Hazards) -> Checked:
         params = self._params
         left = error * side if error * side > 0.0 else math.tau - abs(error)
-        speed = min(
-            self.limits.angular,
-            max(params.slowest_turn, math.sqrt(2.0 * params.turn_easing * left) - 0.1),
-        )
+        eased = math.sqrt(2.0 * params.turn_easing * left) - 0.1
+        speed = min(self.limits.angular, max(params.slowest_turn, eased))
         return self.check.fastest(velocity, Velocity(linear=0.0, angular=side * speed), hazards)
 
     def _finish(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
         params = self._params
         if self._heading is None:
-            standing = (
-                abs(velocity.linear) <= params.settled and abs(velocity.angular) <= params.settled
-            )
-            return Followed(ZERO, "arrived" if standing else "driving")
+            speed = max(abs(velocity.linear), abs(velocity.angular))
+            return Followed(ZERO, "arrived" if speed <= params.settled else "driving")
         return self.turn(wrap_angle(self._heading - pose.theta), velocity, hazards, params.heading)
 
     def _pursue(self, pose: Pose2D, velocity: Velocity, hazards: Hazards, left: float) -> Followed:
         params = self._params
         ahead = params.ahead + params.ahead_per_speed * max(0.0, velocity.linear)
-        local = self._ahead(pose, self.way + ahead, hazards)
+        local = self._ahead(pose, self.along + ahead, hazards)
         distance = max(math.hypot(*local), 0.05)
         bearing = math.atan2(local[1], local[0])
-        if self._side or abs(bearing) > (
-            params.turn_from if left > params.ahead else params.turn_from / 2.0
-        ):
+        turn_from = params.turn_from if left > params.ahead else params.turn_from / 2.0
+        if self._side or abs(bearing) > turn_from:
             turned = self.turn(bearing, velocity, hazards, params.turn_to)
             if turned.state != "arrived":
                 return turned
-        wanted = self._wanted(
-            bearing, 2.0 * math.sin(bearing) / max(distance, 0.15), velocity, hazards
-        )
+        curvature = 2.0 * math.sin(bearing) / max(distance, 0.15)
+        wanted = self._wanted(bearing, curvature, velocity, hazards)
         done = self.check.fastest(velocity, wanted, hazards)
         if done.velocity == ZERO and done.why == "thing" and abs(bearing) > params.turn_to:
             return self.turn(bearing, velocity, hazards, params.turn_to)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
-    def _ahead(self, pose: Pose2D, way: float, hazards: Hazards) -> tuple[float, float]:
-        """Return the point of the path at `way` metres, in the robot's frame: in a tight place in
-        the middle of what it sees, because there its pose is too inexact for the path.
+    def _ahead(self, pose: Pose2D, along: float, hazards: Hazards) -> tuple[float, float]:
+        """Return the path's point `along` metres from its start, in the robot's frame; in a tight
+        place in the middle of what the robot sees, because its pose is too inexact for the path.
         """
         start, stop = self._params.looks_at
-        ways = np.arange(max(self.way + start, 0.0), self.way + stop, SPACING)
-        ways = np.append(ways[ways < self.path.length], self.path.length)
-        line = points_in_frame(pose, np.array([self.path.at(each) for each in ways]))
+        distances = np.arange(max(self.along + start, 0.0), self.along + stop, SPACING)
+        distances = np.append(distances[distances < self.path.length], self.path.length)
+        line = points_in_frame(pose, self.path.interpolated(distances))
         seen = np.concatenate([hazards.things, hazards.strangers])
-        line = centred_between(line, ways, seen, self.check.half_width)
-        return float(np.interp(way, ways, line[:, 0])), float(np.interp(way, ways, line[:, 1]))
+        line = centred_between(line, distances, seen, self.check.half_width)
+        return float(np.interp(along, distances, line[:, 0])), float(
+            np.interp(along, distances, line[:, 1])
+        )
 
     def _wanted(
         self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards
     ) -> Velocity:
         params = self._params
-        bend = max(
-            abs(curvature), 0.7 * self.path.sharpest_bend(self.way, self.way + params.preview)
-        )
+        sharpest = self.path.sharpest_bend(self.along, self.along + params.preview)
+        bend = max(abs(curvature), 0.7 * sharpest)
         gaps = np.concatenate([self.check.gaps(hazards.things), self.check.gaps(hazards.strangers)])
         room = max(0.0, float(gaps.min())) if len(gaps) else 1.0
+        left = max(0.0, self.remaining - params.arrived / 2.0)
         speed = min(
             self.limits.linear,
-            math.sqrt(2.0 * params.easing * max(0.0, self.remaining - params.arrived / 2.0))
-            + params.last_speed,
+            math.sqrt(2.0 * params.easing * left) + params.last_speed,
             params.lateral_use * self.limits.angular / max(bend, 1e-6),
             params.narrow_speed + params.narrow_gain * room,
             self.limits.linear * max(0.15, 1.0 - abs(bearing)),

@@ -1,9 +1,9 @@
-"""The cheapest way over a cost map: Dijkstra over the cells, then straight lines where they cost no
-more, then round corners.
+"""The cheapest route over a cost map: Dijkstra over the cells, then straight lines where they cost
+no more, then rounded corners.
 
-The graph of the cells that the map leaves free is made once; live obstacles only change the weights
-of its edges, to infinity where the robot cannot be. scipy's Dijkstra needs 3 to 5 ms for the 22,000
-cells of an office of 12 m x 8 m, a tenth of what a search guided by a heuristic takes in Python.
+The graph of the map's free cells is made once; live obstacles only change the weights of its edges,
+to infinity where the robot cannot be. scipy's Dijkstra needs 3 to 5 ms for the 22,000 cells of an
+office of 12 m x 8 m, a tenth of a heuristic search in Python.
 """
 
 import math
@@ -51,11 +51,9 @@ class Planner:
         distances = np.hypot(centres[:, 0] - x, centres[:, 1] - y)
         distances[clearance[self._graph.rows, self._graph.columns] < self.costmap.least] = math.inf
         nearest = int(np.argmin(distances))
-        return (
-            None
-            if distances[nearest] > reach
-            else (float(centres[nearest, 0]), float(centres[nearest, 1]))
-        )
+        if distances[nearest] > reach:
+            return None
+        return float(centres[nearest, 0]), float(centres[nearest, 1])
 
     def goal(self, x: float, y: float) -> tuple[float, float]:
         """Return a free place for a goal: there, or nearby; raises NoWayError."""
@@ -75,19 +73,16 @@ class Planner:
     ) -> PlannedPath | None:
         """Return the way from start to goal through `clearance` (h, w), or None."""
         begin = self.place_near(*start, clearance, PLANNER.start_reach)
-        if (
-            begin is None
-            or float(self.costmap.sample(clearance, np.array([goal]))[0]) < self.costmap.least
-        ):
+        at_goal = float(self.costmap.sample(clearance, np.array([goal]))[0])
+        if begin is None or at_goal < self.costmap.least:
             return None
         cost = self.costmap.cost(clearance)
         for _ in range(PLANNER.attempts):
             cells = self._cheapest(begin, goal, cost)
             if cells is None:
                 return None
-            line = self._rounded(
-                self._straightened(np.vstack([[begin], cells[1:-1], [goal]]), cost), cost
-            )
+            corners = self._straightened(np.vstack([[begin], cells[1:-1], [goal]]), cost)
+            line = self._rounded(corners, cost)
             stuck = self._misfits(line, clearance)
             if not stuck.any():
                 return self._centred(PlannedPath(resampled(np.vstack([[start], line]))), clearance)
@@ -128,9 +123,8 @@ class Planner:
             good, stride = here + 1, 2
             while stride >= 1:
                 ahead = min(good + stride, len(line) - 1)
-                if ahead > good and self._price(line[here], line[ahead], cost) <= PLANNER.dearer * (
-                    prices[ahead] - prices[here]
-                ):
+                allowed = PLANNER.dearer * (prices[ahead] - prices[here])
+                if ahead > good and self._price(line[here], line[ahead], cost) <= allowed:
                     good, stride = ahead, stride * 2
                 else:
                     stride //= 2
@@ -149,9 +143,8 @@ class Planner:
         for _ in range(PLANNER.smoothing_rounds if len(line) > 2 else 0):
             moved = line.copy()
             moved[1:-1] += 0.25 * (line[:-2] + line[2:] - 2.0 * line[1:-1])
-            dearer = self.costmap.sample(cost, moved) > np.maximum(
-                self.costmap.sample(cost, line) * 1.1, 1.3
-            )
+            allowed = np.maximum(self.costmap.sample(cost, line) * 1.1, 1.3)
+            dearer = self.costmap.sample(cost, moved) > allowed
             moved[dearer] = line[dearer]
             line = moved
         return line
@@ -159,7 +152,7 @@ class Planner:
     def _centred(self, path: PlannedPath, clearance: Floats) -> PlannedPath:
         """Return the path in the middle of its narrow places, where the robot fits there."""
         costmap = self.costmap
-        line = centred_on_map(path.points, path.way, clearance, costmap)
+        line = centred_on_map(path.points, path.along, clearance, costmap)
         before = costmap.sample(clearance, path.points)
         enough = np.minimum(before, costmap.least - costmap.transform.resolution / 2.0)
         worse = costmap.sample(clearance, line) < enough
@@ -171,9 +164,8 @@ class Planner:
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
         # there stops it (safety/collision/braking.py).
-        tight &= (np.hypot(*(line - line[0]).T) > PLANNER.at_an_end) & (
-            np.hypot(*(line - line[-1]).T) > PLANNER.at_an_end
-        )
+        tight &= np.hypot(*(line - line[0]).T) > PLANNER.at_an_end
+        tight &= np.hypot(*(line - line[-1]).T) > PLANNER.at_an_end
         if len(line) < 2 or not tight.any():
             return np.zeros(len(line), dtype=np.bool_)
         along = np.gradient(line, axis=0)
@@ -181,12 +173,9 @@ class Planner:
         cosine, sine = np.cos(headings)[:, None], np.sin(headings)[:, None]
         x = line[tight, 0:1] + cosine * self._rim[:, 0] - sine * self._rim[:, 1]
         y = line[tight, 1:2] + sine * self._rim[:, 0] + cosine * self._rim[:, 1]
-        inside = (
-            self.costmap.sample(clearance, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
-            <= 0.0
-        )
+        at_rim = self.costmap.sample(clearance, np.column_stack([x.ravel(), y.ravel()]))
         stuck = np.zeros(len(line), dtype=np.bool_)
-        stuck[tight] = inside.any(axis=1)
+        stuck[tight] = (at_rim.reshape(x.shape) <= 0.0).any(axis=1)
         return stuck
 
 

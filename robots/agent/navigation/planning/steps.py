@@ -31,10 +31,10 @@ class Sense:
 
 @dataclass(frozen=True, eq=False)
 class NavigationStep:
-    """What to do now and how the task stands.
+    """What to do now, and the state of the task.
 
-    `velocity` is for the base, None for silence once the robot stands; `reason` one sentence, also
-    for what a running task waits for; `path` (n, 2) is the way ahead in map metres; `progress` runs
+    `velocity` is for the base, None once the robot is at rest; `reason` is one sentence, also on
+    what a running task waits for; `path` (n, 2) is the route ahead in map metres; `progress` is
     from 0 to 1.
     """
 
@@ -46,10 +46,10 @@ class NavigationStep:
 
 
 def failed(reason: str) -> NavigationStep:
-    """Return the end of a task that could not be done, standing."""
+    """Return the end, at rest, of a task that could not be done."""
     return NavigationStep(ZERO, "FAILED", reason)
 
 
 def finished(reason: str = "") -> NavigationStep:
-    """Return the end of a task that was done, standing."""
+    """Return the end, at rest, of a task that was done."""
     return NavigationStep(ZERO, "FINISHED", reason, progress=1.0)

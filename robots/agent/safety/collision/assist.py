@@ -23,13 +23,13 @@ that stands, goes back or only turns), the result (v', w') keeps:
   one side never becomes one to the other. Of what |w| is beyond that, at least half is kept, and
   all of it by a robot at rest: a firm turn towards a wall still turns towards the wall.
 
-A laser that has been silent for `silence` seconds stops the robot, at both levels, with `blind`:
-creeping could not keep the level's promise of no collision either, and a driver who prefers to
-creep home by the video alone can choose `off`.
+A laser that has been silent for `silence` seconds stops the robot at both levels, with `blind`,
+because creeping would not prevent collisions either. A driver who prefers to creep home by the
+video alone can choose `off`.
 
 A charging station is an obstacle that a robot is meant to touch. Where the caller knows the robot's
 pose in its dock, and the robot is close in front of it and turned towards it, points beyond the
-docked robot's nose may be touched, at a creep, and nothing is steered.
+docked robot's nose may be touched, at a creep, without steering.
 """
 
 import math
@@ -43,22 +43,21 @@ from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.slowing import Slowing, SlowingSettings
 from robots.agent.safety.collision.steering import Steering, SteeringSettings
 from robots.agent.safety.collision.swept import hull, outside
+from robots.agent.safety.contacts import Side, side_of
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Velocity
 from robots.world.sensing import Floats, points_in_frame
 
 Why = Literal["off", "free", "slow", "stop", "steer", "blind"]
-Side = Literal["ahead", "left", "behind", "right"]
 
-TELLING = 0.05  # rad/s: a smaller turn that was added is not worth a word
-STANDS = 0.02  # m/s at the fastest corner: less is as good as standing
-# metres by which a station may stand before the place where the docked robot's nose is
-BEYOND = 0.02
+REPORTED_TURN = 0.05  # rad/s: a smaller added turn is not reported
+AT_REST = 0.02  # m/s at the fastest corner, below which the robot counts as at rest
+BEYOND = 0.02  # metres by which a station may be before the docked robot's nose
 
 
 @dataclass(frozen=True)
 class DockRegion:
-    """Where, seen from its dock, a robot may touch the station: at most so far before it and aside
+    """Where a robot may touch its station, seen from the dock: at most so far before it and aside
     (m), and turned (rad).
     """
 
@@ -69,8 +68,6 @@ class DockRegion:
 
 @dataclass(frozen=True)
 class AssistSettings:
-    """All of the assistance; `silence` in seconds."""
-
     slowing: SlowingSettings = field(default_factory=SlowingSettings)
     steering: SteeringSettings = field(default_factory=SteeringSettings)
     dock: DockRegion = field(default_factory=DockRegion)
@@ -79,12 +76,12 @@ class AssistSettings:
 
 @dataclass(frozen=True)
 class Assisted:
-    """A velocity, and why it is not the one that was wanted.
+    """A velocity, and why it differs from the wanted one.
 
     `point` (x, y) in the robot's frame, metres, is the obstacle that decided, or the nearest; it is
     on `side`, `clearance` metres from the footprint; None where nothing is near. `turn` is what
-    steering added, in rad/s. `own` is what of the velocity is the driver's: from there his own ramp
-    goes on, or else a turn that was added would count as his the next time.
+    steering added, in rad/s. The driver's ramp continues from `own`, the velocity without it, or
+    else an added turn would count as the driver's next time.
     """
 
     velocity: Velocity
@@ -97,7 +94,7 @@ class Assisted:
 
 
 class DriverAssistance:
-    """The assistance of one robot. It remembers nothing: the same question has the same answer."""
+    """The assistance of one robot, without state: the same input has the same result."""
 
     def __init__(
         self,
@@ -105,10 +102,8 @@ class DriverAssistance:
         limits: Limits,
         settings: AssistSettings | None = None,
     ) -> None:
-        """Take the footprint (convex, about the robot's centre) and the base's own limits.
-
-        Raises:
-            ValueError: not such a footprint.
+        """Take the footprint and the base's own limits. Raises ValueError unless the footprint is
+        convex and around the robot's centre.
         """
         self.limits, self.settings = limits, settings or AssistSettings()
         self.hull = hull(footprint)
@@ -134,15 +129,13 @@ class DriverAssistance:
         """Return what to send to the base instead of `wanted`.
 
         Args:
-            wanted: what the safety kernel lets pass, ramped from `own` of the last answer.
-            current: what the base was last told.
+            wanted: what the safety kernel allows, ramped from `own` of the last result.
+            current: what the base was last sent.
             points: (n, 2) obstacles in the robot's frame, known to `reach` metres from its centre.
             level: how much help the driver gets.
-            errors: (n,) metres by which each of points may be nearer than it seems; none without.
-            silence: seconds since the laser last saw (`RollingObstacleMap.seen`), `inf` when it
-                never has.
-            dock: the robot's pose in its dock, seen from the robot; None when unknown or when it is
-                nobody's wish to dock.
+            errors: (n,) metres by which each point may be nearer than it seems.
+            silence: seconds since the laser's last valid scan, `inf` before the first.
+            dock: the docked robot's pose in the robot's frame, None when unknown or not wanted.
             dt: seconds until the next call.
         """
         if level == "off":
@@ -154,11 +147,9 @@ class DriverAssistance:
         if wanted == ZERO:
             return answer(Assisted(ZERO, "free"), near, gaps, None)
         touchable = self._touchable(near, dock)
-        turned = (
-            self.steering.steered(wanted, current, near, dt)
-            if level == "steer" and touchable is None
-            else wanted
-        )
+        turned = wanted
+        if level == "steer" and touchable is None:
+            turned = self.steering.steered(wanted, current, near, dt)
         close = np.flatnonzero(gaps - off <= self.slowing.reach_at(turned, current))
         allowed = np.zeros(len(close), dtype=np.bool_) if touchable is None else touchable[close]
         told, decided = self.slowing.slowed(
@@ -166,31 +157,25 @@ class DriverAssistance:
         )
         if decided is None and touchable is None:
             decided = self.slowing.minds(turned, near[close], off[close])
-        own = Velocity(
-            linear=told.linear,
-            angular=wanted.angular * (told.angular / turned.angular if turned.angular else 1.0),
-        )
-        why: Why = "steer" if abs(told.angular - own.angular) >= TELLING else "free"
+        share = told.angular / turned.angular if turned.angular else 1.0
+        own = Velocity(linear=told.linear, angular=wanted.angular * share)
+        turn = told.angular - own.angular
+        why: Why = "steer" if abs(turn) >= REPORTED_TURN else "free"
         if decided is not None:
-            why = (
-                "stop"
-                if abs(told.linear) + self.hull.radius * abs(told.angular) < STANDS
-                else "slow"
-            )
-        found = Assisted(told, why, turn=told.angular - own.angular, own=own)
+            corner = abs(told.linear) + self.hull.radius * abs(told.angular)
+            why = "stop" if corner < AT_REST else "slow"
+        found = Assisted(told, why, turn=turn, own=own)
         return answer(found, near, gaps, None if decided is None else int(close[decided]))
 
     def _within_reach(self, points: Floats, errors: Floats | None) -> tuple[Floats, Floats]:
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         x, y = points[:, 0], points[:, 1]
-        # what is not a number is never close
+        # NaN is never close
         close = np.flatnonzero(x * x + y * y <= self.reach**2)
         return points[close], np.zeros(len(close)) if errors is None else errors[close]
 
     def _touchable(self, points: Floats, dock: Pose2D | None) -> npt.NDArray[np.bool_] | None:
-        """Return (n,) which points may be touched by a robot close before its dock, None for one
-        that is not.
-        """
+        """Return (n,) which points a robot close before its dock may touch, None for any other."""
         region = self.settings.dock
         if dock is None or not (
             0.0 <= dock.x <= region.before
@@ -202,18 +187,10 @@ class DriverAssistance:
 
 
 def answer(assisted: Assisted, points: Floats, gaps: Floats, decided: int | None) -> Assisted:
-    """Return the same with the one of points (n, 2), at gaps (n,), that decided, or with the
-    nearest.
-    """
+    """Return the same with the point (of (n, 2), at gaps (n,)) that decided, or the nearest."""
     if len(points) == 0:
         return assisted
     index = int(gaps.argmin()) if decided is None else decided
     point = float(points[index, 0]), float(points[index, 1])
-    return replace(assisted, point=point, clearance=float(gaps[index]), side=side(point))
-
-
-def side(point: tuple[float, float]) -> Side:
-    """Return on which side of the robot a point lies, in quarters about its centre."""
-    quarter = round(math.atan2(point[1], point[0]) / (math.pi / 2.0))
-    names: tuple[Side, ...] = ("ahead", "left", "behind", "right")
-    return names[quarter % 4]
+    side = side_of(math.atan2(point[1], point[0]))
+    return replace(assisted, point=point, clearance=float(gaps[index]), side=side)

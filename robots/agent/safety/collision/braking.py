@@ -1,11 +1,10 @@
-"""Will the robot touch anything if it does this and brakes then? Footprint, base and points; no
-map.
+"""Whether the robot touches anything if it follows a velocity and then brakes: footprint, base and
+points, without a map.
 
-A wanted velocity is followed for as long as it takes to notice and to react, within the base's
-accelerations, and then braked to a stand. Over that whole way no thing may come nearer to the
-footprint than a margin, or nearer than it already is; and nothing that may be walking may be able
-to reach it, however it turns, before the robot stands. Distances to the footprint are taken along
-the normals of its sides, which never says too much room.
+A wanted velocity is followed for the reaction time, within the base's accelerations, and then
+braked to rest. On that whole course no thing may come nearer to the footprint than a margin, or
+nearer than it already is, and no walker may be able to reach the robot before it is at rest.
+Distances to the footprint are taken along the normals of its sides, which never overestimates.
 """
 
 import math
@@ -14,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.ramp import ZERO, approach
-from robots.agent.safety.collision.swept import along
+from robots.agent.safety.collision.swept import along, hull
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 
 
 @dataclass(frozen=True)
 class BrakeParams:
-    """How much room a braking robot keeps, and what it expects of others."""
-
     # s from the world to the wheels: age of a sweep, of a step, of a command
     reaction: float = 0.25
     walking: float = 1.25  # m/s: how fast people are
@@ -32,7 +29,7 @@ class BrakeParams:
     # of the velocity, tried in this order
     shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
     crawl: float = 0.02  # m/s and rad/s below which the robot may as well stand
-    closer: float = 0.005  # m that what is nearer than the margin may come nearer still
+    closer: float = 0.005  # m by which a point within the margin may come nearer
     touch: float = 0.015  # m, but not nearer than this
     body: float = 0.1  # m by which people are nearer than their legs, which a laser sees
 
@@ -42,10 +39,8 @@ BRAKING = BrakeParams()
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """What stands about, in the robot's frame, metres.
-
-    `things` (n, 2) are those of the map; `strangers` (m, 2) are not on it and may be people: those
-    who stand; `walkers` (k, 2) those who may be walking.
+    """Points (n, 2) around the robot, in its frame, metres: `things` of the map, `strangers` that
+    are not on it and may be standing people, and `walkers` that may be walking.
     """
 
     things: Floats
@@ -55,8 +50,8 @@ class Hazards:
 
 @dataclass(frozen=True)
 class Checked:
-    """The fastest safe velocity like the one wanted, its share of that, and who is in the way: "",
-    "thing" or "walker".
+    """The fastest safe velocity on the wanted curve, its share of the wanted one, and what is in
+    the way: "", "near", "thing" or "walker".
     """
 
     velocity: Velocity
@@ -65,29 +60,23 @@ class Checked:
 
 
 class BrakeCheck:
-    """A footprint (n, 2), counter-clockwise, on a base."""
+    """Checks for a footprint (n, 2), counter-clockwise, on a base."""
 
     def __init__(self, footprint: Floats, limits: Limits, params: BrakeParams = BRAKING) -> None:
         self.limits = limits
         self._params = params
-        sides = np.roll(footprint, -1, axis=0) - footprint
-        self._normals = (
-            np.column_stack([sides[:, 1], -sides[:, 0]])
-            / np.hypot(sides[:, 0], sides[:, 1])[:, None]
-        )
-        self._offsets = (self._normals * footprint).sum(axis=1)
+        self._hull = hull(tuple(map(tuple, footprint)))
         self.half_width = float(np.abs(footprint[:, 1]).max())
-        self._reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
 
     def gaps(self, points: Floats) -> Floats:
-        """Return how far points (..., 2) in the robot's frame are from the footprint, metres;
+        """Return the distances of points (..., 2) in the robot's frame from the footprint, metres;
         negative inside.
         """
-        gaps: Floats = (points @ self._normals.T - self._offsets).max(axis=-1)
+        gaps: Floats = (points @ self._hull.normals.T - self._hull.offsets).max(axis=-1)
         return gaps
 
     def fastest(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> Checked:
-        """Return `wanted`, or as much of it as is safe, on the same curve."""
+        """Return `wanted`, or the safe share of it, on the same curve."""
         params = self._params
         why = ""
         for share in params.shares:
@@ -100,41 +89,34 @@ class BrakeCheck:
         return Checked(ZERO, 0.0, why)
 
     def obstacle(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> str:
-        """Return who is in the way of a velocity: "thing", "walker", or nobody."""
+        """Return what is in the way of a velocity: "thing", "walker" or ""."""
         params = self._params
         poses, times = stop_course(current, wanted, self.limits, self._params)
         speed = max(abs(current.linear), abs(wanted.linear))
         margin = params.margin + params.margin_per_speed * speed
-        room = self._reach + margin + abs(float(poses[-1, 0])) + abs(float(poses[-1, 1])) + 0.1
-        if self._touches_walker(
-            poses,
-            times,
-            margin,
-            _within(hazards.walkers, room + params.body + params.walking * float(times[-1])),
-        ):
+        driven = abs(float(poses[-1, 0])) + abs(float(poses[-1, 1]))
+        room = self._hull.radius + margin + driven + 0.1
+        walked = params.walking * float(times[-1])
+        walkers = _within(hazards.walkers, room + params.body + walked)
+        if self._touches_walker(poses, times, margin, walkers):
             return "walker"
-        if self._touches_thing(
-            poses, margin, params.body, _within(hazards.strangers, room + params.body)
-        ):
-            return "thing"
-        return (
-            "thing"
-            if self._touches_thing(poses, margin, 0.0, _within(hazards.things, room))
-            else ""
+        strangers = _within(hazards.strangers, room + params.body)
+        things = _within(hazards.things, room)
+        touches = self._touches_thing(poses, margin, params.body, strangers) or self._touches_thing(
+            poses, margin, 0.0, things
         )
+        return "thing" if touches else ""
 
     def room_after(self, motion: Velocity, seconds: float, hazards: Hazards) -> float:
-        """Return the distance in metres to the nearest thing after a motion, `inf` when there is
-        none.
-        """
-        things = np.vstack([hazards.things, hazards.strangers, hazards.walkers])
+        """Return the distance in metres to the nearest point after a motion, `inf` if none."""
+        points = np.vstack([hazards.things, hazards.strangers, hazards.walkers])
         half = motion.angular * seconds / 2.0
-        way = motion.linear * seconds
-        pose = np.array([[way * math.cos(half), way * math.sin(half), 2.0 * half]])
-        return float(self.gaps(_seen_from(pose, things)).min()) if len(things) else math.inf
+        driven = motion.linear * seconds
+        pose = np.array([[driven * math.cos(half), driven * math.sin(half), 2.0 * half]])
+        return float(self.gaps(_seen_from(pose, points)).min()) if len(points) else math.inf
 
     def _touches_thing(self, poses: Floats, margin: float, unseen: float, points: Floats) -> bool:
-        """Tell whether a course comes too near to points behind which things go on for `unseen`
+        """Tell whether a course comes too near to points behind which things extend for `unseen`
         metres.
         """
         params = self._params
@@ -142,16 +124,9 @@ class BrakeCheck:
             return False
         now = self.gaps(points) - unseen
         least = self.gaps(_seen_from(poses, points)).min(axis=0) - unseen
-        allowed = np.where(
-            now >= margin,
-            margin,
-            np.where(
-                now > params.touch,
-                np.maximum(params.touch, now - params.closer),
-                now - 0.2 * params.closer,
-            ),
-        )
-        return bool((least < allowed).any())
+        closer = np.maximum(params.touch, now - params.closer)
+        near = np.where(now > params.touch, closer, now - 0.2 * params.closer)
+        return bool((least < np.where(now >= margin, margin, near)).any())
 
     def _touches_walker(self, poses: Floats, times: Floats, margin: float, points: Floats) -> bool:
         params = self._params
@@ -164,37 +139,23 @@ class BrakeCheck:
 def stop_course(
     current: Velocity, wanted: Velocity, limits: Limits, params: BrakeParams = BRAKING
 ) -> tuple[Floats, Floats]:
-    """Return poses (k, 3) and times (k,) from now to the stand, in the frame of the robot now."""
-    fastest = (
-        max(abs(current.linear), abs(wanted.linear)),
-        max(abs(current.angular), abs(wanted.angular)),
-    )
-    stop = max(fastest[0] / limits.linear_braking, fastest[1] / limits.angular_braking)
+    """Return poses (k, 3) and times (k,) from now to rest, in the robot's present frame."""
+    fastest = max(abs(current.linear), abs(wanted.linear))
+    turning = max(abs(current.angular), abs(wanted.angular))
+    stop = max(fastest / limits.linear_braking, turning / limits.angular_braking)
     dt = (params.reaction + stop) / params.slices
-    ways = np.zeros((1, params.slices + 1, 2))
+    up, down = limits.linear_acceleration, limits.linear_braking
+    turn_up, turn_down = limits.angular_acceleration, limits.angular_braking
+    steps = np.zeros((1, params.slices + 1, 2))
     linear, angular = current.linear, current.angular
     for number in range(1, params.slices + 1):
         target = wanted if number * dt <= params.reaction + dt / 2.0 else ZERO
         if linear != target.linear:
-            linear = approach(
-                linear,
-                target.linear,
-                limits.linear_acceleration,
-                limits.linear_braking,
-                dt=dt,
-                dt_up=dt,
-            )
+            linear = approach(linear, target.linear, up, down, dt=dt)
         if angular != target.angular:
-            angular = approach(
-                angular,
-                target.angular,
-                limits.angular_acceleration,
-                limits.angular_braking,
-                dt=dt,
-                dt_up=dt,
-            )
-        ways[0, number] = linear * dt, angular * dt
-    return along(ways.cumsum(axis=1))[0], dt * np.arange(1, params.slices + 1, dtype=np.float64)
+            angular = approach(angular, target.angular, turn_up, turn_down, dt=dt)
+        steps[0, number] = linear * dt, angular * dt
+    return along(steps.cumsum(axis=1))[0], dt * np.arange(1, params.slices + 1, dtype=np.float64)
 
 
 def _seen_from(poses: Floats, points: Floats) -> Floats:

@@ -1,23 +1,21 @@
-"""What the laser saw lately, kept where it stood: a laser of 180 or 240 degrees leaves a robot
-blind behind and beside itself.
+"""Recent laser points, kept in place: a laser of 180 or 240 degrees is blind behind and beside the
+robot.
 
-Points live in the frame of the odometry, which is smooth and drifts only with the way driven; so a
-point is forgotten by the way since it was seen, not by time: a robot that has stood before a wall
-for an hour still knows what stands behind it. By the same way it becomes less exact: the odometry
-has drifted, and the end of what was seen from one side may reach a little further (`about`).
+Points are in the smooth frame of the odometry, which drifts only with the distance driven. So a
+point is forgotten by the distance since it was seen, not by time: a robot that has stood at a wall
+for an hour still knows what is behind it. With the distance a point also becomes less exact
+(`about`).
 
-A sweep replaces what it measures again, and takes away what it sees through. One beam between two
-others that end nearer sees through nothing (the edge of a wall), nor does a single sweep (a lost
-echo, the leg of a chair between two beams). Where nothing came back, the laser counts as seeing to
-its full range, except close to itself, where many lasers are blind, and except in a sweep in which
-almost nothing came back: that is a covered or broken laser, and it does not count as seeing at all
-(`seen`).
+A scan replaces what it measures again, and removes what it sees through. One beam between two
+others that end nearer sees through nothing (the edge of a wall), nor does a single scan (a lost
+echo, the leg of a chair between two beams). A beam without an echo sees to the laser's full range,
+except close to the laser, where many are blind. A scan with almost no echoes is of a covered or
+broken laser and does not count (`seen`).
 
-Where one beam ends near and the next one far, something has an edge, and nobody has looked behind
-it: a chair goes on there. So an edge that went out of sight is kept with a hand's breadth of what
-it may have hidden, until the laser looks there again. It lies on the line of sight, which touches a
-convex thing and does not cut it, so that what is taken for solid is not less than the thing's
-hidden flank.
+Where one beam ends near and the next one far, an object has an edge, and may extend behind it. So
+an edge that leaves the view is kept with a hand's breadth of what it may hide, until the laser
+looks there again. It lies on the line of sight, which touches a convex object and does not cut it,
+so that what counts as solid is not less than the object's hidden flank.
 """
 
 import math
@@ -30,15 +28,13 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 
 Bools = npt.NDArray[np.bool_]
-SEEN_AFTER, DOUBTS = 2, 3  # columns of what is kept of a point
+SEEN_AFTER, DOUBTS = 2, 3  # columns of a stored point
 SAME_BEARING = 1e-4  # rad: what a robot that stands measures again
 SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a laser that does not see
 
 
 @dataclass(frozen=True)
 class MemorySettings:
-    """How much is remembered."""
-
     radius: float = 4.0  # m about the robot
     cell: float = 0.025  # m: one point is kept in such a square
     way: float = 6.0  # m driven since a point was seen, for which it is kept
@@ -49,19 +45,19 @@ class MemorySettings:
     margin: float = 0.1  # m by which a beam must pass a point to see through it
     blind: float = 0.3  # m from the laser, where no echo tells nothing
     doubts: int = 2  # sweeps that must see through a point
-    jump: float = 1.0  # m of odometry between two sweeps: it began anew
+    jump: float = 1.0  # m of odometry between two scans: it restarted
     inexact: float = 0.02  # m that a point may be off, at most
     inexact_way: float = 0.3  # m of that way after which it may
-    edge: float = 0.15  # m by which what is beside an edge is farther
-    edge_near: float = 1.5  # m from the laser, within which edges are looked at
+    edge: float = 0.15  # m by which an edge is nearer than its neighbour
+    edge_near: float = 1.5  # m from the laser, within which edges count
     behind: tuple[float, ...] = (0.04, 0.08)  # m for which an edge is taken to go on
-    apart: float = 0.02  # m of that way between two sweeps that are looked at for edges
-    sees: float = SEES  # share of beams that has to come back
+    apart: float = 0.02  # m driven between two scans that are searched for edges
+    sees: float = SEES  # share of beams with an echo that a valid scan needs
 
 
 class RollingObstacleMap:
-    """Recent laser points about the robot. `seen` is the stamp of the last sweep of a laser that
-    sees, -inf before the first.
+    """Recent laser points around the robot. `seen` is the stamp of the last valid scan, -inf
+    before.
     """
 
     def __init__(self, settings: MemorySettings | None = None) -> None:
@@ -69,11 +65,10 @@ class RollingObstacleMap:
         self.seen = -math.inf
         self._odometry: Pose2D | None = None
         self._way = 0.0
-        # What is kept lies in a square of this many cells about the robot, so that no two of them
-        # fall into one place of the table.
-        self._side = 1 << math.ceil(
-            math.log2(2.0 * (self.settings.radius + self.settings.jump) / self.settings.cell + 2.0)
-        )
+        # points are kept in a square of this many cells around the robot, so that no two cells
+        # share an entry of the table
+        width = 2.0 * (self.settings.radius + self.settings.jump)
+        self._side = 1 << math.ceil(math.log2(width / self.settings.cell + 2.0))
         self._table = np.zeros(self._side**2, dtype=np.int32)
         self.forget()
 
@@ -81,9 +76,7 @@ class RollingObstacleMap:
         return len(self._points)
 
     def forget(self) -> None:
-        """Forget every point, because the odometry began anew or somebody has carried the robot
-        away.
-        """
+        """Forget every point: the odometry started again, or the robot was carried."""
         # x, y, the way driven when it was seen, how many sweeps have seen through it
         self._points: Floats = np.zeros((0, 4))
         # behind edges, out of sight: x, y, the way driven when the edge was seen
@@ -93,9 +86,7 @@ class RollingObstacleMap:
         self._looked = -math.inf  # the way driven at that sweep
 
     def update(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Take a sweep, and the odometry (pose in any frame that is smooth) of the moment at which
-        it was measured.
-        """
+        """Take a scan, and the odometry (pose in any smooth frame) at its stamp."""
         self._travel(odometry)
         if not sees(beams, self.settings.sees):
             return
@@ -105,14 +96,14 @@ class RollingObstacleMap:
         self._leave(odometry, beams)
 
     def near(self, odometry: Pose2D, radius: float) -> Floats:
-        """Return (n, 2) points that were seen within `radius` metres of the robot, in its frame at
+        """Return (n, 2) seen points within `radius` metres of the robot, in its frame at
         `odometry`.
         """
         return self._about(self._points, odometry, radius)[0]
 
     def about(self, odometry: Pose2D, radius: float) -> tuple[Floats, Floats]:
-        """Return the same with what edges hide, and (n,) by how much each may be off, in metres:
-        nothing while it is seen.
+        """Return the same with what edges hide, and (n,) possible errors in metres, 0 for a point
+        in view.
         """
         seen, off = self._about(self._points, odometry, radius)
         if len(self._behind) == 0:
@@ -123,10 +114,8 @@ class RollingObstacleMap:
     def _about(self, kept: Floats, odometry: Pose2D, radius: float) -> tuple[Floats, Floats]:
         local = points_in_frame(odometry, kept)
         close = np.flatnonzero(_square(local) <= radius * radius)
-        way = self._way - kept[close, SEEN_AFTER]
-        return local[close], self.settings.inexact * np.minimum(
-            way / self.settings.inexact_way, 1.0
-        )
+        since = (self._way - kept[close, SEEN_AFTER]) / self.settings.inexact_way
+        return local[close], self.settings.inexact * np.minimum(since, 1.0)
 
     def _travel(self, odometry: Pose2D) -> None:
         before, self._odometry = self._odometry, odometry
@@ -138,8 +127,8 @@ class RollingObstacleMap:
         self._way += moved + self.settings.turn * abs(wrap_angle(odometry.theta - before.theta))
 
     def _look(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Drop what this sweep measures again or sees through, what lies far off, and what was seen
-        too long ago.
+        """Drop points that this scan measures again or sees through, that are far away, or that
+        were seen too long ago.
         """
         local, doubts = points_in_frame(odometry, self._points), self._points[:, DOUBTS]
         again, through = compare(local, beams, self.settings)
@@ -147,45 +136,39 @@ class RollingObstacleMap:
         doubts *= through
         squares = _square(local)
         far = squares > self.settings.radius**2
-        old = self._points[:, SEEN_AFTER] < self._way - np.where(
-            squares < self.settings.close**2, self.settings.close_way, self.settings.way
-        )
+        is_close = squares < self.settings.close**2
+        kept_for = np.where(is_close, self.settings.close_way, self.settings.way)
+        old = self._points[:, SEEN_AFTER] < self._way - kept_for
         self._points = self._points[~(again | far | old | (doubts >= self.settings.doubts))]
 
     def _leave(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Keep what edges hid a moment ago if it is out of sight now, and forget what is in sight:
-        it is seen, or it is not there.
+        """Keep what edges hid a moment ago if it is out of sight now; drop what is in sight, which
+        is seen now or does not exist.
         """
         if self._way - self._looked < self.settings.apart:
             return
         kept, self._looked = np.concatenate([self._edges, self._behind]), self._way
         if len(kept):
             local = points_in_frame(odometry, kept)
-            near = (_square(local) < self.settings.close**2) & (
-                kept[:, SEEN_AFTER] > self._way - self.settings.close_way
-            )
-            self._behind = kept[near & ~in_view(points_in_frame(beams.mount, local), beams)]
+            near = _square(local) < self.settings.close**2
+            recent = kept[:, SEEN_AFTER] > self._way - self.settings.close_way
+            seen = in_view(points_in_frame(beams.mount, local), beams)
+            self._behind = kept[near & recent & ~seen]
         hidden = behind_edges(beams, self.settings)
         self._edges = np.empty((len(hidden), 3))
-        self._edges[:, :2], self._edges[:, SEEN_AFTER] = (
-            points_from_frame(odometry, hidden),
-            self._way,
-        )
+        self._edges[:, :2] = points_from_frame(odometry, hidden)
+        self._edges[:, SEEN_AFTER] = self._way
 
     def _add(self, odometry: Pose2D, local: Floats) -> None:
         """Add points (n, 2) in the robot's frame, the newest first, and keep one a cell."""
         local = local[_square(local) <= self.settings.radius**2]
         points = np.zeros((len(local) + len(self._points), 4))
-        points[: len(local), :2], points[: len(local), SEEN_AFTER] = (
-            points_from_frame(odometry, local),
-            self._way,
-        )
+        points[: len(local), :2] = points_from_frame(odometry, local)
+        points[: len(local), SEEN_AFTER] = self._way
         points[len(local) :] = self._points
         cells = np.floor(points[:, :2] / self.settings.cell).astype(np.int32) & (self._side - 1)
-        places, numbers = (
-            cells[:, 0] * self._side + cells[:, 1],
-            np.arange(len(cells), dtype=np.int32),
-        )
+        places = cells[:, 0] * self._side + cells[:, 1]
+        numbers = np.arange(len(cells), dtype=np.int32)
         # of several points in a cell the first one is written last, and stays
         self._table[places[::-1]] = numbers[::-1]
         self._points = points[self._table[places] == numbers]
@@ -198,8 +181,8 @@ def _square(points: Floats) -> Floats:
 
 
 def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple[Bools, Bools]:
-    """Return for (n, 2) points in the robot's frame whether a sweep measures them again, and
-    whether it sees through them.
+    """Tell for points (n, 2) in the robot's frame whether a scan measures them again, and whether
+    it sees through them.
     """
     seen_from_laser = points_in_frame(beams.mount, points)
     distances = np.hypot(seen_from_laser[:, 0], seen_from_laser[:, 1])
@@ -221,37 +204,33 @@ def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple
 
 
 def in_view(points: Floats, beams: LaserScan) -> Bools:
-    """Tell for (n, 2) points in the laser's frame whether they lie between its
-    first and last beam.
-    """
-    looked_at: Bools = from_first_beam(
-        np.arctan2(points[:, 1], points[:, 0]), beams
-    ) <= from_first_to_last(beams)
-    return looked_at
+    """Tell for points (n, 2) in the laser's frame whether its beams span their direction."""
+    bearings = np.arctan2(points[:, 1], points[:, 0])
+    spanned: Bools = from_first_beam(bearings, beams) <= from_first_to_last(beams)
+    return spanned
 
 
 def from_first_beam(bearings: Floats, beams: LaserScan) -> Floats:
-    """Return by how much (n,) bearings in the laser's frame are turned from the first beam, the way
-    that the beams go: [0, 2 pi).
+    """Return (n,) the angles of bearings in the laser's frame from the first beam, in the direction
+    of the scan: [0, 2 pi).
     """
-    turned: Floats = (bearings - beams.angle_min) * math.copysign(
-        1.0, beams.angle_increment
-    ) + SAME_BEARING
+    direction = math.copysign(1.0, beams.angle_increment)
+    turned: Floats = (bearings - beams.angle_min) * direction + SAME_BEARING
     return turned % (2.0 * math.pi)
 
 
 def from_first_to_last(beams: LaserScan) -> float:
     """Return the angle from the first beam to the last.
 
-    Not half a step more: the last beam measures nothing beyond itself. If it were taken to, a robot
-    that turns by less than that between two sweeps would have each point beyond the last beam
-    replaced by one on it, and leave nothing behind itself.
+    Not half a step more: the last beam measures nothing beyond itself. Otherwise a robot that turns
+    by less than that between two scans would have each point beyond the last beam replaced by one
+    on it, and leave nothing behind.
     """
     return abs(beams.angle_increment) * (len(beams.ranges) - 1) + 2.0 * SAME_BEARING
 
 
 def behind_edges(beams: LaserScan, settings: MemorySettings) -> Floats:
-    """Return (n, 2) points in the robot's frame that near edges in a sweep hide."""
+    """Return (n, 2) points in the robot's frame that near edges in a scan hide."""
     near = beams.ranges < settings.edge_near
     if not near.any():
         return np.zeros((0, 2))
@@ -259,19 +238,14 @@ def behind_edges(beams: LaserScan, settings: MemorySettings) -> Floats:
     padded = np.concatenate([ranges[:1], ranges, ranges[-1:]])
     which = np.flatnonzero(near & (np.maximum(padded[:-2], padded[2:]) - ranges >= settings.edge))
     ends, angles = ranges[which, None] + settings.behind, beams.angles[which, None]
-    return points_from_frame(
-        beams.mount,
-        np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2),
-    )
+    hidden = np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1)
+    return points_from_frame(beams.mount, hidden.reshape(-1, 2))
 
 
 def sees(beams: LaserScan, share: float = SEES) -> bool:
-    """Tell whether enough came back for a sweep to be that of a laser that sees: a share of its
-    beams.
-    """
-    return len(beams.ranges) > 0 and int(
-        np.count_nonzero(np.isfinite(beams.ranges))
-    ) >= share * len(beams.ranges)
+    """Tell whether a large enough share of a scan's beams has an echo."""
+    echoes = int(np.count_nonzero(np.isfinite(beams.ranges)))
+    return len(beams.ranges) > 0 and echoes >= share * len(beams.ranges)
 
 
 def shortest_of_neighbours(ranges: Floats) -> Floats:

@@ -1,9 +1,8 @@
-"""The way a robot believes to have gone, without gaps: jumps are taken out, and past moments can be
-asked for.
+"""Odometry without jumps, interpolated at past moments.
 
-A wheel counter that starts again at zero, or a base that was restarted, moves the odometry by
-metres within a tick. Nothing was driven then: the track goes on from where it was and counts the
-jump, so that the filter can open up a little.
+A wheel counter that restarts at zero, or a restarted base, moves the odometry by metres within a
+tick although nothing was driven. The track then continues from where it was and counts the jump, so
+that the particle filter can spread.
 """
 
 import math
@@ -18,8 +17,8 @@ KEPT = 200  # readings: 10 s at 20 Hz
 
 @dataclass
 class OdometryTrack:
-    """Readings so far; a step is a jump when it is faster than `speed` m/s or `turning` rad/s,
-    beyond a little that is always granted.
+    """Past readings. A step faster than `speed` m/s or `turning` rad/s, beyond the always allowed
+    `slack`, is a jump.
     """
 
     speed: float = 3.0
@@ -30,19 +29,16 @@ class OdometryTrack:
     _past: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))
 
     def add(self, stamp: float, odometry: Pose2D) -> Pose2D:
-        """Take a reading and return it in the steady frame; what is no number counts as standing
-        still.
-
-        A clock that steps back begins the past anew, at the same place.
+        """Take a reading and return it in the steady frame; a non-finite one counts as no motion. A
+        clock that steps back clears the past and keeps the place.
         """
         if not all(map(math.isfinite, (stamp, *odometry))):
             return self.newest()
         steady = self._steady_from_odometry.compose(odometry)
         if self._past:
             before, last = self._past[-1]
-            if self._is_jump(
-                last.distance(steady), wrap_angle(steady.theta - last.theta), stamp - before
-            ):
+            turn = wrap_angle(steady.theta - last.theta)
+            if self._is_jump(last.distance(steady), turn, stamp - before):
                 self.jumps += 1
                 self._steady_from_odometry = last.compose(odometry.inverse())
                 steady = last
@@ -52,36 +48,37 @@ class OdometryTrack:
         return steady
 
     def newest(self) -> Pose2D:
-        """Return where the robot was last, in the steady frame."""
+        """Return the last pose in the steady frame."""
         return self._past[-1][1] if self._past else CENTRE
 
     def at(self, stamp: float) -> Pose2D:
-        """Return where the robot was at `stamp`, in the steady frame: between readings
-        interpolated, beyond them the nearest one.
+        """Return the pose at `stamp` in the steady frame, interpolated between readings, beyond
+        them the nearest.
         """
         if not self._past:
             return CENTRE
-        later = self._past[-1]
-        if stamp >= later[0]:
-            return later[1]
-        for earlier in reversed(self._past):
-            if earlier[0] <= stamp:
-                share = (
-                    (stamp - earlier[0]) / (later[0] - earlier[0]) if later[0] > earlier[0] else 1.0
-                )
-                return _between(earlier[1], later[1], share)
-            later = earlier
-        return later[1]
+        return interpolated(self._past, stamp)
 
-    def _is_jump(self, way: float, turn: float, seconds: float) -> bool:
+    def _is_jump(self, distance: float, turn: float, seconds: float) -> bool:
         seconds = max(seconds, 0.0)
-        return (
-            way > self.speed * seconds + self.slack
-            or abs(turn) > self.turning * seconds + self.slack
-        )
+        too_far = distance > self.speed * seconds + self.slack
+        return too_far or abs(turn) > self.turning * seconds + self.slack
 
 
-def _between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:
+def interpolated(past: deque[tuple[float, Pose2D]], stamp: float) -> Pose2D:
+    """Return the pose at `stamp` between poses by their times; outside of them the nearest."""
+    later_at, later = past[-1]
+    if stamp >= later_at:
+        return later
+    for at, earlier in reversed(past):
+        if at <= stamp:
+            return between(earlier, later, (stamp - at) / (later_at - at))
+        later_at, later = at, earlier
+    return later
+
+
+def between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:
+    """Return the pose at a share of the distance from the first to the second."""
     return Pose2D(
         first.x + share * (second.x - first.x),
         first.y + share * (second.y - first.y),

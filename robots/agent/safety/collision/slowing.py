@@ -1,9 +1,9 @@
 """The largest share of a wanted velocity after which the robot can still stop before every
 obstacle.
 
-Only velocities that the base can have one tick from now are weighed: a speed that braking cannot
-reach in time counts as the speed that it can, so that a promise to be slow is never mistaken for
-being slow.
+Only velocities that the base can reach within one tick are weighed: a speed that braking cannot
+reach in time counts as the one that it can, so that a slow command is not mistaken for a slow
+robot.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,12 @@ from robots.world.sensing import Floats
 
 POSES = 7
 SPEEDS, TURNS = 3, 2
-# what it costs to straighten a turn that was asked for, where the cost of standing still is 2
-UNBENT = 0.5
+UNBENT = 0.5  # cost of straightening a wanted turn, where the cost of a stop is 2
 SLACK = 1e-5  # metres: a point that stays where it is does not come closer
 
 
 @dataclass(frozen=True)
 class SlowingSettings:
-    """How much room an assisted robot keeps, and what it expects of its base."""
-
     reaction: float = 0.12  # s before it brakes
     near: float = 0.035  # m kept off obstacles by a robot that hardly moves
     fast: float = 0.06  # m kept at `fast_speed` and above
@@ -37,7 +34,7 @@ class SlowingSettings:
 
 
 class Slowing:
-    """What a robot with this footprint can stop before."""
+    """The slowing of a robot with this footprint."""
 
     def __init__(self, shape: Hull, limits: Limits, settings: SlowingSettings) -> None:
         self.shape, self.limits, self.settings = shape, limits, settings
@@ -47,41 +44,35 @@ class Slowing:
         braking = (
             limits.linear**2 / (2.0 * limits.linear_braking) + limits.linear * settings.reaction
         )
-        # Turning a quarter sweeps no more than the circle about the centre, which `radius` holds
-        # already.
-        self._most_room = settings.fast + float(
-            max(self._room_ahead.max(), self._room_behind.max())
-        )
+        # a quarter turn sweeps no more than the circle about the centre, which `radius` includes
+        corners = max(self._room_ahead.max(), self._room_behind.max())
+        self._most_room = settings.fast + float(corners)
         self.reach = braking + self._most_room
 
     def reach_at(self, wanted: Velocity, current: Velocity) -> float:
-        """Return how far off the footprint points can matter to a robot that moves so, and is to
-        move as wanted; at most `reach`, in metres.
+        """Return from what distance to the footprint points matter to a robot at `current` that is
+        to move as wanted; at most `reach`, in metres.
         """
         linear = max(abs(wanted.linear), abs(current.linear), self.settings.probe)
-        angular = max(
-            abs(wanted.angular), abs(current.angular), self.settings.probe / self.shape.radius
-        )
+        probe = self.settings.probe / self.shape.radius
+        angular = max(abs(wanted.angular), abs(current.angular), probe)
         way = linear * self.settings.reaction + linear**2 / (2.0 * self.limits.linear_braking)
         turn = angular * self.settings.reaction + angular**2 / (2.0 * self.limits.angular_braking)
         return min(self.reach, way + self.shape.radius * turn + self._most_room)
 
     def margins(self, velocities: Floats) -> Floats:
-        """Return (c, e): how far off each side of the footprint obstacles are kept at (c, 2) m/s,
-        rad/s.
-        """
+        """Return (c, e): the distances that each side of the footprint keeps at (c, 2)."""
         return self._ease(velocities)[:, None] + self._room(velocities[:, 0])
 
     def _room(self, linear: Floats) -> Floats:
         """Return (c, e) the margins for the corners at (c,) m/s."""
-        room: Floats = (linear > 0.0)[:, None] * self._room_ahead + (linear < 0.0)[
-            :, None
-        ] * self._room_behind
+        forward, back = (linear > 0.0)[:, None], (linear < 0.0)[:, None]
+        room: Floats = forward * self._room_ahead + back * self._room_behind
         return room
 
     def _ease(self, velocities: Floats) -> Floats:
-        """Return (c,) the margin all round; a robot that only turns is given half of the least: it
-        was let so near, now it is let away.
+        """Return (c,) the margin all round; half of the least for a robot that only turns, so that
+        one that came so near can turn away.
         """
         s = self.settings
         speeds = np.abs(velocities[:, 0]) + self.shape.radius * np.abs(velocities[:, 1]) / 2.0
@@ -92,14 +83,14 @@ class Slowing:
     def spare(
         self, velocities: Floats, points: Floats, touchable: npt.NDArray[np.bool_], errors: Floats
     ) -> Floats:
-        """Return (c, n): by how much points stay beyond what is asked of them while (c, 2) is held
-        and then braked.
+        """Return (c, n): the room of points beyond what is required while (c, 2) is held and then
+        braked.
 
         Points may be nearer than they seem by `errors` (n,), which counts for a robot that turns or
-        goes back into what it does not see; ahead of one that drives the margins hold that already.
-        A point within the margins already is asked to come no closer, or else nothing would ever
-        come free. A robot that crawls may pass other points as near as the nearest is, so that it
-        can go on along a wall. A `touchable` point is asked nothing of one that creeps.
+        reverses into what it does not see; ahead of one that drives the margins include it. A point
+        within the margins must not come closer, otherwise the robot could never leave. A crawling
+        robot may pass other points as near as the nearest is, so that it can continue along a wall.
+        Nothing is required of a `touchable` point for a robot that creeps.
         """
         ease = self._ease(velocities)
         poses = stops(velocities, self.limits, self.settings.reaction, POSES, stand=True)
@@ -107,16 +98,12 @@ class Slowing:
         now, nearest = beyond[:, 0].astype(np.float64), beyond.min(axis=1).astype(np.float64)
         speeds = np.abs(velocities[:, 0])
         least = self.settings.near / 2.0 - ease
-        like_nearest = np.where(
-            speeds <= self.settings.crawl, np.maximum(now.min(axis=1), least), 0.0
-        )
+        crawls = speeds <= self.settings.crawl
+        like_nearest = np.where(crawls, np.maximum(now.min(axis=1), least), 0.0)
         off = np.where(velocities[:, :1] > 0.0, 0.0, errors)
-        asked = (
-            np.minimum(np.minimum(now - off, 0.0), np.minimum(like_nearest, 0.0)[:, None]) - SLACK
-        )
-        return np.where(
-            touchable & (speeds <= self.settings.creep)[:, None], np.inf, nearest - off - asked
-        )
+        required = np.minimum(np.minimum(now - off, 0.0), np.minimum(like_nearest, 0.0)[:, None])
+        touches = touchable & (speeds <= self.settings.creep)[:, None]
+        return np.where(touches, np.inf, nearest - off - (required - SLACK))
 
     def slowed(
         self,
@@ -133,41 +120,34 @@ class Slowing:
         """
         if len(points) == 0:
             return wanted, None
-        first = self.spare(
-            self._soonest(np.array([[wanted.linear, wanted.angular]]), current, dt),
-            points,
-            touchable,
-            errors,
-        )[0]
+        soonest = self._soonest(np.array([[wanted.linear, wanted.angular]]), current, dt)
+        first = self.spare(soonest, points, touchable, errors)[0]
         if first.min() >= 0.0:
             return wanted, None
         decided = int(first.argmin())
         shares = self._shares(wanted, current, dt, touching=bool(touchable.any()))
         tried = shares * (wanted.linear, wanted.angular)
-        safe = (
-            self.spare(self._soonest(tried, current, dt), points, touchable, errors).min(axis=1)
-            >= 0.0
-        )
+        spare = self.spare(self._soonest(tried, current, dt), points, touchable, errors)
+        safe = spare.min(axis=1) >= 0.0
         if not safe.any():
-            # Brake: told less than that, the base could do no more, and would start again from less
-            # than it moves at.
-            least = self._soonest(np.zeros((1, 2)), current, dt)[0] * (
-                wanted.linear * current.linear > 0.0,
-                wanted.angular * current.angular > 0.0,
-            )
+            # Brake: with a slower command the base could brake no harder, and would start again
+            # from less than its speed.
+            least = self._soonest(np.zeros((1, 2)), current, dt)[0]
+            linear = least[0] if wanted.linear * current.linear > 0.0 else 0.0
+            angular = least[1] if wanted.angular * current.angular > 0.0 else 0.0
             return Velocity(
-                linear=_within(least[0], wanted.linear), angular=_within(least[1], wanted.angular)
+                linear=_within(linear, wanted.linear), angular=_within(angular, wanted.angular)
             ), decided
         costs = (1.0 - shares).sum(axis=1) + UNBENT * (shares[:, 0] > shares[:, 1])
         best = tried[int(np.argmin(np.where(safe, costs, np.inf)))]
         return Velocity(linear=float(best[0]), angular=float(best[1])), decided
 
     def minds(self, wanted: Velocity, points: Floats, errors: Floats) -> int | None:
-        """Return which of points (n, 2) would slow a robot that went the wanted way at `probe` m/s,
-        None where it could.
+        """Return which of points (n, 2) would slow a robot on the wanted arc at `probe` m/s, or
+        None.
 
-        Whoever was stopped starts again from a speed that nothing forbids, and is stopped again:
-        what stands in his way is the same.
+        A stopped robot starts again from a speed that no point forbids; what stops it is still the
+        same.
         """
         speed = abs(wanted.linear) + self.shape.radius * abs(wanted.angular)
         if len(points) == 0 or not 0.0 < speed < self.settings.probe:
@@ -193,21 +173,19 @@ class Slowing:
         return np.array([(a, b) for a in linear for b in angular])
 
     def _soonest(self, velocities: Floats, current: Velocity, dt: float) -> Floats:
-        """Return what the base can be doing one tick after it was told (c, 2): it slows down no
-        faster than it brakes.
+        """Return the velocities of the base one tick after commands (c, 2): it slows down no faster
+        than it brakes.
         """
         now = np.array([current.linear, current.angular])
-        least = np.maximum(
-            np.abs(now) - np.array([self.limits.linear_braking, self.limits.angular_braking]) * dt,
-            0.0,
-        )
+        braking = np.array([self.limits.linear_braking, self.limits.angular_braking])
+        least = np.maximum(np.abs(now) - braking * dt, 0.0)
         slower = (np.abs(velocities) < least) & (velocities * now >= 0.0)
         soonest: Floats = np.where(slower, np.sign(now) * least, velocities)
         return soonest
 
 
 def _within(value: float, wanted: float) -> float:
-    """Return the value, no larger than what was wanted of the same sign."""
+    """Return the value limited to `wanted` of the same sign."""
     return float(min(max(value, min(wanted, 0.0)), max(wanted, 0.0)))
 
 

@@ -1,10 +1,10 @@
-"""Which turn a helping hand would add: of some arcs near the driver's own, the one that leads on,
+"""Chooses the turn that assistance adds: of some arcs near the driver's own, the one that leads on
 with room on both sides.
 
-The arcs are driven in thought for `horizon` metres, with the turn changing as fast as the base can
-change it. An arc costs what it loses of its way, how little room it leaves (least in the middle of
-a doorway), how far it is from the driver's, and a little for changing its mind. In the open nothing
-is gained by leaving the driver's own arc, so it stays.
+The arcs are simulated for `horizon` metres, with the turn changing as fast as the base can. An arc
+costs what it loses of its length, how little room it leaves (least in the middle of a doorway), its
+difference from the driver's, and a little for each change. In the open no other arc is cheaper than
+the driver's own.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,13 @@ POSES = 8
 ARCS = 7
 SHARES = np.linspace(0.0, 1.0, ARCS)
 MAXIMUM = 3.0  # rad/s
-STANDS = 1e-3  # m/s: who is told less has not begun to drive
+AT_REST = 1e-3  # m/s
 
 
 @dataclass(frozen=True)
 class SteeringSettings:
-    """How much may be steered, and how arcs are weighed.
-
-    Differences of turns are shares: 1 is as large as the turn and `turn` together.
+    """How much may be steered, and how arcs are weighed. Differences of turns are shares: 1 is as
+    large as the turn and `turn` together.
     """
 
     turn: float = 0.35  # rad/s that may be added at `full` and above, less below
@@ -45,16 +44,16 @@ class SteeringSettings:
 
 
 def helping_turn(wanted: Velocity, settings: SteeringSettings) -> float:
-    """Return how many rad/s may be added: none for a robot that stands, goes back or only turns."""
-    return (
-        settings.turn * min(1.0, wanted.linear / settings.full) if wanted.linear > STANDS else 0.0
-    )
+    """Return the turn in rad/s that may be added: none for a robot at rest, in reverse or only
+    turning.
+    """
+    if wanted.linear <= AT_REST:
+        return 0.0
+    return settings.turn * min(1.0, wanted.linear / settings.full)
 
 
 def bounds(wanted: Velocity, settings: SteeringSettings) -> tuple[float, float]:
-    """Return the least and the largest turn, rad/s, that stays on the commanded side (`assist` says
-    what that is).
-    """
+    """Return the least and the largest turn, rad/s, on the commanded side (see assist.py)."""
     turn, help_ = abs(wanted.angular), helping_turn(wanted, settings)
     if help_ == 0.0:
         return wanted.angular, wanted.angular
@@ -68,16 +67,12 @@ def bounds(wanted: Velocity, settings: SteeringSettings) -> tuple[float, float]:
 def ahead(points: Floats, shape: Hull, settings: SteeringSettings) -> Floats:
     """Return the points (m, 2) that an arc can meet, one a cell."""
     x, y = points[:, 0], points[:, 1]
-    met = points[
-        (x > -shape.radius)
-        & (x * x + y * y < (settings.horizon + shape.radius + settings.room) ** 2)
-    ]
+    reach = settings.horizon + shape.radius + settings.room
+    met = points[(x > -shape.radius) & (x * x + y * y < reach**2)]
     cells = np.floor(met / settings.cell).astype(np.intp)
     cells -= cells.min(axis=0, initial=0)
-    places, numbers = (
-        cells[:, 0] * (int(cells[:, 1].max(initial=0)) + 1) + cells[:, 1],
-        np.arange(len(cells)),
-    )
+    places = cells[:, 0] * (int(cells[:, 1].max(initial=0)) + 1) + cells[:, 1]
+    numbers = np.arange(len(cells))
     table = np.empty(int(places.max(initial=0)) + 1, dtype=np.intp)
     # of several points in a cell the first one is written last, and stays
     table[places[::-1]] = numbers[::-1]
@@ -86,18 +81,15 @@ def ahead(points: Floats, shape: Hull, settings: SteeringSettings) -> Floats:
 
 
 class Steering:
-    """The helping hand of a robot with this footprint and base."""
+    """The steering of a robot with this footprint and base."""
 
     def __init__(self, shape: Hull, limits: Limits, settings: SteeringSettings) -> None:
         self.shape, self.limits, self.settings = shape, limits, settings
         self._flush = np.zeros((ARCS + 1, len(shape.offsets)))
 
     def steered(self, wanted: Velocity, current: Velocity, points: Floats, dt: float) -> Velocity:
-        """Return the wanted velocity with the turn that helps most, as far as the base can reach it
-        in `dt` seconds.
-
-        `points` (n, 2) are the obstacles in the robot's frame, `current` is what the base was last
-        told.
+        """Return the wanted velocity with the best turn that the base can reach in `dt` seconds.
+        `points` (n, 2) are in the robot's frame; the base was last sent `current`.
         """
         low, high = bounds(wanted, self.settings)
         near = ahead(points, self.shape, self.settings)
@@ -110,21 +102,17 @@ class Steering:
         return Velocity(linear=wanted.linear, angular=min(max(reached, low), high))
 
     def costs(self, wanted: Velocity, current: Velocity, turns: Floats, points: Floats) -> Floats:
-        """Return what each of turns (c,) in rad/s costs at the wanted speed among points (n, 2)."""
+        """Return the cost of each of turns (c,) in rad/s at the wanted speed among points."""
         s = self.settings
-        room = distances(self.shape, self._arcs(wanted, current, turns), points, self._flush).min(
-            axis=2
-        )
+        poses = self._arcs(wanted, current, turns)
+        room = distances(self.shape, poses, points, self._flush).min(axis=2)
         on = np.logical_and.accumulate(room > s.near, axis=1)
         lost = 1.0 - on.sum(axis=1) / POSES
-        tight = (np.where(on, 1.0 - np.minimum(np.maximum(room / s.room, 0.0), 1.0), 1.0) ** 2).sum(
-            axis=1
-        ) / POSES
+        narrow = np.where(on, 1.0 - np.minimum(np.maximum(room / s.room, 0.0), 1.0), 1.0)
+        tight = (narrow**2).sum(axis=1) / POSES
         scale = s.turn + abs(wanted.angular)
-        away, changed = (
-            ((turns - wanted.angular) / scale) ** 2,
-            ((turns - current.angular) / scale) ** 2,
-        )
+        away = ((turns - wanted.angular) / scale) ** 2
+        changed = ((turns - current.angular) / scale) ** 2
         costs: Floats = (
             s.weight_way * lost
             + s.weight_room * tight
@@ -134,15 +122,13 @@ class Steering:
         return costs
 
     def _arcs(self, wanted: Velocity, current: Velocity, turns: Floats) -> Floats:
-        """Return poses (c, k, 3); a robot that starts is weighed on the same arcs, as if it drove
-        already.
+        """Return poses (c, k, 3); a robot that starts is weighed on the same arcs as one that
+        drives.
         """
         linear = max(wanted.linear, self.settings.full)
         faster = linear / wanted.linear
         seconds = min(self.settings.seconds, self.settings.horizon / linear)
-        start = Velocity(
-            linear=linear, angular=min(max(current.angular * faster, -MAXIMUM), MAXIMUM)
-        )
-        return arcs(
-            start, turns * faster, self.limits.angular_acceleration * faster, seconds, POSES
-        )
+        turn = min(max(current.angular * faster, -MAXIMUM), MAXIMUM)
+        start = Velocity(linear=linear, angular=turn)
+        acceleration = self.limits.angular_acceleration * faster
+        return arcs(start, turns * faster, acceleration, seconds, POSES)

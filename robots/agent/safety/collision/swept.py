@@ -1,9 +1,9 @@
-"""The ground that a footprint sweeps, sampled as poses, and how far points stay from it. All in the
-robot's frame as it is now.
+"""The ground that a footprint sweeps, sampled as poses, and its distance to points. All in the
+robot's present frame.
 
 A convex footprint is the half planes n . p <= d of its sides; a point is outside when the largest n
 . p - d is positive, and by at least so much. At a corner that is less than the distance, never
-more, so that whoever keeps it up keeps the distance up.
+more, so it is a safe lower bound.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ class Hull:
     """A footprint: outward unit `normals` (e, 2) of its sides, their `offsets` (e,) from the
     centre, and the `radius` about it.
 
-    `turning` (2 e, 2) times (cosine, sine) of a heading are the normals, turned by it: their x, and
-    then their y.
+    `turning` (2 e, 2) times (cosine, sine) of a heading are the turned normals: their x, then their
+    y.
     """
 
     normals: Floats
@@ -31,10 +31,8 @@ class Hull:
 
 
 def hull(footprint: tuple[tuple[float, float], ...]) -> Hull:
-    """Return the sides of a convex polygon, either way round.
-
-    Raises:
-        ValueError: fewer than three corners, no area, or the centre lies outside.
+    """Return the sides of a convex polygon in either direction. Raises ValueError for fewer than
+    three corners, no area, or a centre outside.
     """
     corners = np.array(footprint, dtype=np.float64).reshape(-1, 2)
     along = np.roll(corners, -1, axis=0) - corners
@@ -54,12 +52,11 @@ def hull(footprint: tuple[tuple[float, float], ...]) -> Hull:
 def stops(
     velocities: Floats, limits: Limits, hold: float, count: int, *, stand: bool = False
 ) -> Floats:
-    """Return poses (c, count, 3) on the way to a stand of a base that keeps (c, 2) m/s, rad/s for
-    `hold` seconds and then brakes.
+    """Return poses (c, count, 3) until rest of a base that keeps (c, 2) m/s, rad/s for `hold`
+    seconds and then brakes.
 
-    Each axis brakes by its own limit, as bases do, so that an arc straightens or tightens on the
-    way. The last pose is the stand; with `stand` the one at which the robot is now comes before
-    all, which makes it (c, count + 1, 3).
+    Each axis brakes by its own limit, so that an arc straightens or tightens. The last pose is at
+    rest; with `stand` the present pose comes first, which makes it (c, count + 1, 3).
     """
     braking = np.array([limits.linear_braking, limits.angular_braking])
     speeds = np.abs(velocities)
@@ -78,8 +75,8 @@ def stops(
 def arcs(
     start: Velocity, targets: Floats, acceleration: float, seconds: float, count: int
 ) -> Floats:
-    """Return poses (c, count, 3) over `seconds` while the turn goes from that of `start` to each of
-    `targets` (c,) rad/s.
+    """Return poses (c, count, 3) over `seconds` while the turn changes from that of `start` to each
+    of `targets` (c,) rad/s.
     """
     times = seconds * np.arange(count + 1) / count
     changes = acceleration * times
@@ -93,8 +90,8 @@ def arcs(
 
 
 def along(ways: Floats) -> Floats:
-    """Return poses (c, k, 3) after the first of ways (c, k + 1, 2): metres driven and radians
-    turned since the start.
+    """Return poses (c, k, 3) after the first of (c, k + 1, 2) metres driven and radians turned
+    since the start.
     """
     headings = (ways[:, 1:, 1] + ways[:, :-1, 1]) / 2.0
     steps = ways[:, 1:, 0] - ways[:, :-1, 0]
@@ -108,7 +105,7 @@ def along(ways: Floats) -> Floats:
 def distances(
     shape: Hull, poses: Floats, points: Floats, margins: Floats
 ) -> npt.NDArray[np.float32]:
-    """Return (c, k, n): how far points (n, 2) are outside the hull at poses (c, k, 3), its sides
+    """Return (c, k, n): the distances of points (n, 2) from the hull at poses (c, k, 3), its sides
     pushed out by `margins` (c, e).
     """
     # The sides are moved and not the points, which are many: n . p - d of all of them is one
@@ -129,9 +126,7 @@ def distances(
 
 
 def outside(shape: Hull, points: Floats) -> Floats:
-    """Return (n,): how far points (n, 2) are outside the footprint as it stands;
-    negative inside.
-    """
+    """Return (n,) the distances of points (n, 2) from the footprint; negative inside."""
     if len(points) == 0:
         return np.zeros(0)
     found: Floats = (shape.normals @ points.T - shape.offsets[:, None]).max(axis=0)

@@ -1,8 +1,8 @@
-"""Bumping into things: the footprint, a convex polygon, against convex solids.
+"""Collisions of the footprint, a convex polygon, with convex solids.
 
 Two convex shapes are apart exactly when one of their edge normals separates them (separating axis
-theorem); the axis with the least overlap is the cheapest way out. Steps are short against the
-thickness of everything, so that nothing is jumped over.
+theorem); the axis with the least overlap is the shortest way out. Steps are shorter than any solid
+is thick, so that the robot cannot pass through one between two checks.
 """
 
 import math
@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from robots.agent.simulator.physics.drive import WheelMotion, advance
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.world.solids import Floats, Solid, edges
+from robots.world.solids import Floats, Solid, edges, sides
 
 MAXIMUM_STEP = 0.01  # metres that any corner may travel between two checks
 SKIN = 1e-4  # left between robot and thing after a push
 RELEASE = 0.01  # a contact is over when the gap is this wide
 PUSHES = 4
 CANDIDATES = 5  # solids whose distance is measured first
-LATTICE = 0.25  # metres between the points whose distance from everything is remembered
+LATTICE = 0.25  # metres between the points whose distance from everything is cached
 
 
 def normals(outline: Floats) -> Floats:
@@ -46,10 +46,10 @@ class Convex(NamedTuple):
 
 
 def gap(mine: Convex, other: Convex) -> tuple[float, Floats]:
-    """Return the widest separation of two convex outlines along their normals, and the direction
-    that frees `mine`.
+    """Return the widest separation in metres of two convex outlines along their normals, and the
+    direction that frees `mine`.
 
-    Negative means they overlap by so much. When positive it is a lower bound of their distance.
+    It is negative where they overlap; when positive it is a lower bound of their distance.
     """
     from_mine: Floats = (mine.normals @ other.outline.T).min(axis=1) - mine.offsets
     from_other: Floats = (other.normals @ mine.outline.T).min(axis=1) - other.offsets
@@ -62,7 +62,7 @@ def gap(mine: Convex, other: Convex) -> tuple[float, Floats]:
 def place(footprint: Floats, pose: Pose2D) -> Floats:
     """Return the footprint (n, 2) in the world."""
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    # of so few corners Python is done before NumPy has begun
+    # for so few corners Python is faster than NumPy
     return np.array(
         [
             (x * cosine - y * sine + pose.x, x * sine + y * cosine + pose.y)
@@ -73,7 +73,7 @@ def place(footprint: Floats, pose: Pose2D) -> Floats:
 
 @dataclass(frozen=True)
 class ContactMove:
-    """Where a move ended, what was really done, and what was touched on the way."""
+    """Where a move ended, the speeds that were reached, and the names of the touched solids."""
 
     pose: Pose2D
     motion: WheelMotion
@@ -82,7 +82,7 @@ class ContactMove:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A solid, ready to be asked: its outline, the sides (n, 4) of that, its bounding box."""
+    """A solid with what collisions need: its sides (n, 4) and its bounding box."""
 
     solid: Solid
     convex: Convex
@@ -98,31 +98,26 @@ class Shape:
         by = np.array([x, y])
         solid = replace(self.solid, name=name, outline=self.solid.outline + by)
         convex = Convex.of(solid.outline, self.convex.normals)
-        sides = self.sides + np.array([x, y, x, y])
-        return Shape(solid, convex, sides, self.low + by, self.high + by)
+        moved = self.sides + np.array([x, y, x, y])
+        return Shape(solid, convex, moved, self.low + by, self.high + by)
 
 
 def shape(solid: Solid) -> Shape:
     outline = solid.outline
-    return Shape(
-        solid,
-        Convex.of(outline, normals(outline)),
-        edges((solid,)),
-        outline.min(axis=0),
-        outline.max(axis=0),
-    )
+    convex = Convex.of(outline, normals(outline))
+    return Shape(solid, convex, sides(outline), outline.min(axis=0), outline.max(axis=0))
 
 
 class Hit(NamedTuple):
-    """An overlap: with what, how deep in metres, and the direction that frees the other."""
+    """An overlap with a solid: how deep in metres, and the direction that frees the other."""
 
     solid: Solid
     depth: float
-    way: Floats
+    direction: Floats
 
 
 class Obstacles:
-    """Solids, prepared; immutable: make new ones when a door moves. What walks is `others`."""
+    """Solids at rest; immutable: make new ones when a door moves. `others` are moving shapes."""
 
     def __init__(self, solids: tuple[Solid, ...]) -> None:
         self.solids = solids
@@ -132,10 +127,12 @@ class Obstacles:
         self._high = np.array([each.high for each in self.shapes]).reshape(-1, 2)
         self._bounds = np.hstack([self._low, -self._high])
         self._free: dict[tuple[int, int], float] = {}
-        self._asked: tuple[Floats, float] | None = None
+        self._reach: tuple[Floats, float] | None = None  # of the last footprint
 
     def free_about(self, x: float, y: float) -> float:
-        """Return metres about a point that are surely free: a lower bound from a lattice."""
+        """Return the radius in metres about a point that is free at least: the free radius of the
+        nearest lattice point less the distance from it.
+        """
         key = (math.floor(x / LATTICE), math.floor(y / LATTICE))
         if key not in self._free:
             middle = np.array([[(key[0] + 0.5) * LATTICE, (key[1] + 0.5) * LATTICE]])
@@ -157,10 +154,8 @@ class Obstacles:
             return []
         mine = Convex.of(outline, normals(outline))
         found = [(each.solid, *gap(mine, each.convex)) for each in near]
-        return sorted(
-            (Hit(solid, -free, way) for solid, free, way in found if free < 0.0),
-            key=lambda hit: -hit.depth,
-        )
+        hits = [Hit(solid, -free, direction) for solid, free, direction in found if free < 0.0]
+        return sorted(hits, key=lambda hit: -hit.depth)
 
     def clearance(self, outline: Floats) -> float:
         """Return metres from an outline to the nearest solid, `inf` without any."""
@@ -177,8 +172,7 @@ class Obstacles:
 
     def _distance(self, outline: Floats, which: npt.NDArray[np.intp]) -> float:
         theirs = np.vstack([self.shapes[index].sides for index in which])
-        own = np.hstack([outline, np.roll(outline, -1, axis=0)])
-        return math.sqrt(min(_nearest(outline, theirs), _nearest(theirs[:, :2], own)))
+        return math.sqrt(min(_nearest(outline, theirs), _nearest(theirs[:, :2], sides(outline))))
 
     def move(
         self,
@@ -216,10 +210,8 @@ class Obstacles:
         others: tuple[Shape, ...],
     ) -> tuple[Pose2D, set[str]]:
         wanted = advance(pose, motion, dt)
-        longest = (
-            2.0 * (abs(motion.linear) + abs(motion.angular) * self._reach_of(footprint)) * dt + SKIN
-        )
-        touched = set[str]()
+        travel = (abs(motion.linear) + abs(motion.angular) * self._reach_of(footprint)) * dt
+        longest, touched = 2.0 * travel + SKIN, set[str]()
         candidates = (wanted, Pose2D(pose.x, pose.y, wanted.theta)) if motion.angular else (wanted,)
         for candidate in candidates:
             free, met = self._pushed_free(footprint, candidate, longest, others)
@@ -230,14 +222,16 @@ class Obstacles:
 
     def _reach_of(self, footprint: Floats) -> float:
         """Return the radius about the robot's centre that holds its footprint; cached."""
-        if self._asked is None or self._asked[0] is not footprint:
-            self._asked = footprint, math.sqrt(float((footprint**2).sum(axis=1).max()))
-        return self._asked[1]
+        if self._reach is None or self._reach[0] is not footprint:
+            self._reach = footprint, math.sqrt(float((footprint**2).sum(axis=1).max()))
+        return self._reach[1]
 
     def _pushed_free(
         self, footprint: Floats, pose: Pose2D, longest: float, others: tuple[Shape, ...]
     ) -> tuple[Pose2D | None, set[str]]:
-        """Return the pose pushed out of overlaps, None without a short way; and what it met."""
+        """Return the pose pushed out of overlaps by at most `longest` metres, None when that is too
+        little; and the names of what it met.
+        """
         touched = set[str]()
         x, y = pose.x, pose.y
         for _ in range(PUSHES):
@@ -245,15 +239,15 @@ class Obstacles:
             if not hits:
                 return Pose2D(x, y, pose.theta), touched
             touched |= {hit.solid.name for hit in hits}
-            _, depth, way = hits[0]
-            x, y = x + (depth + SKIN) * float(way[0]), y + (depth + SKIN) * float(way[1])
+            push = (hits[0].depth + SKIN) * hits[0].direction
+            x, y = x + float(push[0]), y + float(push[1])
             if math.hypot(x - pose.x, y - pose.y) > longest:
                 return None, touched
         return None, touched
 
 
 def _less(done: float, wanted: float) -> float:
-    """Return what was done of a speed: never more than wanted, never the other way."""
+    """Return the part of a wanted speed that was done, with its sign, or 0."""
     return min(max(done, 0.0), wanted) if wanted > 0.0 else max(min(done, 0.0), wanted)
 
 

@@ -33,7 +33,7 @@ def approach(
 ) -> float:
     """Return the speed after `dt`: towards zero with `braking`, away from it with `acceleration`.
 
-    A change of sign brakes to zero first, and what is left of `dt` accelerates.
+    A change of sign brakes to zero first, and the rest of `dt` accelerates.
     """
     if current * target < 0.0 or abs(target) < abs(current):
         floor = target if current * target > 0.0 else 0.0

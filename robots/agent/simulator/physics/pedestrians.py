@@ -1,8 +1,8 @@
-"""People who walk from place to place, stay a while and go on.
+"""People who walk from place to place, stay a while and walk on.
 
-They keep clear of walls, furniture, doors and, where there is room, of each other. For a robot they
-do not stop until they touch it: then they wait until it is gone, and after a while turn round and
-go somewhere else. They never push it.
+They keep clear of walls, furniture, doors and, where there is room, of each other. They do not stop
+for a robot until they touch it: then they wait until it has left, and after a while turn round and
+walk somewhere else. They never push it.
 """
 
 import math
@@ -69,20 +69,21 @@ class Pedestrians:
         rng: np.random.Generator,
     ) -> None:
         self._rng = rng
-        self._ways = Footways(plan)
-        self._goals = _goals(plan, self._ways, rng)
+        self._footways = Footways(plan)
+        self._goals = _goals(plan, self._footways, rng)
         self._leaves: tuple[Floats, ...] = ()
         self.bumped = 0
         free = [
             goal
             for goal in self._goals
-            if math.dist(goal, robot) > FROM_ROBOT and self._ways.is_free(*goal, doors)
+            if math.dist(goal, robot) > FROM_ROBOT and self._footways.is_free(*goal, doors)
         ]
         chosen = rng.permutation(len(free))[:count]
         self._walkers = [self._walker(free[index], look) for look, index in enumerate(chosen)]
         self.people: tuple[Person, ...] = tuple(walker.seen() for walker in self._walkers)
 
     def just_bumped(self, look: int, seconds: float) -> bool:
+        """Tell whether a person walked into the robot within the last seconds."""
         return any(walker.look == look and walker.since_bump < seconds for walker in self._walkers)
 
     def step(
@@ -93,7 +94,7 @@ class Pedestrians:
         robot: Pose2D,
         leaves: tuple[Shape, ...] = (),
     ) -> None:
-        """Let everybody walk for `dt` seconds.
+        """Let all people walk for `dt` seconds.
 
         `footprint` (n, 2) is the robot's outline in its own frame, `robot` its pose; `leaves` are
         those of doors that are moving.
@@ -102,7 +103,7 @@ class Pedestrians:
         for walker in self._walkers:
             walker.since_bump += dt
             if walker.stay > 0.0:
-                self._stay(walker, dt)
+                walker.stay, walker.speed = walker.stay - dt, 0.0
             elif not walker.path:
                 self._set_out(walker, doors)
             else:
@@ -111,26 +112,19 @@ class Pedestrians:
         self.people = tuple(walker.seen() for walker in self._walkers)
 
     def _walker(self, place: tuple[float, float], look: int) -> _Walker:
-        rng = self._rng
-        walker = _Walker(
-            *place, float(rng.uniform(-math.pi, math.pi)), look, float(rng.uniform(*PACES))
+        heading, pace, stay = (
+            float(self._rng.uniform(*limits))
+            for limits in ((-math.pi, math.pi), PACES, (0.0, STAYS[0]))
         )
-        walker.stay = float(rng.uniform(0.0, STAYS[0]))
-        return walker
-
-    def _stay(self, walker: _Walker, dt: float) -> None:
-        walker.stay -= dt
-        walker.speed = 0.0
+        return _Walker(*place, heading, look, pace, stay=stay)
 
     def _set_out(self, walker: _Walker, doors: dict[str, DoorState]) -> None:
-        """Choose where to go; who is shut in stays a while and tries again."""
+        """Choose a goal; a person who is shut in stays a while and tries again."""
         goal = self._goals[int(self._rng.integers(len(self._goals)))]
         walker.pace = float(self._rng.uniform(*PACES))
         walker.patience = float(self._rng.uniform(*PATIENCE))
-        reachable = self._ways.is_free(*goal, doors)
-        walker.path = (
-            (self._ways.path((walker.x, walker.y), goal, doors) or []) if reachable else []
-        )
+        if self._footways.is_free(*goal, doors):
+            walker.path = self._footways.path((walker.x, walker.y), goal, doors) or []
         if not walker.path:
             walker.stay = STAYS[0]
 
@@ -144,15 +138,15 @@ class Pedestrians:
             if not walker.path:
                 walker.stay = float(self._rng.uniform(*STAYS))
             return
-        way = self._round_others(
-            walker, math.atan2(target[1] - walker.y, target[0] - walker.x), doors
-        )
-        turn = wrap_angle(way - walker.heading)
+        bearing = math.atan2(target[1] - walker.y, target[0] - walker.x)
+        course = self._round_others(walker, bearing, doors)
+        turn = wrap_angle(course - walker.heading)
         walker.heading = wrap_angle(walker.heading + min(max(turn, -TURNING * dt), TURNING * dt))
         wanted = walker.pace * max(0.0, math.cos(turn))
         walker.speed = min(wanted, walker.speed + SPEEDING_UP * dt)
+        length = walker.speed * dt
         x, y = self._along_walls(
-            walker, walker.speed * dt * math.cos(way), walker.speed * dt * math.sin(way), doors
+            walker, length * math.cos(course), length * math.sin(course), doors
         )
         if (
             self._bumps(walker, x, y, robot)
@@ -164,7 +158,7 @@ class Pedestrians:
             self._lose_patience(walker, dt)
             return
         walker.stride = (walker.stride + walker.speed * dt * math.tau / TWO_STEPS) % math.tau
-        straight = math.hypot(x - walker.x, y - walker.y) > 0.5 * walker.speed * dt
+        straight = math.hypot(x - walker.x, y - walker.y) > 0.5 * length
         walker.x, walker.y = x, y
         if straight:
             walker.held = 0.0
@@ -174,12 +168,12 @@ class Pedestrians:
     def _along_walls(
         self, walker: _Walker, dx: float, dy: float, doors: dict[str, DoorState]
     ) -> tuple[float, float]:
-        """Return where a step ends: along a wall where needed, or where it began."""
+        """Return where a step ends: along a wall if it is blocked, or where it began."""
         x, y = walker.x, walker.y
         ends = ((x + dx, y + dy), (x + dx, y), (x, y + dy))
-        if not self._ways.is_free(x, y, doors):  # a door has moved: out of its way
+        if not self._footways.is_free(x, y, doors):  # a door has moved: leave its arc
             return ends[0]
-        return next((end for end in ends if self._ways.is_free(*end, doors)), (x, y))
+        return next((end for end in ends if self._footways.is_free(*end, doors)), (x, y))
 
     def _lose_patience(self, walker: _Walker, seconds: float) -> None:
         walker.held += seconds
@@ -199,47 +193,45 @@ class Pedestrians:
 
     def _meets_leaf(self, walker: _Walker, x: float, y: float) -> bool:
         """Tell whether a step leads nearer to a moving leaf that is at arm's length."""
-        for leaf in self._leaves:
-            apart = distance_to(x, y, leaf)
-            if apart < BODY + KEPT_OFF and apart < distance_to(walker.x, walker.y, leaf):
-                return True
-        return False
+        return any(
+            (apart := distance_to(x, y, leaf)) < BODY + KEPT_OFF
+            and apart < distance_to(walker.x, walker.y, leaf)
+            for leaf in self._leaves
+        )
 
     def _meets_another(self, walker: _Walker, x: float, y: float) -> bool:
         """Tell whether a step leads nearer to a person who is too near already."""
-        for other in self._walkers:
-            apart = math.hypot(other.x - x, other.y - y)
-            if (
-                apart < APART
-                and other is not walker
-                and apart < math.hypot(other.x - walker.x, other.y - walker.y)
-            ):
-                return True
-        return False
+        return any(
+            (apart := math.hypot(other.x - x, other.y - y)) < APART
+            and other is not walker
+            and apart < math.hypot(other.x - walker.x, other.y - walker.y)
+            for other in self._walkers
+        )
 
-    def _round_others(self, walker: _Walker, way: float, doors: dict[str, DoorState]) -> float:
+    def _round_others(self, walker: _Walker, course: float, doors: dict[str, DoorState]) -> float:
         """Return a direction that passes people ahead on their right, where there is floor."""
         for other in self._walkers:
             dx, dy = other.x - walker.x, other.y - walker.y
             if abs(dx) > WIDE or abs(dy) > WIDE or other is walker:
                 continue
-            if math.hypot(dx, dy) < WIDE and abs(wrap_angle(math.atan2(dy, dx) - way)) < ASIDE:
-                aside = wrap_angle(way - ASIDE)
-                if self._ways.is_free(
-                    walker.x + 0.3 * math.cos(aside), walker.y + 0.3 * math.sin(aside), doors
-                ):
+            if math.hypot(dx, dy) < WIDE and abs(wrap_angle(math.atan2(dy, dx) - course)) < ASIDE:
+                aside = wrap_angle(course - ASIDE)
+                x, y = walker.x + 0.3 * math.cos(aside), walker.y + 0.3 * math.sin(aside)
+                if self._footways.is_free(x, y, doors):
                     return aside
-        return way
+        return course
 
 
-def _goals(plan: FloorPlan, ways: Footways, rng: np.random.Generator) -> list[tuple[float, float]]:
+def _goals(
+    plan: FloorPlan, footways: Footways, rng: np.random.Generator
+) -> list[tuple[float, float]]:
     """Return goals: the plan's places and random points of rooms, none before a station."""
     doors: dict[str, DoorState] = {door.name: "open" for door in plan.doors}
     wanted = [(place.x, place.y) for place in (*plan.places, *plan.starts)]
     for room in plan.rooms:
         low, high = np.min(room.polygon, axis=0), np.max(room.polygon, axis=0)
         wanted += [(float(x), float(y)) for x, y in rng.uniform(low, high, (SPREAD, 2))]
-    found = [ways.nearest(x, y, doors) for x, y in wanted]
+    found = [footways.nearest(x, y, doors) for x, y in wanted]
     free = [goal for goal in found if goal is not None]
     return [
         goal

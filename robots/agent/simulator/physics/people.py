@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.world.solids import Floats, Solid, disc, edges
+from robots.api.geometry import Pose2D
+from robots.world.solids import Floats, Solid, disc, sides
 
 BODY = 0.17
 LEG = 0.075
@@ -19,7 +20,7 @@ FULL_STRIDE = 0.8  # m/s from which on the legs swing so far
 HEIGHT = 1.7
 CORNERS = 12
 LEG_CORNERS = 8
-# how far the corners of that disc reach: walking brings nobody nearer
+# metres to the corners of that disc: no person walks nearer
 TOUCH = BODY / math.cos(math.pi / CORNERS) + 1e-3
 
 
@@ -28,8 +29,8 @@ class Person(NamedTuple):
 
     `x`, `y` in metres of the map; `heading` where the body looks, radians; `stride` the phase of
     the walk in radians, growing by 2 pi with two steps: the left foot is ahead by `sin(stride)` of
-    the swing, the right one behind by as much; `look` an integer that stays the same for one person
-    (clothes, hair, height); `speed` in m/s, 0 for who stands.
+    the swing, the right one behind by as much; `look` identifies the person (clothes, hair,
+    height); `speed` in m/s.
     """
 
     x: float
@@ -44,14 +45,12 @@ def legs(people: tuple[Person, ...]) -> Floats:
     """Return the sides (16 n, 4) of n people's legs, counter-clockwise about each leg."""
     middles = []
     for person in people:
-        cosine, sine = math.cos(person.heading), math.sin(person.heading)
+        body = Pose2D(person.x, person.y, person.heading)
         ahead = SWING * min(1.0, person.speed / FULL_STRIDE) * math.sin(person.stride)
-        for side in (1.0, -1.0):
-            dx, dy = side * ahead, side * LEG_ASIDE
-            middles.append((person.x + dx * cosine - dy * sine, person.y + dx * sine + dy * cosine))
+        middles += [body.apply(ahead, LEG_ASIDE), body.apply(-ahead, -LEG_ASIDE)]
     at = np.array(middles).reshape(-1, 1, 2)
-    sides: Floats = (_LEG + np.concatenate([at, at], axis=2)).reshape(-1, 4)
-    return sides
+    found: Floats = (_LEG + np.concatenate([at, at], axis=2)).reshape(-1, 4)
+    return found
 
 
 def solid(person: Person) -> Solid:
@@ -63,4 +62,4 @@ def name_of(person: Person) -> str:
     return f"person-{person.look}"
 
 
-_LEG = edges((Solid("person", "leg", disc(0.0, 0.0, 2.0 * LEG, LEG_CORNERS), 1.0),))
+_LEG = sides(disc(0.0, 0.0, 2.0 * LEG, LEG_CORNERS))

@@ -1,5 +1,5 @@
-"""Doors that open and close by themselves, as people leave them: never more than one is closed, so
-that a way remains in most sites.
+"""Doors that open and close by themselves, as people leave them: at most one is closed, so that in
+most sites every room can be reached.
 """
 
 import math
@@ -10,9 +10,8 @@ from robots.api.floorplan import DoorState
 
 
 class RandomDoors:
-    """Says which door moves when. Pure: the same generator gives the same times.
-
-    `mean` seconds are between two changes, on average (exponentially distributed); 0 for never.
+    """Chooses which door moves when; there are `mean` seconds between two changes, on average
+    (exponentially distributed), 0 for never.
     """
 
     def __init__(self, doors: tuple[str, ...], mean: float, rng: np.random.Generator) -> None:
@@ -29,7 +28,7 @@ class RandomDoors:
         return changes
 
     def leave(self, names: set[str]) -> None:
-        """Move these doors no more."""
+        """Stop moving these doors."""
         self._doors = tuple(door for door in self._doors if door not in names)
         if self._closed in names:
             self._closed = None

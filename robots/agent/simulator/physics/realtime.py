@@ -1,13 +1,15 @@
 """A simulation in real time, with a history.
 
-Steps have one fixed length, so that a run depends only on when commands came. After a pause of the
-whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that was not simulated
-has not moved.
+All steps have the same length, so that a run depends only on when commands arrive. After a pause
+of the whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that was not
+simulated has not moved.
 """
 
+import itertools
 from collections import deque
 from dataclasses import dataclass
 
+from robots.agent.simulator.physics.drive import WheelMotion
 from robots.agent.simulator.physics.people import Person
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.wire import Truth
@@ -25,11 +27,11 @@ Row = tuple[float, float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class CameraView:
-    """What a camera needs of one moment; `stamp` in Unix seconds."""
+    """What a camera needs to know of one moment; `stamp` in Unix seconds."""
 
     stamp: float
     pose: Pose2D
-    motion: tuple[float, float]
+    motion: WheelMotion
     tilt: float
     doors: dict[str, Opening]
     people: tuple[Person, ...] = ()
@@ -55,7 +57,7 @@ class Playback:
         while self.simulation.time + STEP <= monotonic - self._origin:
             self.simulation.step(STEP)
             count += 1
-            self._history.append(self._row())
+            self._history.append((self.stamp(), *self.simulation.sample()[1:]))
         if count:
             self.view = self._view()
         return count
@@ -72,9 +74,7 @@ class Playback:
     def history(self, seconds: float) -> tuple[Row, ...]:
         """Return the rows of the last seconds, oldest first."""
         count = min(len(self._history), max(0, round(seconds / STEP)))
-        return tuple(
-            self._history[index] for index in range(len(self._history) - count, len(self._history))
-        )
+        return tuple(itertools.islice(self._history, len(self._history) - count, None))
 
     def truth(self, *, measured: bool = True) -> Truth:
         """Return the robot's truth; without `measured` no clearance, which costs most."""
@@ -103,26 +103,6 @@ class Playback:
             bumper=sim.bumper(),
         )
 
-    def _row(self) -> Row:
-        s = self.simulation.sample()
-        return (
-            self.stamp(),
-            s.commanded_linear,
-            s.commanded_angular,
-            s.linear,
-            s.angular,
-            s.x,
-            s.y,
-            s.theta,
-        )
-
     def _view(self) -> CameraView:
         sim = self.simulation
-        return CameraView(
-            self.stamp(),
-            sim.pose,
-            (sim.motion.linear, sim.motion.angular),
-            sim.tilt,
-            sim.openings,
-            sim.people,
-        )
+        return CameraView(self.stamp(), sim.pose, sim.motion, sim.tilt, sim.openings, sim.people)

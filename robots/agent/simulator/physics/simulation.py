@@ -1,13 +1,11 @@
-"""A whole robot in a whole site, without a clock of its own: `step(dt)` and ask.
+"""A whole robot in a whole site, without a clock of its own: call `step(dt)`, then read the state.
 
-Everything random comes from one seed, in streams of their own, so that asking for a scan does not
-change the drive. The same seed and the same commands at the same times give the same trajectory,
-bit for bit.
+All randomness comes from one seed, in a stream for each use, so that reading a scan does not change
+the drive. The same seed and the same commands at the same times give the same trajectory, bit for
+bit.
 
-The wheels slip on the floor, which the encoders do not notice, and the encoders believe in slightly
-wrong wheels: `odometry` drifts from the truth as that of a real robot does.
-
-Longer than most files: it holds together what its parts decide.
+The wheels slip, which the encoders do not notice, and the encoders assume slightly wrong wheels:
+`odometry` drifts from the truth as a real robot's does.
 """
 
 import math
@@ -15,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.agent.simulator.faults import SOUND, Faults
 from robots.agent.simulator.physics import battery, range_sensors
 from robots.agent.simulator.physics.contact import (
     RELEASE,
@@ -29,6 +26,7 @@ from robots.agent.simulator.physics.doors import Doors
 from robots.agent.simulator.physics.drive import (
     STILL,
     WheelMotion,
+    advance,
     clamp,
     draw_encoders,
     follow,
@@ -39,6 +37,7 @@ from robots.agent.simulator.physics.drive import (
 from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
 from robots.agent.simulator.physics.random_doors import RandomDoors
+from robots.agent.simulator.wire import Faults
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import RobotModel
@@ -47,7 +46,7 @@ from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
 
 NEAR = 0.1  # metres beyond touch at which people are checked; more than they move in a step
-ANYBODY = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
+PERSON = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
 AT_DOCK = 1.0  # metres from a dock beyond which the exact pose does not matter
 # seconds in which a robot that was walked into is not at fault when it pushes on
 BUMP_TIME = 1.0
@@ -84,7 +83,7 @@ class Simulation:
         people: int = 0,
         door_changes: float = 0.0,
     ) -> None:
-        """Stand at `start`: `dock`, the name of a start or place of the plan, or `x,y,theta`.
+        """Start at `dock`, at the start or place of that name in the plan, or at `x,y,theta`.
 
         `people` walk about, and every `door_changes` seconds, on average, a door opens or closes
         (0: never).
@@ -103,7 +102,7 @@ class Simulation:
         self._doors = Doors(plan, with_doors(plan, {}))
         self._random_doors = RandomDoors(tuple(self.doors), door_changes, streams[3])
         self._fixed = fixed_solids(plan)
-        self.obstacles = self._standing()
+        self.obstacles = self._obstacles_at_rest()
         self.time = 0.0
         self.pose = start_pose(plan, model, start)
         self.motion = STILL
@@ -116,20 +115,17 @@ class Simulation:
         self.charge = charge
         self.tilt = model.tilt.home if model.tilt else 0.0
         self.tilt_target = self.tilt
-        self.faults: Faults = SOUND
+        self.faults = Faults()
         self._pedestrians: Pedestrians | None = None
         self.docked = False  # whether the charging contacts meet
         self._refuse_blocked(start, self.pose)
-        self._pedestrians = (
-            Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4])
-            if people
-            else None
-        )
+        if people:
+            at = (self.pose.x, self.pose.y)
+            self._pedestrians = Pedestrians(plan, people, self.doors, at, streams[4])
         self.docked = self._in_dock()
 
     @property
     def people(self) -> tuple[Person, ...]:
-        """Everybody who walks about, as they are now."""
         return self._pedestrians.people if self._pedestrians else ()
 
     @property
@@ -139,7 +135,7 @@ class Simulation:
 
     @property
     def openings(self) -> dict[str, Opening]:
-        """How every door stands now: its state, or its share of the swing while it moves."""
+        """How open every door is: its state at rest, or its share of the swing while it moves."""
         return self._doors.openings
 
     @property
@@ -152,21 +148,21 @@ class Simulation:
         return place(self.footprint, self.pose)
 
     def command(self, linear: float, angular: float) -> WheelMotion:
-        """Take a velocity, return the base's target; after `model.watchdog` s it brakes."""
+        """Set the target velocity, clamped, and return it; after `model.watchdog` s it brakes."""
         self.commanded = clamp(WheelMotion(linear, angular), self.model.limits)
         self.commanded_at = self.time
         return self.commanded
 
     def set_doors(self, doors: dict[str, DoorState]) -> None:
-        """Swing doors open or closed; a leaf waits while a robot or person is in its way.
+        """Swing doors open or closed; a leaf waits while it would touch a robot or a person.
 
-        Unknown names are ignored. These doors move no more by themselves. Before the first step
+        Unknown names are ignored. These doors no longer move by themselves. Before the first step
         they are set at once.
         """
         self._random_doors.leave(set(doors))
         self._doors.want(doors)
-        if self.time == 0.0 and self._doors.set_at_once(self._in_the_way()):
-            self.obstacles = self._standing()
+        if self.time == 0.0 and self._doors.set_at_once(self._keep_clear()):
+            self.obstacles = self._obstacles_at_rest()
 
     def carry_to(self, pose: Pose2D) -> None:
         """Put the robot elsewhere, unnoticed by odometry; StartError where it is not free."""
@@ -180,10 +176,10 @@ class Simulation:
         self.docked = self._in_dock()
 
     def step(self, dt: float) -> None:
-        """Let `dt` seconds pass, some hundredths of a second at a time."""
+        """Let `dt` seconds pass, a few hundredths of a second."""
         self._doors.want(self._random_doors.due(self.time))
-        if not self._doors.is_still() and self._doors.step(dt, self._in_the_way()):
-            self.obstacles = self._standing()
+        if not self._doors.is_still() and self._doors.step(dt, self._keep_clear()):
+            self.obstacles = self._obstacles_at_rest()
         if self.model.tilt:
             self.tilt = tilted(self.tilt, self.tilt_target, self.model.tilt, dt)
         if self._target() != STILL or self.motion != STILL:
@@ -220,13 +216,12 @@ class Simulation:
         if not self.touching:
             return ()
         outline = self.outline()
-        shapes = (*self.obstacles.shapes, *self._near(self.pose))
-        ways = [
+        normals = [
             each.gap_to(outline)[1]
-            for each in shapes
+            for each in (*self.obstacles.shapes, *self._near(self.pose))
             if each.solid.name in self.touching and each.solid.kind != "station"
         ]
-        return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
+        return tuple(wrap_angle(math.atan2(-y, -x) - self.pose.theta) for x, y in normals)
 
     def _segments(self) -> Floats:
         """Return the sides (n, 4) of everything at the height of the sensors."""
@@ -260,14 +255,12 @@ class Simulation:
         return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
-        """Return the robot's errors, for its owner."""
         return ("battery empty",) if self.charge <= 0.0 else ()
 
     def _target(self) -> WheelMotion:
         silent = self.time - self.commanded_at > self.model.watchdog
-        return (
-            STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
-        )
+        stopped = silent or self.charge <= 0.0 or self.faults.wheels_stopped
+        return STILL if stopped else self.commanded
 
     def _drive(self, dt: float) -> None:
         model = self.model
@@ -275,9 +268,8 @@ class Simulation:
         real = slip(self.motion, model.wheel_separation, model.wheel_noise, dt, self.drive_rng)
         others = self._near(self.pose)
         move = self.obstacles.move(self.footprint, self.pose, real, dt, others)
-        self.odometry = self.odometry.compose(
-            _wheels(reckoned(self.motion, model.wheel_separation, self.encoders), dt)
-        )
+        reported = reckoned(self.motion, model.wheel_separation, self.encoders)
+        self.odometry = advance(self.odometry, reported, dt)
         self.distance += math.hypot(move.pose.x - self.pose.x, move.pose.y - self.pose.y)
         self.pose = move.pose
         if move.touched:
@@ -289,14 +281,11 @@ class Simulation:
         """Return people near enough to be bumped into, and the moving leaves."""
         reach = self._radius + BODY + NEAR
         near = (
-            person
+            PERSON.moved(name_of(person), person.x, person.y)
             for person in self.people
             if math.hypot(person.x - pose.x, person.y - pose.y) < reach
         )
-        return (
-            *self._doors.moving,
-            *(ANYBODY.moved(name_of(person), person.x, person.y) for person in near),
-        )
+        return (*self._doors.moving, *near)
 
     def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
         """Count contacts: from a touch until the gap has opened again; a dock is none."""
@@ -306,12 +295,8 @@ class Simulation:
             if self._pedestrians and self._pedestrians.just_bumped(person.look, BUMP_TIME)
         }
         shapes = {each.solid.name: each for each in (*self.obstacles.shapes, *others)}
-        began = [
-            name
-            for name in touched - self.touching - excused
-            if shapes[name].solid.kind != "station"
-        ]
-        self.contacts += len(began)
+        new = touched - self.touching - excused
+        self.contacts += sum(shapes[name].solid.kind != "station" for name in new)
         outline = self.outline()
         still = {
             name
@@ -331,10 +316,8 @@ class Simulation:
         tolerance = self.model.dock
         travel, twist = (tolerance.travel, tolerance.twist) if self.docked else (0.0, 0.0)
         for dock in self.plan.docks:
-            if (
-                dock.type != self.model.series
-                or abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y) > AT_DOCK
-            ):
+            away = abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y)
+            if dock.type != self.model.series or away > AT_DOCK:
                 continue
             error = Pose2D(dock.x, dock.y, dock.theta).inverse().compose(self.pose)
             reaches = (
@@ -345,23 +328,13 @@ class Simulation:
                 return True
         return False
 
-    def _standing(self) -> Obstacles:
+    def _obstacles_at_rest(self) -> Obstacles:
         leaves = tuple(leaf_solid(door, self.doors[door.name]) for door in self._doors.resting)
         return Obstacles((*self._fixed, *leaves))
 
-    def _in_the_way(self) -> list[Floats]:
-        """Return the outlines that no leaf may come near to."""
+    def _keep_clear(self) -> list[Floats]:
+        """Return the outlines that no leaf may come near."""
         return [self.outline(), *(solid(person).outline for person in self.people)]
-
-
-def _wheels(motion: WheelMotion, dt: float) -> Pose2D:
-    """Return the relative motion that the wheels' encoders report."""
-    half = motion.angular * dt / 2.0
-    return Pose2D(
-        motion.linear * dt * math.cos(half),
-        motion.linear * dt * math.sin(half),
-        motion.angular * dt,
-    )
 
 
 def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:

@@ -1,11 +1,11 @@
-"""Capital letters of five by seven dots, for the signs on a simulated wall."""
+"""A bitmap font of five by seven dots, for the signs on simulated walls."""
 
 import numpy as np
 import numpy.typing as npt
 
 WIDTH, HEIGHT = 5, 7
 
-# One number a row from the top, its bits from the left.
+# One number for each row from the top, its bits from the left.
 DOTS = {
     "A": (14, 17, 17, 31, 17, 17, 17),
     "B": (30, 17, 17, 30, 17, 17, 30),

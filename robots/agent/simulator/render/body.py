@@ -1,13 +1,12 @@
-"""A person's body as rounded limbs: bones between two points that are thick at both ends, in a pose
-of the walk.
+"""A person's body as rounded limbs in a pose of the walk.
 
-In the body's frame: x forward, y left, z up from the floor, metres. A walk is the usual one of
-stick figures: the thighs swing by a sine, the knee of the leg that comes forward is bent, arms
+In the body's frame: x forward, y left, z up from the floor, metres. The walk is the usual one of
+stick figures: the thighs swing by a sine, the knee of the leg that swings forward is bent, arms
 swing against the legs, and the body rises and falls so that the lower foot is always on the floor.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,17 +15,20 @@ from robots.agent.simulator.render.materials import Plane, rgb
 from robots.world.solids import Floats
 
 SWING = 0.44  # radians of a thigh at the end of a step
-SKINS = ("#f0c8a4", "#e2b08a", "#c68d64", "#8d5a3a", "#6b4329")
-HAIRS = ("#2a1e17", "#4b3222", "#7a5230", "#b98d4f", "#8f8f8f", "#1b1b1d")
 SHIRTS = ("#c8453b", "#2f6fa8", "#e3b23c", "#3f8f6b", "#e9e6df", "#7a5aa0", "#d9743a", "#34495e")
-TROUSERS = ("#2d3a52", "#4a4a4d", "#6b5a45", "#23272e", "#516b7d")
-SHOES = ("#2b2522", "#efefec", "#7a4a2a")
+COLOURS: dict[str, tuple[str, ...]] = {
+    "skin": ("#f0c8a4", "#e2b08a", "#c68d64", "#8d5a3a", "#6b4329"),
+    "hair": ("#2a1e17", "#4b3222", "#7a5230", "#b98d4f", "#8f8f8f", "#1b1b1d"),
+    "shirt": SHIRTS,
+    "trousers": ("#2d3a52", "#4a4a4d", "#6b5a45", "#23272e", "#516b7d"),
+    "shoes": ("#2b2522", "#efefec", "#7a4a2a"),
+}
 Spot = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """From `start` to `end` (3,), so thick there; `stripes` darkens every other hand's breadth."""
+    """A cone from `start` to `end` (3,); `stripes` darkens every other hand's breadth."""
 
     start: Floats
     end: Floats
@@ -38,38 +40,29 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What distinguishes a person: `height` in metres, colours, long hair, shorts, stripes."""
+    """The appearance of a person; `height` in metres."""
 
     height: float
+    long_hair: bool
+    shorts: bool
+    stripes: bool
     skin: Plane
     hair: Plane
     shirt: Plane
     trousers: Plane
     shoes: Plane
-    long_hair: bool
-    shorts: bool
-    stripes: bool
 
 
 def look_of(number: int) -> Look:
     """Return the person of a number, always the same one."""
     rng = np.random.default_rng([abs(number), 41])
-    skin, hair, shirt, trousers, shoes = (
-        rgb(tuple(choices)[int(rng.integers(len(choices)))])
-        for choices in (SKINS, HAIRS, SHIRTS, TROUSERS, SHOES)
-    )
+    colours = {
+        part: rgb(choices[int(rng.integers(len(choices)))]) for part, choices in COLOURS.items()
+    }
     long_hair = bool(rng.random() < 0.5)
-    return Look(
-        float(rng.uniform(1.60, 1.86)),
-        skin,
-        hair,
-        shirt,
-        trousers,
-        shoes,
-        long_hair=long_hair,
-        shorts=bool(rng.random() < 0.3),
-        stripes=bool(rng.random() < 0.35),
-    )
+    height = float(rng.uniform(1.60, 1.86))
+    shorts, stripes = bool(rng.random() < 0.3), bool(rng.random() < 0.35)
+    return Look(height, long_hair=long_hair, shorts=shorts, stripes=stripes, **colours)
 
 
 def limbs(look: Look, stride: float | None) -> list[Limb]:
@@ -85,15 +78,14 @@ def limbs(look: Look, stride: float | None) -> list[Limb]:
     )
     scale, drop = look.height / 1.75, np.array([0.0, 0.0, lowest])
     return [
-        Limb(
-            (p.start - drop) * scale,
-            (p.end - drop) * scale,
-            p.start_radius * scale,
-            p.end_radius * scale,
-            p.colour,
-            p.stripes,
+        replace(
+            part,
+            start=(part.start - drop) * scale,
+            end=(part.end - drop) * scale,
+            start_radius=part.start_radius * scale,
+            end_radius=part.end_radius * scale,
         )
-        for p in parts
+        for part in parts
     ]
 
 

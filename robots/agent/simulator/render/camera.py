@@ -1,11 +1,12 @@
-"""Pictures of a scene by casting rays in numpy, some milliseconds each; see lens.py for the
-geometry and scene.py for the scene.
+"""Frames of a scene by casting rays in numpy, some milliseconds each; see lens.py for the geometry
+and scene.py for the scene.
 
 A mirror is a window in which everything is drawn once more, from behind the glass.
 """
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -20,16 +21,17 @@ from robots.agent.simulator.render.visibility import NEAR, ItemSight, PictureWin
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import RobotModel
-from robots.world.solids import Floats, Opening
+from robots.world.solids import Opening
 
-KEPT_LENSES = 2
-KEPT_DOORS = 8
+CACHED_LENSES = 2
+CACHED_DOORS = 8  # states of the doors
+CACHED_MIRRORS = 2  # for each of them
 NOTHING = gather(())
 NOWHERE = PictureWindow(0, 0, 0, 0)
 
 
 class SceneCamera:
-    """Draws what a robot sees. Not safe for two threads."""
+    """Draws what a robot sees; for one thread."""
 
     def __init__(self, model: RobotModel, plan: FloorPlan, *, seed: int) -> None:
         """Build the scene; takes a second."""
@@ -41,20 +43,14 @@ class SceneCamera:
             (model.camera.height * 3 // 2, model.camera.width), dtype=np.uint8
         )
         self._figures = Figures(self.scene.texture_atlas)
-        self._lenses: dict[float, Lens] = {}
+        self._lens = lru_cache(CACHED_LENSES)(partial(grind, model.camera))
+        self._at_rest = lru_cache(CACHED_DOORS)(self._things_at_rest)
+        self._before_glass = lru_cache(CACHED_DOORS * CACHED_MIRRORS)(self._things_before)
         self._doors = {door.name: door for door in plan.doors}
         self._shown: tuple[Pose2D, float, dict[str, Opening], tuple[Person, ...]] | None = None
-        self._things: dict[tuple[tuple[str, DoorState], ...], Things] = {}
-        self._before: dict[tuple[int, int], Things] = {}
 
     def lens(self, tilt: float) -> Lens:
-        """Return the tables for a head's tilt; the last ones are kept."""
-        pitch = round(self.camera.pitch + tilt, 5)
-        if pitch not in self._lenses:
-            if len(self._lenses) >= KEPT_LENSES:
-                del self._lenses[next(iter(self._lenses))]
-            self._lenses[pitch] = grind(self.camera, pitch)
-        return self._lenses[pitch]
+        return self._lens(round(self.camera.pitch + tilt, 5))
 
     def eye(self, pose: Pose2D) -> Eye:
         mount = pose.compose(Pose2D(self.camera.x, 0.0, 0.0))
@@ -71,8 +67,8 @@ class SceneCamera:
         people: tuple[Person, ...],
         out: Image,
     ) -> None:
-        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; an unchanged scene is not
-        drawn again. `tilt` is in radians, positive looks down.
+        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; an unchanged scene is only
+        copied. `tilt` is in radians, positive looks down.
         """
         if self._shown != (pose, tilt, doors, people):
             walls = self._draw_all(pose, tilt, doors, people)
@@ -87,8 +83,10 @@ class SceneCamera:
     def _draw_all(
         self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...]
     ) -> Walls:
-        """Paint everything, and return what walls there are."""
-        lens, eye, things = self.lens(tilt), self.eye(pose), self._things_with(doors)
+        """Paint everything, and return the walls that the eye sees."""
+        lens, eye = self.lens(tilt), self.eye(pose)
+        at_rest = ((name, state) for name, state in doors.items() if isinstance(state, str))
+        things = self._at_rest(tuple(sorted(at_rest)))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays along a wall
             whole = PictureWindow(0, lens.height, 0, lens.width)
             walls = self._canvas.cast_walls(lens, eye)
@@ -102,28 +100,20 @@ class SceneCamera:
         return walls
 
     def _swinging(self, doors: Mapping[str, Opening]) -> Things:
-        if all(isinstance(opening, str) for opening in doors.values()):
-            return NOTHING
-        return gather(
-            tuple(
-                self.scene.swinging(self._doors[name], opening)
-                for name, opening in doors.items()
-                if not isinstance(opening, str)
-            )
+        leaves = tuple(
+            self.scene.swinging(self._doors[name], opening)
+            for name, opening in doors.items()
+            if not isinstance(opening, str)
         )
+        return gather(leaves) if leaves else NOTHING
 
-    def _things_with(self, doors: Mapping[str, Opening]) -> Things:
-        """Return everything that rests; the last answers are kept."""
-        key = tuple(
-            sorted((name, opening) for name, opening in doors.items() if isinstance(opening, str))
-        )
-        if key not in self._things:
-            if len(self._things) >= KEPT_DOORS:
-                self._things.clear()
-                self._before.clear()
-            leaves = [self.scene.leaves[pair] for pair in key if pair in self.scene.leaves]
-            self._things[key] = gather((*self.scene.items, *leaves))
-        return self._things[key]
+    def _things_at_rest(self, doors: tuple[tuple[str, DoorState], ...]) -> Things:
+        leaves = (self.scene.leaves[pair] for pair in doors if pair in self.scene.leaves)
+        return gather((*self.scene.items, *leaves))
+
+    def _things_before(self, things: Things, glass: Glass) -> Things:
+        """Return the things that are not wholly behind a mirror."""
+        return before(things, glass.line[:2], glass.normal)
 
     def _reflect(
         self,
@@ -138,9 +128,7 @@ class SceneCamera:
         people: tuple[Person, ...],
     ) -> None:
         """Draw a mirror's window, the robot at `pose` included; `sights` may hide the glass."""
-        start, end = glass.line[:2], glass.line[2:]
-        along = (end - start) / math.dist(start, end)
-        normal = np.array([-along[1], along[0]])
+        start, normal, along = glass.line[:2], glass.normal, glass.along
         away = float((eye.origin - start) @ normal)
         window = _pane(lens, eye, glass) if away > NEAR else NOWHERE
         if window.is_empty:
@@ -148,7 +136,7 @@ class SceneCamera:
         directions = eye.directions(lens)
         reach = away / np.maximum(-(directions @ normal), EDGE)
         at = (eye.origin - start) @ along + reach * (directions @ along)
-        met = (at >= 0.0) & (at <= math.dist(start, end)) & (reach < walls.reach + NEAR)
+        met = (at >= 0.0) & (at <= glass.length) & (reach < walls.reach + NEAR)
         if not met.any():
             return
         flip = np.eye(2) - 2.0 * np.outer(normal, normal)
@@ -168,7 +156,7 @@ class SceneCamera:
         self._canvas.paint_walls(lens, behind, seen, window, stencil)
         body = joined(self._body.moved(pose), swinging)
         there = joined(
-            joined(self._before_glass(things, glass, normal), body),
+            joined(self._before_glass(things, glass), body),
             self._figures.things(people, behind.origin),
         )
         self._canvas.paint(lens, behind, look(there, lens, behind, seen.reach, window), stencil)
@@ -178,13 +166,6 @@ class SceneCamera:
             [sight.within(window) for sight in sights if (sight.entry[met] < reach[met]).any()],
             stencil,
         )
-
-    def _before_glass(self, things: Things, glass: Glass, normal: Floats) -> Things:
-        """Return what does not lie wholly behind a mirror; the last answers are kept."""
-        key = (id(things), id(glass))
-        if key not in self._before:
-            self._before[key] = before(things, glass.line[:2], normal)
-        return self._before[key]
 
 
 def _pane(lens: Lens, eye: Eye, glass: Glass) -> PictureWindow:
@@ -197,11 +178,12 @@ def _pane(lens: Lens, eye: Eye, glass: Glass) -> PictureWindow:
     )
     if depth.max() < NEAR:
         return NOWHERE
+    whole = PictureWindow(0, lens.height, 0, lens.width)
     if depth.min() < NEAR:
-        return PictureWindow(0, lens.height, 0, lens.width)
+        return whole
     return PictureWindow(
-        max(0, math.floor(float(v.min()))),
-        min(lens.height, math.ceil(float(v.max())) + 1),
-        max(0, math.floor(float(u.min())) - 1),
-        min(lens.width, math.ceil(float(u.max())) + 2),
-    )
+        math.floor(float(v.min())),
+        math.ceil(float(v.max())) + 1,
+        math.floor(float(u.min())) - 1,
+        math.ceil(float(u.max())) + 2,
+    ).within(whole)

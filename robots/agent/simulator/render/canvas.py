@@ -1,12 +1,12 @@
-"""The picture in the making: for every pixel the texel that it shows, fetched once at the end.
+"""Frames before their colours: for every pixel the texel that it shows, fetched once at the end.
 
-Walls go from floor to ceiling, so one table over the azimuths says for every pixel how far its wall
-is, and from its slope whether it sees floor, wall or ceiling. Things are lower than that; they are
-painted over it from far to near, each only in its own window of the picture, hidden where the wall
-is nearer.
+Walls reach from floor to ceiling, so one table over the azimuths gives for every pixel how far its
+wall is, and the slope gives whether it sees floor, wall or ceiling. Things are lower than that;
+they are painted over it from far to near, each only in its own window of the frame, hidden where
+the wall is nearer.
 
-Longer than most files, because all steps share the same buffers: pixels are handled in bands that
-stay in the processor's cache, and hardly anything is allocated.
+All steps share the same buffers: pixels are handled in bands that stay in the processor's cache,
+and hardly anything is allocated.
 """
 
 import math
@@ -56,7 +56,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """How far each ray goes (RAYS,), and where in the atlas the column begins that it meets."""
+    """How far each ray reaches (RAYS,), and the atlas offset of the texture column that it hits."""
 
     reach: Distances
     texel: Indices
@@ -109,9 +109,8 @@ class Canvas:
         """Return where each ray's texel column begins, in the copy that fits a pixel there."""
         scene = self._scene
         sine = np.minimum(across / scene.wall_lengths[which], 1.0)
-        pixel = (
-            reach / lens.focal * np.maximum(1.0, 0.5 / np.maximum(sine, FLATTEST)) * WALL_DENSITY
-        )
+        stretched = np.maximum(1.0, 0.5 / np.maximum(sine, FLATTEST))
+        pixel = reach / lens.focal * stretched * WALL_DENSITY
         level = np.clip(np.log2(np.maximum(pixel, EDGE)) + 0.5, 0, LEVELS - 1).astype(np.intp)
         column = np.clip(share, 0.0, 1.0 - EDGE) * scene.wall_columns[level, which]
         begins: npt.NDArray[np.intp] = (
@@ -124,8 +123,8 @@ class Canvas:
     ) -> None:
         """Paint walls, floor and ceiling of one eye."""
         first, last = eye.rays()
-        nearest = float(walls.reach[first:last].min())
-        farthest = float(walls.reach[first:last].max())
+        reach = walls.reach[first:last]
+        nearest, farthest = float(reach.min()), float(reach.max())
         texels = Walls(walls.reach * np.float32(WALL_DENSITY), walls.texel)
         planes = self._planes(eye)
         for part in _bands(window.paired):
@@ -139,9 +138,7 @@ class Canvas:
                 )
                 continue
             sees_floor = eye.height + min(steepest * farthest, steepest * nearest) < 0.0
-            sees_roof = (
-                eye.height + max(highest * farthest, highest * nearest) >= self._scene.ceiling
-            )
+            top = eye.height + max(highest * farthest, highest * nearest)
             height, index = self._paint_band(lens, eye, texels, part, stencil)
             if sees_floor:
                 below = np.less(height, np.float32(0.0), out=_cut(self._mask, part))
@@ -152,12 +149,9 @@ class Canvas:
                     self._floor(lens, eye, planes[0], _part(part, rows)),
                     where=below[:, rows],
                 )
-            if sees_roof:
-                above = np.greater_equal(
-                    height,
-                    np.float32(self._scene.ceiling * WALL_DENSITY),
-                    out=_cut(self._mask, part),
-                )
+            if top >= self._scene.ceiling:
+                ceiling = np.float32(self._scene.ceiling * WALL_DENSITY)
+                above = np.greater_equal(height, ceiling, out=_cut(self._mask, part))
                 rows = _rows(above)
                 np.copyto(
                     index[:, rows],
@@ -171,8 +165,7 @@ class Canvas:
         self, lens: Lens, eye: Eye, walls: Walls, part: PictureWindow, stencil: Mask | None
     ) -> tuple[Heights, Indices]:
         """Return a band's heights above the floor and texels, painted unless stencilled."""
-        height = _cut(self._heights, part)
-        index = _cut(self._index, part)
+        height, index = _cut(self._heights, part), _cut(self._index, part)
         ray = lens.ray[part.pairs]
         self._rise(walls.reach, ray, lens.slope[part.pairs], height)
         np.add(height, np.float32(eye.height * WALL_DENSITY), out=height)
@@ -211,11 +204,8 @@ class Canvas:
         self, lens: Lens, part: PictureWindow, flat: Flat, plane: Floats, level: int
     ) -> Indices:
         """Return where in the atlas each pixel's point of the floor or the ceiling is."""
-        across, up = self._on_plane(lens, part, plane / (1 << level))
-        np.multiply(up, np.int32(flat.widths[level]), out=up)
-        np.add(up, across, out=up)
-        np.add(up, np.int32(flat.offsets[level]), out=up)
-        return up
+        points = self._on_plane(lens, part, plane / (1 << level))
+        return _fetched(*points, flat.widths[level], flat.offsets[level])
 
     def _on_plane(
         self, lens: Lens, part: PictureWindow, plane: Floats, limits: tuple[int, int] | None = None
@@ -259,11 +249,8 @@ class Canvas:
                 rows, plane = sight.lower, item.bottom
             else:
                 continue
-            for part in _bands(
-                PictureWindow(
-                    max(rows[0], window.top), min(rows[1], window.bottom), window.left, window.right
-                ).paired
-            ):
+            face = window._replace(top=max(rows[0], window.top), bottom=min(rows[1], window.bottom))
+            for part in _bands(face.paired):
                 self._paint_face(lens, eye, sight, plane, part, stencil)
 
     def _paint_side(
@@ -277,10 +264,8 @@ class Canvas:
     ) -> None:
         """Paint a thing's upright sides between its edges; `reach` in texels."""
         item, where = sight.item, part.pairs
-        height = _cut(self._heights, part)
-        index = _cut(self._index, part)
-        mask = _cut(self._mask, part)
-        ray = lens.ray[where]
+        height, index = _cut(self._heights, part), _cut(self._index, part)
+        mask, ray = _cut(self._mask, part), lens.ray[where]
         self._rise(reach, ray, lens.slope[where], height)
         # over its foot, 1 more: rounding to 0 rounds down
         np.add(height, np.float32((eye.height - item.bottom) * item.density + 1.0), out=height)
@@ -340,13 +325,9 @@ class Canvas:
     def _picture_on(
         self, lid: Lid, lens: Lens, eye: Eye, rise: float, part: PictureWindow
     ) -> Indices:
-        across, up = self._on_plane(
-            lens, part, _plane(eye, rise, lid.matrix, lid.shift), (lid.width, lid.height)
-        )
-        np.multiply(up, np.int32(lid.width), out=up)
-        np.add(up, across, out=up)
-        np.add(up, np.int32(lid.offset), out=up)
-        return up
+        plane = _plane(eye, rise, lid.matrix, lid.shift)
+        size = (lid.width, lid.height)
+        return _fetched(*self._on_plane(lens, part, plane, size), lid.width, lid.offset)
 
     def stencil(
         self,
@@ -399,18 +380,14 @@ class Canvas:
         ray = round((math.atan2(left, forward) - float(lens.azimuths[0])) / lens.step)
         if math.hypot(forward, left) > walls.reach[min(max(ray, 0), RAYS - 1)]:
             return
-        square = np.array(place) + SHADOW * np.array(
-            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-        )
-        level = eye.level(square)
+        corners = SHADOW * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        level = eye.level(np.array(place) + corners)
         u, v, depth = lens.project(level[:, 0], level[:, 1], np.full(4, -eye.height))
         if depth.min() < NEAR:
             return
-        top, bottom, left, right = (
-            round(float(limit)) for limit in (v.min(), v.max() + 1, u.min(), u.max() + 1)
-        )
-        window = PictureWindow(
-            max(top, 0), min(bottom, lens.height), max(left, 0), min(right, lens.width)
+        limits = (v.min(), v.max() + 1, u.min(), u.max() + 1)
+        window = PictureWindow(*(round(float(limit)) for limit in limits)).within(
+            PictureWindow(0, lens.height, 0, lens.width)
         )
         scale, floor, picture = STEPS / SHADOW, self._scene.floor, in_pairs(out[: lens.height])
         plane = _plane(eye, eye.height, SAME * scale, -np.array(place) * scale)
@@ -421,6 +398,14 @@ class Canvas:
             texels, luma = self._texels[part.pairs], picture[part.pairs]
             near[(texels < floor.offsets[0]) | (texels >= end)] = 0.0
             luma -= ((luma - np.float32(BLACK)) * near * np.float32(DARKEST)).astype(np.uint8)
+
+
+def _fetched(across: Indices, up: Indices, width: int, offset: int) -> Indices:
+    """Return texel numbers of a texture `width` wide from `offset` on; overwrites `up`."""
+    np.multiply(up, np.int32(width), out=up)
+    np.add(up, across, out=up)
+    np.add(up, np.int32(offset), out=up)
+    return up
 
 
 def _bands(window: PictureWindow) -> Iterator[PictureWindow]:
@@ -438,11 +423,9 @@ def _bands(window: PictureWindow) -> Iterator[PictureWindow]:
 def _rows(mask: Mask) -> slice:
     """Return the pairs of rows of a mask (ROWS, n, columns) from its first to last pixel."""
     there: Mask = np.logical_or.reduce(mask, axis=(0, 2))
-    return (
-        slice(int(there.argmax()), len(there) - int(there[::-1].argmax()))
-        if there.any()
-        else slice(0, 0)
-    )
+    if not there.any():
+        return slice(0, 0)
+    return slice(int(there.argmax()), len(there) - int(there[::-1].argmax()))
 
 
 def _part(window: PictureWindow, rows: slice) -> PictureWindow:
@@ -452,8 +435,8 @@ def _part(window: PictureWindow, rows: slice) -> PictureWindow:
 
 
 def _plane(eye: Eye, rise: float, matrix: Floats, shift: Floats) -> Floats:
-    """Return (2, 3, 2): what makes of `Lens.plane` the lines on which matrix @ (x, y) + shift lie,
-    of a plane `rise` metres from the eye.
+    """Return the matrix (2, 3, 2) that turns `Lens.plane` into the lines of matrix @ (x, y) + shift
+    on a plane `rise` metres from the eye.
     """
     plane = np.zeros((2, 3, 2))
     turn = matrix @ eye.world_from_level * rise

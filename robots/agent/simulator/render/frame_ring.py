@@ -1,13 +1,13 @@
-"""Pictures in shared memory: a ring of slots, each with a guard, so that a reader knows when it was
-overtaken.
+"""Frames in shared memory: a ring of slots, each with a guard, so that a reader detects that the
+writer has overtaken it.
 
-The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks
-whether the guard is still that. Neither waits for the other; pixels never pass through a socket. A
-picture is (height * 3 / 2, width): the rows of Y, then U and V at half the size.
+The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and checks
+that the guard has not changed. Neither waits for the other; pixels never pass through a socket. A
+frame is (height * 3 / 2, width): the rows of Y, then U and V at half the size.
 
 The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a
-process of its own, does. Readers must not register with theirs: before Python 3.13 it would unlink
-what is not theirs (python/cpython issue 82300).
+separate process, does. Readers must not register with their tracker: before Python 3.13 it would
+unlink the writer's memory (python/cpython issue 82300).
 """
 
 import contextlib
@@ -46,13 +46,13 @@ class _Ring:
     def _release(self) -> None:
         self.images = []
         self.guards = np.zeros(0, dtype=np.uint64)
-        # a picture is still in someone's hands; the memory goes with the process
+        # a frame is still referenced: the memory is released when the process ends
         with contextlib.suppress(BufferError):
             self._memory.close()
 
 
 class FrameWriter(_Ring):
-    """The camera's side. `begin` gives the picture to draw into, `commit` shows it."""
+    """The camera's side. `begin` returns the frame to draw into, `commit` publishes it."""
 
     def __init__(self, width: int, height: int, slots: int = SLOTS) -> None:
         """Make the shared memory; raises OSError when there is none left."""
@@ -63,20 +63,20 @@ class FrameWriter(_Ring):
         self.number = 0
 
     def begin(self) -> npt.NDArray[np.uint8]:
-        """Return the picture (height * 3 / 2, width) to draw next; readers notice."""
+        """Return the frame (height * 3 / 2, width) to draw next, and invalidate it for readers."""
         slot = self.number % self.slots
         self.guards[slot] = 2 * self.number + 1
         return self.images[slot]
 
     def commit(self) -> int:
-        """Show the picture and return its number."""
+        """Publish the frame and return its number."""
         number = self.number
         self.guards[number % self.slots] = 2 * number + 2
         self.number += 1
         return number
 
     def close(self) -> None:
-        """Take the memory away; readers that still have it mapped keep what they see."""
+        """Unlink the memory; readers that still have it mapped can read it."""
         self._release()
         with contextlib.suppress(FileNotFoundError):
             self._memory.unlink()
@@ -90,7 +90,7 @@ class FrameReader(_Ring):
         super().__init__(_attach(name), width, height, slots)
 
     def copy(self, number: int) -> npt.NDArray[np.uint8] | None:
-        """Return picture `number`, or None when the writer has overtaken it."""
+        """Return frame `number`, or None when the writer has overtaken it."""
         slot = number % self.slots
         if int(self.guards[slot]) != 2 * number + 2:
             return None

@@ -1,7 +1,5 @@
-"""Things for the camera: every piece of furniture as a few upright prisms with pictures on their
-sides.
-
-What the robot bumps into is the plain outline of world/solids.py; this is only what it looks like.
+"""What furniture, docks, doors and robots look like: a few upright prisms with textures on their
+sides. Collisions use the plain outlines of world/solids.py.
 """
 
 import math
@@ -15,7 +13,7 @@ from robots.agent.simulator.render.materials import WALLS, Picture, Plane, metre
 from robots.api.floorplan import ChargingDock, Door, DoorState, Furniture
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import BodyPart
-from robots.world.solids import Floats, disc, leaf_end, rectangle, station_pose
+from robots.world.solids import Floats, disc, leaf_solid, rectangle, sides, station_pose
 
 FINE, MIDDLE, COARSE = 100.0, 60.0, 30.0  # texels a metre
 ROUND = 14
@@ -32,8 +30,8 @@ class Block:
 
     `sides` (n, 4) are segments, counter-clockwise about each prism, `pictures` one a side. `lid` is
     the colour or the picture (rows, columns, 3) of the upper face, which only a single convex prism
-    has; a picture's row 0 lies along the first side. `billboard`: one side, always turned to who
-    looks.
+    has; a picture's row 0 lies along the first side. `billboard`: one side, always turned to the
+    viewer.
     """
 
     sides: Floats
@@ -69,21 +67,19 @@ def prism(
     glow: bool = False,
 ) -> Block:
     """Return a prism; `front` paints its first side, which looks to -y of its own frame."""
-    sides = np.hstack([outline, np.roll(outline, -1, axis=0)])
-    rows = max(1, round((top - bottom) * density))
     faces = []
-    for number, (x0, y0, x1, y1) in enumerate(sides):
+    for number, (x0, y0, x1, y1) in enumerate(sides(outline)):
         columns = max(1, round(math.hypot(x1 - x0, y1 - y0) * density))
         painter = front if front is not None and number == 0 else paint
-        faces.append(painter(columns, rows))
-    return Block(sides, bottom, top, tuple(faces), lid, density, glow=glow)
+        faces.append(painter(columns, max(1, round((top - bottom) * density))))
+    return Block(sides(outline), bottom, top, tuple(faces), lid, density, glow=glow)
 
 
 def together(blocks: list[Block]) -> Block:
     """Return prisms of the same height as one block, which is drawn at once; they get no lids."""
-    sides = np.vstack([block.sides for block in blocks])
+    joined = np.vstack([block.sides for block in blocks])
     faces = tuple(face for block in blocks for face in block.pictures)
-    return replace(blocks[0], sides=sides, pictures=faces, lid=None)
+    return replace(blocks[0], sides=joined, pictures=faces, lid=None)
 
 
 class Joiner:
@@ -192,22 +188,16 @@ def _pillow(colour: Plane, width: float, depth: float, rng: np.random.Generator)
     columns, rows = max(2, round(width * MIDDLE)), max(2, round(depth * MIDDLE))
     x, y = pictures.grid(columns, rows)
     edge = np.minimum(np.minimum(x, 1.0 - x) * width, np.minimum(y, 1.0 - y) * depth)
-    picture = (
-        coat("fabric", colour, rng)(columns, rows) * (1.06 - 0.3 * np.exp(-edge / 0.04))[..., None]
-    )
+    shade = (1.06 - 0.3 * np.exp(-edge / 0.04))[..., None]
+    picture = coat("fabric", colour, rng)(columns, rows) * shade
     turned: Picture = picture.astype(np.float32).swapaxes(0, 1)
     return turned
 
 
 def _table(j: Joiner, p: Furniture) -> None:
     colour = rgb(p.colour)
-    j.legs(
-        p.width - 0.08,
-        p.depth - 0.08,
-        p.height - 0.04,
-        0.05,
-        coat("wood", colour * np.float32(0.8), j.rng),
-    )
+    wood = coat("wood", colour * np.float32(0.8), j.rng)
+    j.legs(p.width - 0.08, p.depth - 0.08, p.height - 0.04, 0.05, wood)
     j.slab(p.width, p.depth, p.height - 0.04, p.height, colour)
 
 
@@ -236,9 +226,8 @@ def _plant(j: Joiner, p: Furniture) -> None:
     clay = coat("plain", rgb("#c9c3b8"), j.rng)
     j.drum(p.width * 0.78, (0.0, pot), clay, lid=rgb("#3b2c20"))
     width = p.width * 2.1
-    leaves = pictures.foliage(
-        round(width * FINE), round((p.height - pot + 0.04) * FINE), rgb(p.colour), j.rng
-    )
+    columns, rows = round(width * FINE), round((p.height - pot + 0.04) * FINE)
+    leaves = pictures.foliage(columns, rows, rgb(p.colour), j.rng)
     x, y = j.pose.x, j.pose.y
     side = np.array([[x - width / 2.0, y, x + width / 2.0, y]])
     j.blocks.append(Block(side, pot - 0.04, p.height, (leaves,), None, FINE, billboard=True))
@@ -305,28 +294,17 @@ def dock_blocks(dock: ChargingDock, seed: int) -> list[Block]:
 
 
 def leaf_block(door: Door, state: DoorState, rng: np.random.Generator) -> Block:
-    end = leaf_end(door, state)
-    middle = Pose2D(
-        (door.start[0] + end[0]) / 2.0,
-        (door.start[1] + end[1]) / 2.0,
-        math.atan2(end[1] - door.start[1], end[0] - door.start[0]),
-    )
-    colour = rgb(door.colour)
-    outline = rectangle(middle, math.dist(door.start, end), door.leaf)
-    rows = round(door.height * FINE)
+    colour, rows = rgb(door.colour), round(door.height * FINE)
     faces = []
-    for number, (a, b) in enumerate(zip(outline, np.roll(outline, -1, axis=0), strict=True)):
-        columns = max(1, round(math.dist(a, b) * FINE))
+    segments = sides(leaf_solid(door, state).outline)
+    for number, side in enumerate(segments):
+        columns = max(1, round(math.dist(side[:2], side[2:]) * FINE))
         if number % 2 == 0:
-            faces.append(
-                pictures.door_leaf(columns, rows, colour, FINE, rng, handle_left=number == 2)
-            )
+            left = number == 2
+            faces.append(pictures.door_leaf(columns, rows, colour, FINE, rng, handle_left=left))
         else:
-            faces.append(
-                np.broadcast_to(colour * np.float32(0.85), (columns, rows, 3)).astype(np.float32)
-            )
-    sides = np.hstack([outline, np.roll(outline, -1, axis=0)])
-    return Block(sides, 0.005, door.height, tuple(faces), colour, FINE)
+            faces.append(pictures.canvas(columns, rows, colour * np.float32(0.85)))
+    return Block(segments, 0.005, door.height, tuple(faces), colour, FINE)
 
 
 def body_blocks(parts: tuple[BodyPart, ...], rng: np.random.Generator) -> list[Block]:

@@ -1,13 +1,13 @@
-"""Items side by side in arrays, so that all of them are placed in a picture at once."""
+"""Scene items side by side in arrays, so that all of them are placed in a frame at once."""
 
-import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from robots.agent.simulator.render.rays import EDGE, Mask, Places
-from robots.agent.simulator.render.scene import SceneItem
+from robots.agent.simulator.render.scene import SceneItem, moved_sides
 from robots.api.geometry import Pose2D
 from robots.world.solids import Floats
 
@@ -40,21 +40,16 @@ class Things:
         return sides
 
     def moved(self, pose: Pose2D) -> "Things":
-        """Return items made about the origin at a pose; a lid's picture is not turned."""
-        cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-        matrix = np.array([[cosine, sine], [-sine, cosine]])
-        points = self.sides.reshape(-1, 2) @ matrix + (pose.x, pose.y)
-        return replace(self, sides=points.reshape(-1, 4))
+        """Return items made about the origin at a pose; a lid's texture is not turned."""
+        return replace(self, sides=moved_sides(self.sides, pose))
 
 
 def gather(items: tuple[SceneItem, ...]) -> Things:
     """Return items in arrays."""
     counts = [len(item.sides) for item in items]
     starts = np.cumsum([0, *counts])[:-1].astype(np.intp)
-    names = {
-        name: number for number, name in enumerate(dict.fromkeys(item.group for item in items))
-    }
-    levels = items[0].offsets.shape[0] if items else 1
+    names = {name: n for n, name in enumerate(dict.fromkeys(item.group for item in items))}
+    none = np.zeros((items[0].offsets.shape[0] if items else 1, 0), dtype=np.intp)
     return Things(
         items=items,
         sides=np.vstack([np.zeros((0, 4)), *(item.sides for item in items)]),
@@ -64,12 +59,8 @@ def gather(items: tuple[SceneItem, ...]) -> Things:
         top=np.array([item.top for item in items]),
         density=np.array([item.density for item in items]),
         rows=np.array([item.rows for item in items], dtype=np.intp),
-        offsets=np.hstack(
-            [np.zeros((levels, 0), dtype=np.intp), *(item.offsets for item in items)]
-        ),
-        columns=np.hstack(
-            [np.zeros((levels, 0), dtype=np.intp), *(item.columns for item in items)]
-        ),
+        offsets=np.hstack([none, *(item.offsets for item in items)]),
+        columns=np.hstack([none, *(item.columns for item in items)]),
         deep=np.array([item.lid is not None or item.under >= 0 for item in items], dtype=np.bool_),
         group=np.array([names[item.group] for item in items], dtype=np.intp),
         billboards=np.array(
@@ -84,41 +75,31 @@ def joined(first: Things, second: Things) -> Things:
     """Return the items of both; their groups are different ones."""
     if not second.items or not first.items:
         return first if first.items else second
-    items, sides, groups = len(first.items), len(first.sides), int(first.group.max()) + 1
+    sides = len(first.sides)
+    unchanged: dict[str, Any] = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=-1)
+        for name in ("bottom", "top", "density", "rows", "offsets", "columns", "deep", "mirrored")
+    }
     return Things(
         items=first.items + second.items,
         sides=np.concatenate([first.sides, second.sides]),
-        owner=np.concatenate([first.owner, second.owner + items]),
+        owner=np.concatenate([first.owner, second.owner + len(first.items)]),
         starts=np.concatenate([first.starts, second.starts + sides]),
-        bottom=np.concatenate([first.bottom, second.bottom]),
-        top=np.concatenate([first.top, second.top]),
-        density=np.concatenate([first.density, second.density]),
-        rows=np.concatenate([first.rows, second.rows]),
-        offsets=np.concatenate([first.offsets, second.offsets], axis=1),
-        columns=np.concatenate([first.columns, second.columns], axis=1),
-        deep=np.concatenate([first.deep, second.deep]),
-        group=np.concatenate([first.group, second.group + groups]),
+        group=np.concatenate([first.group, second.group + int(first.group.max()) + 1]),
         billboards=np.concatenate([first.billboards, second.billboards + sides]),
-        mirrored=np.concatenate([first.mirrored, second.mirrored]),
+        **unchanged,
     )
 
 
 def before(things: Things, point: Floats, normal: Floats) -> Things:
     """Return the things that do not lie wholly behind a line through `point`."""
-    ahead = (
-        np.maximum.reduceat(
-            ((things.sides.reshape(-1, 2) - point) @ normal).reshape(-1, 2).max(axis=1),
-            things.starts,
-        )
-        > 0.0
-    )
-    return gather(
-        tuple(item for item, is_ahead in zip(things.items, ahead, strict=True) if is_ahead)
-    )
+    ends = ((things.sides.reshape(-1, 2) - point) @ normal).reshape(-1, 2)
+    ahead = np.maximum.reduceat(ends.max(axis=1), things.starts) > 0.0
+    return gather(tuple(things.items[n] for n in np.flatnonzero(ahead)))
 
 
 def turned(sides: Floats, origin: Floats) -> Floats:
-    """Return upright faces (n, 4) turned about their middles to who looks from `origin`."""
+    """Return upright faces (n, 4) turned about their middles to a viewer at `origin`."""
     middle = (sides[:, :2] + sides[:, 2:]) / 2.0
     half = np.hypot(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1]) / 2.0
     away = middle - origin

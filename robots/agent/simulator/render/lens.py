@@ -40,13 +40,13 @@ class Lens:
     `ray` (height / 2, width) is the index of the pixel's azimuth in `azimuths` (RAYS,), whose unit
     vectors are `directions` (RAYS, 2), one for two rows, between which it changes by less than half
     a pixel; `slope` (ROWS, height / ROWS, width) is up over horizontal, the even rows before the
-    odd ones, as all tables of pixels are kept; `above`, `below` (height,) are its greatest and
-    least of each row. `ahead`, `up` (height,) and `right` (width,) are the parts of a pixel's
-    direction, `line` (2, width) is a row of ones over `right`. `plane` (ROWS, height / ROWS, 3)
-    says of a horizontal plane one metre above or below the eye, for each row: 1, how far ahead it
-    is met, and how far to the left a column to the right of 1 meets it. `begins`, `ends` say for
-    rows and for columns which numbers they and all before them, or they and all behind them, have
-    passed: negative, so that they rise.
+    odd ones, as in all tables of pixels; `above`, `below` (height,) are its greatest and least in
+    each row. `ahead`, `up` (height,) and `right` (width,) are the parts of a pixel's direction,
+    `line` (2, width) is a row of ones over `right`. `plane` (ROWS, height / ROWS, 3) is, of a
+    horizontal plane one metre above or below the eye, for each row: 1, how far ahead it is met, and
+    how far to the left a column with `right` 1 meets it. `begins`, `ends` are, for rows and for
+    columns, the running minimum from the start and maximum from the end, negative so that they rise
+    (for `searchsorted`).
     """
 
     width: int
@@ -97,8 +97,7 @@ def grind(camera: Camera, pitch: float) -> Lens:
     down = ((np.arange(camera.height) + 0.5 - camera.height / 2.0) / focal).astype(np.float64)
     ahead = math.cos(pitch) - down * math.sin(pitch)
     up = -math.sin(pitch) - down * math.cos(pitch)
-    # The picture is the same to both sides, so half of every table is reckoned and the other half
-    # is its reflection.
+    # The picture is symmetric, so half of every table is computed and the other half reflected.
     half = -(-camera.width // 2)
     wide, deep = right.astype(np.float32)[None, :half], ahead.astype(np.float32)[:, None]
     azimuth = np.arctan2(-wide, deep[::ROWS])

@@ -1,11 +1,12 @@
-"""Light that is painted into the pictures once: warm lamps at the ceiling, a cool remainder from
-everywhere, dark corners.
+"""Light that is painted into the textures once: warm lamps at the ceiling, cool ambient light, dark
+corners.
 
 A lamp gives cos(incidence) / (distance² + c) of its strength to surfaces that face it in its
-room; shadows of furniture are soft stains on the floor. Pictures are multiplied in display values,
+room; shadows of furniture are soft stains on the floor. Textures are multiplied in display values,
 so a light L counts as L to the power of 1 / 2.2.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from robots.world.solids import Floats
 SPACING = 2.6  # metres between lamps
 DROP = 0.12
 LAMP = np.array([1.0, 0.93, 0.82])
-REMAINDER = np.array([0.34, 0.355, 0.375])
+AMBIENT = np.array([0.34, 0.355, 0.375])
 STRENGTH = 2.1
 SOFTNESS = 1.2
 DISPLAY = 1.0 / 2.2
@@ -37,7 +38,7 @@ class Lights:
 
     def at(self, points: Floats, normals: Floats, room: str | None) -> Floats:
         """Return the factor (…, 3) for texels at points (…, 3) with normals (…, 3)."""
-        light = np.broadcast_to(REMAINDER, points.shape).copy()
+        light = np.broadcast_to(AMBIENT, points.shape).copy()
         for lamp in self.lamps.get(room or "", np.zeros((0, 3))):
             towards = lamp - points
             squared = (towards**2).sum(axis=-1)
@@ -64,15 +65,14 @@ def _lamps(room: Room, ceiling: float) -> Floats:
     polygon = np.array(room.polygon)
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     counts = [max(1, round((b - a) / SPACING)) for a, b in zip(low, high, strict=True)]
-    places = [
+    across, up = (
         low[axis] + (np.arange(counts[axis]) + 0.5) * (high[axis] - low[axis]) / counts[axis]
         for axis in (0, 1)
-    ]
+    )
     found = [
         (x, y, ceiling - DROP)
-        for x in places[0]
-        for y in places[1]
-        if contains(room.polygon, float(x), float(y))
+        for x, y in itertools.product(across.tolist(), up.tolist())
+        if contains(room.polygon, x, y)
     ]
     return np.array(found).reshape(-1, 3)
 
@@ -96,18 +96,14 @@ def light_wall(
     points[..., :2] = (start + share[:, None] * (end - start))[:, None, :]
     points[..., 2] = height
     normal = np.array([end[1] - start[1], start[0] - end[0], 0.0]) / length
-    middle = (start + end) / 2.0 + 0.1 * normal[:2]
-    factor = lights.at(
-        points,
-        np.broadcast_to(normal, points.shape),
-        lights.room_of(float(middle[0]), float(middle[1])),
-    )
+    x, y = ((start + end) / 2.0 + 0.1 * normal[:2]).tolist()
+    factor = lights.at(points, np.broadcast_to(normal, points.shape), lights.room_of(x, y))
     factor *= (1.0 - 0.22 * np.exp(-height / 0.12))[None, :, None]
     if corners:
-        along = share * length
-        factor *= (
-            (1.0 - 0.2 * np.exp(-along / 0.15)) * (1.0 - 0.2 * np.exp(-(length - along) / 0.15))
-        )[:, None, None]
+        ends = [
+            1.0 - 0.2 * np.exp(-away / 0.15) for away in (share * length, length - share * length)
+        ]
+        factor *= (ends[0] * ends[1])[:, None, None]
         factor *= (1.0 - 0.12 * np.exp(-(lights.plan.ceiling - height) / 0.15))[None, :, None]
     picture *= enlarge(factor, (picture.shape[0], picture.shape[1]))
 
@@ -122,23 +118,17 @@ def light_floor(
     height: float,
     upwards: bool,
 ) -> None:
-    """Light a floor or a ceiling (rows, columns, 3) in place.
+    """Light the floor or the ceiling (rows, columns, 3) of the whole site in place.
 
-    Args:
-        picture: the whole site's.
-        lights: of the site.
-        x: (columns,) metres of the picture's texels.
-        y: (rows,) metres of the picture's texels.
-        solid: (rows, columns), True where it is occupied.
-        height: metres.
-        upwards: which side is seen.
+    `x` (columns,) and `y` (rows,) are the metres of its texels, `solid` (rows, columns) is True
+    where it is occupied, `height` in metres; `upwards`: it is a floor, seen from above.
     """
     step = max(1, round(COARSE / float(x[1] - x[0])))
     coarse_x, coarse_y = x[::step], y[::step]
     points = np.empty((coarse_y.size, coarse_x.size, 3))
     points[..., 0], points[..., 1], points[..., 2] = coarse_x[None, :], coarse_y[:, None], height
     normals = np.broadcast_to(np.array([0.0, 0.0, 1.0 if upwards else -1.0]), points.shape)
-    factor = np.broadcast_to(REMAINDER**DISPLAY, points.shape).copy()
+    factor = np.broadcast_to(AMBIENT**DISPLAY, points.shape).copy()
     for room in lights.plan.rooms:
         polygon = np.array(room.polygon)
         rows = (coarse_y > polygon[:, 1].min() - 0.12) & (coarse_y < polygon[:, 1].max() + 0.12)
@@ -146,11 +136,9 @@ def light_floor(
         block = np.ix_(rows, columns)
         factor[block] = lights.at(points[block], normals[block], room.name)
     distance = ndimage.distance_transform_edt(~solid[::HALF, ::HALF]) * float(x[1] - x[0]) * HALF
-    shade = enlarge(
-        (1.0 - 0.42 * np.exp(-distance / 0.10))[..., None], (picture.shape[0], picture.shape[1])
-    )
-    picture *= enlarge(factor, (picture.shape[0], picture.shape[1]))
-    picture *= shade
+    shade = (1.0 - 0.42 * np.exp(-distance / 0.10))[..., None]
+    for each in (factor, shade):
+        picture *= enlarge(each, (picture.shape[0], picture.shape[1]))
 
 
 def enlarge(factor: Floats, shape: tuple[int, int]) -> Picture:

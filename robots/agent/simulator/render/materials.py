@@ -1,9 +1,9 @@
-"""What walls and floors are made of: pictures computed from metres, not drawn by hand.
+"""Textures of walls and floors, computed from metres.
 
-A wall's picture is (columns, rows, 3) float32 from 0 to 1: first axis along the wall, left to right
-for who looks at it, second axis upwards, so that one column of the camera reads neighbouring
-texels. A floor's is (rows, columns, 3) along y and x. Coordinates are in metres and may begin
-anywhere, so that patterns go on round corners and from room to room.
+A wall's texture is (columns, rows, 3) float32 from 0 to 1: first axis along the wall, left to right
+for the viewer, second axis upwards, so that one column of the camera reads neighbouring texels. A
+floor's is (rows, columns, 3) along y and x. Coordinates are in metres with any origin, so that
+patterns continue round corners and from room to room.
 """
 
 from collections.abc import Callable
@@ -14,6 +14,7 @@ from scipy import ndimage
 
 Picture = npt.NDArray[np.float32]
 Plane = npt.NDArray[np.float32]
+Material = Callable[[Plane, Plane, Plane, np.random.Generator], Picture]
 
 BASEBOARD = 0.09
 RAIL = 1.05  # height of the edge between two tones
@@ -63,16 +64,13 @@ def per_piece(number: npt.NDArray[np.int_], rng: np.random.Generator) -> Plane:
     return table[(number * 2654435761) % 4096]
 
 
-# --- walls: (u, z, colour, rng) -> picture; u (columns, 1) and z (1, rows) in metres
-# -----------------------------------
+# --- walls: (u, z, colour, rng) -> picture; u (columns, 1) and z (1, rows) in metres --------------
 
 
 def plaster(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     """Paint on plaster: a little grain, a little cloud."""
-    shape = (u.size, z.size)
-    return tint(
-        1.0 + 0.009 * noise(shape, (1, 1), rng) + 0.02 * noise(shape, (60, 60), rng), colour
-    )
+    grain, cloud = (noise((u.size, z.size), (cell, cell), rng) for cell in (1, 60))
+    return tint(1.0 + 0.009 * grain + 0.02 * cloud, colour)
 
 
 def two_tone(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -103,11 +101,8 @@ def brick(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pictur
     column = np.floor(along / 0.24).astype(np.int_)
     across, up = np.mod(along, 0.24), np.mod(z, 0.075) + 0.0 * along
     mortar = (across < 0.010) | (up < 0.010)
-    tone = (
-        1.0
-        + 0.16 * per_piece(column + 997 * row, rng)
-        + 0.05 * noise((u.size, z.size), (2, 2), rng)
-    )
+    tone = 1.0 + 0.16 * per_piece(column + 997 * row, rng)
+    tone = tone + 0.05 * noise((u.size, z.size), (2, 2), rng)
     tone *= np.where(up > 0.062, 1.08, np.where(up < 0.02, 0.88, 1.0))
     picture = tint(tone.astype(np.float32), colour)
     picture[mortar] = rgb("#b9ada0") * 0.92
@@ -125,15 +120,11 @@ def panelling(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pi
     return picture
 
 
-def _boards(
-    u: Plane, z: Plane, colour: Plane, rng: np.random.Generator, width: float = 0.12
-) -> Picture:
+def _boards(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
+    width = 0.12
     board = np.floor(u / width).astype(np.int_)
-    grain = (
-        noise((u.size, z.size), (1.2, 40), rng) * 0.05
-        + noise((u.size, z.size), (3, 120), rng) * 0.05
-    )
-    tone = 1.0 + 0.09 * per_piece(board, rng) + grain
+    fine, coarse = (noise((u.size, z.size), cell, rng) for cell in ((1.2, 40), (3, 120)))
+    tone = 1.0 + 0.09 * per_piece(board, rng) + (fine * 0.05 + coarse * 0.05)
     tone = tone * np.where(np.mod(u, width) < 0.009, 0.62, 1.0)
     return tint(tone.astype(np.float32), colour)
 
@@ -146,10 +137,8 @@ def wood(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture
 
 
 def fabric(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
-    shape = (u.size, z.size)
-    return tint(
-        1.0 + 0.035 * noise(shape, (1, 1), rng) + 0.05 * noise(shape, (14, 14), rng), colour
-    )
+    weave, folds = (noise((u.size, z.size), (cell, cell), rng) for cell in (1, 14))
+    return tint(1.0 + 0.035 * weave + 0.05 * folds, colour)
 
 
 def concrete(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -161,11 +150,11 @@ def concrete(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pic
 
 
 def plain(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
-    """One colour, hardly alive."""
+    """One colour with very little noise."""
     return tint(1.0 + 0.01 * noise((u.size, z.size), (3, 3), rng), colour)
 
 
-WALLS: dict[str, Callable[[Plane, Plane, Plane, np.random.Generator], Picture]] = {
+WALLS: dict[str, Material] = {
     "plaster": plaster,
     "two_tone": two_tone,
     "wallpaper": wallpaper,
@@ -191,8 +180,7 @@ def skirt(picture: Picture, z: Plane, ceiling: float) -> None:
     picture[:, (height > ceiling - 0.062) & ~cornice] *= 0.84
 
 
-# --- floors: (x, y, colour, rng) -> picture; x (1, columns) and y (rows, 1) in metres
-# -----------------------------------
+# --- floors: (x, y, colour, rng) -> picture; x (1, columns) and y (rows, 1) in metres -------------
 
 
 def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -200,11 +188,8 @@ def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     row = np.floor(y / 0.14).astype(np.int_)
     along = x + 0.53 * (row % 5) + 0.21 * (row % 3)
     plank = np.floor(along / 1.3).astype(np.int_)
-    grain = (
-        noise((y.size, x.size), (1.3, 45), rng) * 0.045
-        + noise((y.size, x.size), (4, 110), rng) * 0.045
-    )
-    tone = 1.0 + 0.11 * per_piece(plank + 613 * row, rng) + grain
+    fine, coarse = (noise((y.size, x.size), cell, rng) for cell in ((1.3, 45), (4, 110)))
+    tone = 1.0 + 0.11 * per_piece(plank + 613 * row, rng) + (fine * 0.045 + coarse * 0.045)
     gap = (np.mod(y, 0.14) < 0.010) | (np.mod(along, 1.3) < 0.012)
     return tint((tone * np.where(gap, 0.66, 1.0)).astype(np.float32), colour)
 
@@ -212,9 +197,8 @@ def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
 def tiles(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     """Square tiles, 40 cm, with grout; every other one a shade darker."""
     column, row = np.floor(x / 0.4).astype(np.int_), np.floor(y / 0.4).astype(np.int_)
-    cloud = (
-        noise((y.size, x.size), (9, 14), rng) * 0.02 + noise((y.size, x.size), (1, 1), rng) * 0.012
-    )
+    cloud, grain = (noise((y.size, x.size), cell, rng) for cell in ((9, 14), (1, 1)))
+    cloud = cloud * 0.02 + grain * 0.012
     tone = 1.0 + 0.035 * per_piece(column + 331 * row, rng) - 0.09 * ((column + row) % 2) + cloud
     picture = tint(tone.astype(np.float32), colour)
     picture[(np.mod(x, 0.4) < 0.012) | (np.mod(y, 0.4) < 0.012)] = colour * 0.7
@@ -237,7 +221,7 @@ def screed(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Pictu
     return tint(1.0 + 0.02 * noise(shape, (1, 1), rng) + 0.05 * noise(shape, (50, 50), rng), colour)
 
 
-FLOORS: dict[str, Callable[[Plane, Plane, Plane, np.random.Generator], Picture]] = {
+FLOORS: dict[str, Material] = {
     "oak": oak,
     "tiles": tiles,
     "carpet": carpet,
@@ -259,8 +243,6 @@ def rug(
     picture[(edge > 0.10) & (edge < 0.17)] = cream
     picture[(edge > 0.12) & (edge < 0.15)] = colour * 0.6
     picture[edge < 0.03] = cream * 0.85
-    picture *= (
-        1.0
-        + 0.06 * ndimage.uniform_filter(rng.standard_normal((rows, columns), dtype=np.float32), 2)
-    )[..., None]
+    grain = rng.standard_normal((rows, columns), dtype=np.float32)
+    picture *= (1.0 + 0.06 * ndimage.uniform_filter(grain, 2))[..., None]
     return picture

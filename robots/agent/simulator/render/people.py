@@ -1,8 +1,8 @@
-"""People for the camera: each one an upright picture of the body from the side that one looks at,
-in the phase of the walk.
+"""People for the camera: an upright sprite of each body, from the side that the viewer sees and in
+the phase of the walk.
 
-A body from the right is the same body, half a walk on, from the left and the wrong way round; so
-only one half is drawn, each picture when it is needed for the first time.
+A body from the right is the mirror image of the same body from the left, half a walk later; so only
+one half is drawn, each sprite when it is first needed.
 """
 
 import math
@@ -21,15 +21,15 @@ from robots.world.solids import Floats
 PHASES = 12  # of a walk
 VIEWS = 9  # from the front to the back
 STANDING = -1
-SLOWEST = 0.05  # m/s: who is slower stands
-HEADROOM = 0.06  # metres of a picture above who stands upright
-NOBODY = gather(())
+SLOWEST = 0.05  # m/s of a walking person
+HEADROOM = 0.06  # metres of a sprite above a standing person
+NO_PEOPLE = gather(())
 
 Key = tuple[int, int, int]
 
 
 class Figures:
-    """Draws people when they are seen; keeps what it drew, in `texture_atlas`."""
+    """Draws people when they are first seen, and keeps the sprites in `texture_atlas`."""
 
     def __init__(self, texture_atlas: TextureAtlas) -> None:
         self._atlas = texture_atlas
@@ -38,10 +38,8 @@ class Figures:
     def things(self, people: tuple[Person, ...], origin: Floats) -> Things:
         """Return people as things, as seen from a point (2,)."""
         if not people:
-            return NOBODY
-        return gather(
-            tuple(self._item(number, person, origin) for number, person in enumerate(people))
-        )
+            return NO_PEOPLE
+        return gather(tuple(self._item(n, person, origin) for n, person in enumerate(people)))
 
     def _item(self, number: int, person: Person, origin: Floats) -> SceneItem:
         away = np.array([person.x, person.y]) - origin
@@ -79,7 +77,7 @@ class Figures:
 
 
 def chosen(person: Person, bearing: float) -> tuple[Key, bool]:
-    """Return a person's picture key for a viewer's bearing in radians, and if mirrored."""
+    """Return the key of a person's sprite from a bearing in radians, and whether it is mirrored."""
     turned = math.remainder(bearing, 2.0 * math.pi)
     view, mirrored = round(abs(turned) * (VIEWS - 1) / math.pi), turned < 0.0
     if abs(person.speed) < SLOWEST:

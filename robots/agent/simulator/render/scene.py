@@ -1,12 +1,12 @@
-"""A site made ready for the camera: faces of walls, floor, ceiling and things, all of their
-pictures lit and in one atlas.
-
-Longer than most files: every part is a few lines, and all of them fill the one atlas.
+"""A site made ready for the camera: faces of walls, floor, ceiling and things, with their textures
+lit and in one atlas.
 """
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -28,10 +28,20 @@ from robots.agent.simulator.render.materials import (
     tint,
 )
 from robots.agent.simulator.render.texture_atlas import Flat, TextureAtlas, Upright
-from robots.api.floorplan import Decoration, Door, DoorState, FloorPlan, Mirror, Passage, Surface
+from robots.api.floorplan import (
+    Decoration,
+    Door,
+    DoorState,
+    FloorPlan,
+    Mirror,
+    Passage,
+    Surface,
+    Wall,
+)
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import RobotModel
-from robots.world.solids import Floats, bar, fixed_solids, inside, leaf_turn, rectangle
+from robots.world.sensing import points_from_frame
+from robots.world.solids import Floats, bar, fixed_solids, inside, leaf_turn, rectangle, sides
 
 WALL_DENSITY = 100.0  # texels a metre
 FLOOR_DENSITY = 100.0
@@ -46,10 +56,8 @@ SUNLIT = 3.0  # metres about a window
 
 @dataclass(frozen=True, eq=False)
 class Lid:
-    """An upper face: `width` x `height` texels from `offset` on, and the way from world metres to
-    them: (u, v) = matrix @ (x, y) + shift.
-
-    One texel is one colour.
+    """An upper face: `width` x `height` texels from `offset` on, a single one for a plain colour;
+    texel (u, v) = matrix @ (x, y) + shift for a world point in metres.
     """
 
     offset: int
@@ -66,8 +74,8 @@ class SceneItem:
     `sides` (n, 4) in the world, or about the origin for what moves; `offsets` and `columns`
     (levels, n) into the atlas; `group` is shared by the parts of one thing, which must not be
     sorted apart; `under` is the colour of the lower face, -1 when it has none. `billboard`: its one
-    side always turns to who looks; `holes`: one looks through its picture here and there;
-    `mirrored`: the picture is the wrong way round.
+    side always turns to the viewer; `holes`: its texture is transparent in places; `mirrored`: the
+    texture is reversed.
     """
 
     group: str
@@ -85,13 +93,13 @@ class SceneItem:
     mirrored: bool = False
 
     def moved(self, pose: Pose2D) -> "SceneItem":
-        """Return the item, made about the origin, at a pose; a lid's picture is not turned."""
-        cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-        matrix = np.array([[cosine, sine], [-sine, cosine]])
-        sides = np.hstack([self.sides[:, :2] @ matrix, self.sides[:, 2:] @ matrix]) + np.array(
-            [pose.x, pose.y, pose.x, pose.y]
-        )
-        return dataclasses.replace(self, sides=sides)
+        """Return the item, made about the origin, at a pose; a lid's texture is not turned."""
+        return dataclasses.replace(self, sides=moved_sides(self.sides, pose))
+
+
+def moved_sides(sides: Floats, pose: Pose2D) -> Floats:
+    """Return sides (n, 4) that were made about the origin at a pose."""
+    return points_from_frame(pose, sides.reshape(-1, 2)).reshape(-1, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +109,20 @@ class Glass:
     line: Floats
     bottom: float
     top: float
+
+    @cached_property
+    def length(self) -> float:
+        return math.dist(self.line[:2], self.line[2:])
+
+    @cached_property
+    def along(self) -> Floats:
+        """Unit vector (2,) from start to end; `normal` points out of the glass."""
+        along: Floats = (self.line[2:] - self.line[:2]) / self.length
+        return along
+
+    @cached_property
+    def normal(self) -> Floats:
+        return np.array([-self.along[1], self.along[0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +150,7 @@ class RenderScene:
     mirrors: tuple[Glass, ...]
 
     def swinging(self, door: Door, opening: float) -> SceneItem:
-        """Return a leaf on its way, as it is lit at the nearer end of it."""
+        """Return a swinging leaf, lit as in the nearer state of rest."""
         state: DoorState = "open" if opening > 0.5 else "closed"
         leaf = self.leaves[door.name, state]
         turn = leaf_turn(door, opening) - leaf_turn(door, state)
@@ -137,7 +159,7 @@ class RenderScene:
 
 
 class Builder:
-    """Makes a scene; a second's work, once."""
+    """Makes a scene, which takes a second."""
 
     def __init__(self, plan: FloorPlan, seed: int) -> None:
         self.plan = plan
@@ -152,15 +174,13 @@ class Builder:
         items = [item for opening in self.plan.openings for item in self._lintel(opening)]
         for piece in self.plan.furniture:
             items += [self._item(piece.name, block) for block in furniture.furnish(piece, self.rng)]
-        for number, dock in enumerate(self.plan.docks):
-            items += [
-                self._item(dock.name, block) for block in furniture.dock_blocks(dock, number + 1)
-            ]
+        for number, dock in enumerate(self.plan.docks, start=1):
+            items += [self._item(dock.name, block) for block in furniture.dock_blocks(dock, number)]
         states: tuple[DoorState, ...] = ("open", "closed")
         leaves = {
-            (d.name, s): self._item(d.name, furniture.leaf_block(d, s, self.rng))
-            for d in self.plan.doors
-            for s in states
+            (door.name, state): self._item(door.name, furniture.leaf_block(door, state, self.rng))
+            for door in self.plan.doors
+            for state in states
         }
         body = tuple(
             self._item("robot", block, lit=False)
@@ -170,8 +190,8 @@ class Builder:
             ceiling=self.plan.ceiling,
             texture_atlas=self.texture_atlas,
             walls=walls,
-            wall_offsets=np.array([u.offsets for u in uprights], dtype=np.intp).T.copy(),
-            wall_columns=np.array([u.columns for u in uprights], dtype=np.intp).T.copy(),
+            wall_offsets=_levels([upright.offsets for upright in uprights]),
+            wall_columns=_levels([upright.columns for upright in uprights]),
             wall_rows=uprights[0].rows,
             wall_lengths=np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]),
             floor=floor,
@@ -188,23 +208,18 @@ class Builder:
     # --- walls ------------------------------------------------------------------------------------
 
     def _walls(self) -> tuple[Floats, list[Upright]]:
-        """Return the faces that can be seen from a room or an opening, and their pictures."""
+        """Return the faces that can be seen from a room or an opening, and their textures."""
+        trim = Surface(material="trim", colour="#f1eee6")
         faces: list[Floats] = []
         uprights: list[Upright] = []
         for wall in self.plan.walls:
-            outline = bar(wall.start, wall.end, wall.thickness)
-            looks = (
-                wall.right,
-                Surface(material="trim", colour="#f1eee6"),
-                wall.left,
-                Surface(material="trim", colour="#f1eee6"),
-            )
-            for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
+            surfaces = (wall.right, trim, wall.left, trim)
+            for surface, side in zip(surfaces, _bar_sides(wall), strict=True):
+                start, end = side[:2], side[2:]
                 if self._is_seen(start, end):
-                    faces.append(np.hstack([start, end]))
-                    uprights.append(
-                        self.texture_atlas.upright(self._wall_picture(look, start, end))
-                    )
+                    faces.append(side)
+                    picture = self._wall_picture(surface, start, end)
+                    uprights.append(self.texture_atlas.upright(picture))
         return np.array(faces), uprights
 
     def _is_seen(self, start: Floats, end: Floats) -> bool:
@@ -215,31 +230,25 @@ class Builder:
             if self.plan.room_at(float(x), float(y)) is not None:
                 return True
             if any(
-                inside(bar(o.start, o.end, o.thickness + 0.02), np.array([x]), np.array([y]))[0]
-                for o in self.plan.openings
+                inside(bar(each.start, each.end, each.thickness + 0.02), x, y)
+                for each in self.plan.openings
             ):
                 return True
         return False
 
     def _wall_picture(self, look: Surface, start: Floats, end: Floats) -> Picture:
-        length = math.dist(start, end)
-        columns = max(1, round(length * WALL_DENSITY))
+        columns = max(1, round(math.dist(start, end) * WALL_DENSITY))
         rows = round(self.plan.ceiling * WALL_DENSITY)
         u, z = metres(columns, rows, WALL_DENSITY)
         picture = WALLS[look.material](u, z, rgb(look.colour), self.rng)
         if look.material != "trim":
             skirt(picture, z, self.plan.ceiling)
         self._casings(picture, start, end)
-        pasted = [d for d in self.plan.decorations if _along(start, end, d.x, d.y) is not None]
-        glass = [
-            m
-            for m in self.plan.mirrors
-            if _along(start, end, *m.start) is not None and _along(start, end, *m.end) is not None
-        ]
-        for mirror in glass:
-            _mirror_frame(picture, start, end, mirror)
-        bright = [d for d in pasted if d.kind in {"window", "screen"}]
-        for decoration in pasted:
+        for mirror in self.plan.mirrors:
+            ends = [_along(start, end, *mirror.start), _along(start, end, *mirror.end)]
+            _mirror_frame(picture, mirror, [at for at in ends if at is not None])
+        bright = [d for d in self.plan.decorations if d.kind in {"window", "screen"}]
+        for decoration in self.plan.decorations:
             if decoration not in bright:
                 self._paste(picture, start, end, decoration, shadow=decoration.kind != "clock")
         light_wall(
@@ -261,7 +270,7 @@ class Builder:
         wide = round(CASING * WALL_DENSITY)
         for opening in self.plan.openings:
             high = round((opening.height + CASING) * WALL_DENSITY)
-            for corner in bar(opening.start, opening.end, opening.thickness):
+            for corner in _bar(opening):
                 at = _along(start, end, float(corner[0]), float(corner[1]), slack=BESIDE)
                 if at is None or length < 4.0 * CASING:
                     continue
@@ -297,33 +306,26 @@ class Builder:
         above = self.plan.ceiling - opening.height
         if above < 0.02:
             return []
-        outline = bar(opening.start, opening.end, opening.thickness)
-        looks = (
-            self._look_beside(opening, right=True),
-            Surface(),
-            self._look_beside(opening, right=False),
-            Surface(),
-        )
-        faces = []
-        for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
-            columns = max(1, round(math.dist(start, end) * WALL_DENSITY))
-            rows = max(1, round(above * WALL_DENSITY))
-            u, z = metres(columns, rows, WALL_DENSITY)
+        right, left = (self._surface_beside(opening, right=side) for side in (True, False))
+        surfaces, segments = (right, Surface(), left, Surface()), _bar_sides(opening)
+        faces, casing = [], round(CASING * WALL_DENSITY)
+        for surface, side in zip(surfaces, segments, strict=True):
+            columns = max(1, round(math.dist(side[:2], side[2:]) * WALL_DENSITY))
+            u, z = metres(columns, max(1, round(above * WALL_DENSITY)), WALL_DENSITY)
             z = opening.height + z
-            picture = WALLS[look.material](u, z.astype(np.float32), rgb(look.colour), self.rng)
+            colour = rgb(surface.colour)
+            picture = WALLS[surface.material](u, z.astype(np.float32), colour, self.rng)
             skirt(picture, z, self.plan.ceiling)
-            picture[:, : round(CASING * WALL_DENSITY)] = WHITE * 0.98
-            picture[:, round(CASING * WALL_DENSITY) : round(CASING * WALL_DENSITY) + 1] *= 0.75
+            picture[:, :casing] = WHITE * 0.98
+            picture[:, casing : casing + 1] *= 0.75
             faces.append(picture)
-        sides = np.hstack([outline, np.roll(outline, -1, axis=0)])
-        block = Block(sides, opening.height, self.plan.ceiling, tuple(faces), None, WALL_DENSITY)
+        block = Block(segments, opening.height, self.plan.ceiling, tuple(faces), None, WALL_DENSITY)
         item = self._item(f"lintel of {opening.name}", block)
-        return [
-            dataclasses.replace(item, under=self.texture_atlas.colour(WHITE * np.float32(0.72)))
-        ]
+        under = self.texture_atlas.colour(WHITE * np.float32(0.72))
+        return [dataclasses.replace(item, under=under)]
 
-    def _look_beside(self, opening: Door | Passage, *, right: bool) -> Surface:
-        """Return how the wall looks that goes on beside an opening."""
+    def _surface_beside(self, opening: Door | Passage, *, right: bool) -> Surface:
+        """Return the surface of the wall that continues beside an opening."""
         for wall in self.plan.walls:
             for mine, theirs in (
                 (opening.start, wall.end),
@@ -342,8 +344,7 @@ class Builder:
     def _floor_and_roof(self) -> tuple[Flat, Flat, Floats]:
         points = np.vstack([np.array(room.polygon) for room in self.plan.rooms])
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
-        floor = self._floor(low, high)
-        roof = self._roof(low, high)
+        floor, roof = self._floor(low, high), self._roof(low, high)
         return self.texture_atlas.flat(floor), self.texture_atlas.flat(roof, 1), low
 
     def _floor(self, low: Floats, high: Floats) -> Picture:
@@ -352,33 +353,20 @@ class Builder:
         picture[...] = rgb("#8f8a80")
         for room in self.plan.rooms:
             polygon = np.array(room.polygon)
-            rows = slice(
-                *np.searchsorted(y, [polygon[:, 1].min() - 0.1, polygon[:, 1].max() + 0.1])
-            )
-            columns = slice(
-                *np.searchsorted(x, [polygon[:, 0].min() - 0.1, polygon[:, 0].max() + 0.1])
-            )
+            corners = np.stack([polygon.min(axis=0) - 0.1, polygon.max(axis=0) + 0.1])
+            rows, columns = _around(corners, x, y)
             picture[rows, columns] = FLOORS[room.floor](
                 x[None, columns], y[rows, None], rgb(room.floor_colour), self.rng
             )
-        for opening in self.plan.openings:
-            outline = bar(opening.start, opening.end, opening.thickness)
-            rows, columns = _around(outline, x, y)
-            picture[rows, columns][_covers(outline, x[columns], y[rows])] = rgb("#77634a")
+        picture[_covered(map(_bar, self.plan.openings), x, y)] = rgb("#77634a")
         for piece in self.plan.rugs:
             woven = rug(piece.width, piece.depth, rgb(piece.colour), FLOOR_DENSITY, self.rng)
             _lay(picture, x, y, Pose2D(piece.x, piece.y, piece.theta), woven)
         for dock in self.plan.docks:
-            _lay(
-                picture,
-                x,
-                y,
-                Pose2D(dock.x, dock.y, dock.theta).compose(Pose2D(-0.25, 0.0, 0.0)),
-                _guide(dock.station.width),
-            )
-        light_floor(
-            picture, self.lights, x, y, solid=self._standing(x, y), height=0.0, upwards=True
-        )
+            lane = Pose2D(dock.x, dock.y, dock.theta).compose(Pose2D(-0.25, 0.0, 0.0))
+            _lay(picture, x, y, lane, _guide(dock.station.width))
+        solid = _covered((each.outline for each in fixed_solids(self.plan)), x, y)
+        light_floor(picture, self.lights, x, y, solid=solid, height=0.0, upwards=True)
         self._sunlight(picture, x, y)
         return picture
 
@@ -386,13 +374,9 @@ class Builder:
         x, y = _texels(low, high, CEILING_DENSITY)
         grain = noise((y.size, x.size), (1, 1), self.rng)
         picture = tint(1.0 + 0.006 * grain, rgb("#f6f4ee"))
-        walls = np.zeros((y.size, x.size), dtype=np.bool_)
-        for wall in self.plan.walls:
-            outline = bar(wall.start, wall.end, wall.thickness)
-            rows, columns = _around(outline, x, y)
-            walls[rows, columns] |= _covers(outline, x[columns], y[rows])
+        solid = _covered(map(_bar, self.plan.walls), x, y)
         light_floor(
-            picture, self.lights, x, y, solid=walls, height=self.plan.ceiling, upwards=False
+            picture, self.lights, x, y, solid=solid, height=self.plan.ceiling, upwards=False
         )
         for lamps in self.lights.lamps.values():
             for lamp in lamps:
@@ -406,20 +390,13 @@ class Builder:
                 picture[(dx < LAMP_SIZE) & (dy < LAMP_SIZE)] = rgb("#fffdf4")
         return picture
 
-    def _standing(self, x: Plane, y: Plane) -> npt.NDArray[np.bool_]:
-        mask = np.zeros((y.size, x.size), dtype=np.bool_)
-        for solid in fixed_solids(self.plan):
-            rows, columns = _around(solid.outline, x, y)
-            mask[rows, columns] |= _covers(solid.outline, x[columns], y[rows])
-        return mask
-
     def _sunlight(self, picture: Picture, x: Plane, y: Plane) -> None:
         """Let daylight fall from every window onto the floor, two metres into the room."""
         for decoration in self.plan.decorations:
             face = self._face_of(decoration) if decoration.kind == "window" else None
             if face is None:
                 continue
-            start, end = face
+            start, end = face[:2], face[2:]
             along = (end - start) / math.dist(start, end)
             normal = np.array([along[1], -along[0]])
             place = np.array([[decoration.x, decoration.y]])
@@ -428,20 +405,17 @@ class Builder:
             dy = y[rows, None] - np.float32(decoration.y)
             away, aside = dx * normal[0] + dy * normal[1], dx * along[0] + dy * along[1]
             slanted = aside - 0.35 * away
-            patch = np.clip((decoration.width / 2.0 - np.abs(slanted)) / 0.15, 0.0, 1.0) * np.clip(
-                (0.75 - np.abs(away - 1.35)) / 0.25, 0.0, 1.0
-            )
+            wide = np.clip((decoration.width / 2.0 - np.abs(slanted)) / 0.15, 0.0, 1.0)
+            patch = wide * np.clip((0.75 - np.abs(away - 1.35)) / 0.25, 0.0, 1.0)
             bars = 1.0 - 0.75 * np.clip(1.0 - np.abs(slanted) / 0.04, 0.0, 1.0)
-            picture[rows, columns] *= 1.0 + (0.3 * patch * bars)[..., None].astype(
-                np.float32
-            ) * np.array([1.0, 0.92, 0.72], dtype=np.float32)
+            light = (0.3 * patch * bars)[..., None].astype(np.float32)
+            picture[rows, columns] *= 1.0 + light * np.array([1.0, 0.92, 0.72], dtype=np.float32)
 
-    def _face_of(self, decoration: Decoration) -> tuple[Floats, Floats] | None:
+    def _face_of(self, decoration: Decoration) -> Floats | None:
         for wall in self.plan.walls:
-            outline = bar(wall.start, wall.end, wall.thickness)
-            for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-                if _along(start, end, decoration.x, decoration.y) is not None:
-                    return start, end
+            for side in _bar_sides(wall):
+                if _along(side[:2], side[2:], decoration.x, decoration.y) is not None:
+                    return np.asarray(side)
         return None
 
     # --- things -----------------------------------------------------------------------------------
@@ -466,8 +440,8 @@ class Builder:
             bottom=block.bottom,
             top=block.top,
             density=block.density,
-            offsets=np.array([u.offsets for u in uprights], dtype=np.intp).T.copy(),
-            columns=np.array([u.columns for u in uprights], dtype=np.intp).T.copy(),
+            offsets=_levels([upright.offsets for upright in uprights]),
+            columns=_levels([upright.columns for upright in uprights]),
             rows=uprights[0].rows,
             lid=self._lid(block, lit=lit),
             billboard=block.billboard,
@@ -480,33 +454,25 @@ class Builder:
         middle = block.sides[:, :2].mean(axis=0)
         point = np.array([[*middle, block.top]])
         room = self.lights.room_of(float(middle[0]), float(middle[1]))
-        light = (
-            self.lights.at(point, np.array([[0.0, 0.0, 1.0]]), room)[0].astype(np.float32)
-            if lit and not block.glow
-            else np.float32(1.0)
-        )
-        shade: Picture = block.lid * light
+        shade: Picture = block.lid
+        if lit and not block.glow:
+            light = self.lights.at(point, np.array([[0.0, 0.0, 1.0]]), room)[0]
+            shade = shade * light.astype(np.float32)
         if shade.ndim == 1:
             return Lid(self.texture_atlas.colour(shade.astype(np.float32)))
         origin, right, up = block.sides[0, :2], block.sides[1, :2], block.sides[3, :2]
-        axes = (
-            np.stack(
-                [(right - origin) / math.dist(right, origin), (up - origin) / math.dist(up, origin)]
-            )
-            * block.density
-        )
+        axes = np.stack([(end - origin) / math.dist(end, origin) for end in (right, up)])
+        axes *= block.density
         flat = self.texture_atlas.flat(shade, 1)
         return Lid(flat.offsets[0], flat.widths[0], flat.heights[0], axes, -axes @ origin)
 
 
-def _mirror_frame(picture: Picture, start: Floats, end: Floats, mirror: Mirror) -> None:
-    ends = sorted(
-        at
-        for at in (_along(start, end, *mirror.start), _along(start, end, *mirror.end))
-        if at is not None
-    )
-    a = round((ends[0] - MIRROR_RIM) * WALL_DENSITY)
-    b = round((ends[1] + MIRROR_RIM) * WALL_DENSITY)
+def _mirror_frame(picture: Picture, mirror: Mirror, ends: list[float]) -> None:
+    """Paint a mirror's frame if both of its ends, metres along the face, are on it."""
+    if len(ends) < 2:
+        return
+    a = round((min(ends) - MIRROR_RIM) * WALL_DENSITY)
+    b = round((max(ends) + MIRROR_RIM) * WALL_DENSITY)
     low = round((mirror.bottom - MIRROR_RIM) * WALL_DENSITY)
     high = round((mirror.top + MIRROR_RIM) * WALL_DENSITY)
     picture[max(0, a) : b, max(0, low) : high] = rgb("#8a6a3c")
@@ -536,9 +502,28 @@ def _around(points: Floats, x: Plane, y: Plane) -> tuple[slice, slice]:
     )
 
 
-def _covers(outline: Floats, x: Plane, y: Plane) -> npt.NDArray[np.bool_]:
-    """Tell which texels (rows, columns) lie in a convex outline."""
-    return inside(outline, *np.meshgrid(x.astype(np.float64), y.astype(np.float64)))
+def _covered(outlines: Iterable[Floats], x: Plane, y: Plane) -> npt.NDArray[np.bool_]:
+    """Tell which texels (rows, columns) lie in one of some convex outlines."""
+    mask = np.zeros((y.size, x.size), dtype=np.bool_)
+    for outline in outlines:
+        rows, columns = _around(outline, x, y)
+        points = np.meshgrid(x[columns].astype(np.float64), y[rows].astype(np.float64))
+        mask[rows, columns] |= inside(outline, *points)
+    return mask
+
+
+def _bar(straight: Wall | Door | Passage) -> Floats:
+    return bar(straight.start, straight.end, straight.thickness)
+
+
+def _bar_sides(straight: Wall | Door | Passage) -> Floats:
+    """Return the sides (4, 4): right, far end, left, near end."""
+    return sides(_bar(straight))
+
+
+def _levels(numbers: list[tuple[int, ...]]) -> npt.NDArray[np.intp]:
+    """Return (levels, n) of n tuples with a number for each level."""
+    return np.array(numbers, dtype=np.intp).T.copy()
 
 
 def _lay(picture: Picture, x: Plane, y: Plane, pose: Pose2D, flat: Picture) -> None:

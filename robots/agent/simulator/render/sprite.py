@@ -1,6 +1,4 @@
-"""A body as a picture from one side, each limb a rounded cone, seen from so far away that nothing
-is foreshortened.
-"""
+"""A body drawn from one side in orthographic projection, each limb a rounded cone."""
 
 import math
 from dataclasses import dataclass
@@ -69,12 +67,8 @@ def _draw_limb(
     bulge = np.sqrt(np.maximum(squared, 0.0))
     near = start[2] + share * along[2] + bulge
     seen = (squared > 0.0) & (near > depth[where])
-    light = (
-        SHADE
-        + (1.0 - SHADE)
-        * np.maximum((LIGHT[0] * aside + LIGHT[1] * above + LIGHT[2] * bulge) / radius, 0.0)
-        * 1.2
-    )
+    facing = (LIGHT[0] * aside + LIGHT[1] * above + LIGHT[2] * bulge) / radius
+    light = SHADE + (1.0 - SHADE) * np.maximum(facing, 0.0) * 1.2
     if limb.stripes:
         light = np.where(np.mod(z + 0.0 * u, 2.0 * STRIPE) < STRIPE, light, light * 0.72)
     picture[where][seen] = np.minimum(light[seen][:, None] * limb.colour, 1.0)

@@ -1,10 +1,10 @@
-"""All pictures of a scene one after the other, so that a whole frame is one gather.
+"""All textures of a scene in one array, so that a whole frame is one gather.
 
-A texel is kept as the video wants it: a byte of luma, and two of chroma, U and V, which are fetched
-for every fourth pixel only (BT.601, 16 to 235). Luma 0 is `HOLE`: there one looks through. Smaller
-and smaller copies (mipmaps) keep distant patterns from flickering. An upright picture is stored
-column by column, and its copies are smaller along the wall only: the row of a height is then the
-same in all of them, and upwards they are blurred instead.
+A texel is stored as the video needs it: a byte of luma, and two of chroma, U and V, which are
+fetched for every fourth pixel only (BT.601, 16 to 235). Luma 0 is `HOLE`: transparent. Smaller
+copies (mipmaps) keep distant patterns from flickering. An upright texture is stored column by
+column, and its copies are smaller along the wall only: the row of a height is then the same in all
+of them, and upwards they are blurred instead.
 """
 
 from dataclasses import dataclass
@@ -30,17 +30,9 @@ _WEIGHTS = np.array(
 _BLACK = np.array([16.0, 128.0, 128.0], dtype=np.float32)
 
 
-@dataclass(frozen=True, eq=False)
-class Texels:
-    """Luma (n,), and chroma (n,): U + 256 V."""
-
-    luma: Luma
-    chroma: Chroma
-
-
 @dataclass(frozen=True)
 class Upright:
-    """A wall's picture: each level's begin and columns; `rows` is the same in all."""
+    """A wall's texture: each level's offset and columns; `rows` is the same in all."""
 
     offsets: tuple[int, ...]
     columns: tuple[int, ...]
@@ -49,15 +41,17 @@ class Upright:
 
 @dataclass(frozen=True)
 class Flat:
-    """A floor's picture: for each level where it begins, and its width and height in texels."""
+    """A floor's texture: the offset, width and height of each level, in texels."""
 
     offsets: tuple[int, ...]
     widths: tuple[int, ...]
     heights: tuple[int, ...]
 
 
-def pack(picture: Picture) -> Texels:
-    """Return texels (n * m,) of a picture (n, m, 3) from 0 to 1; NaN becomes a hole."""
+def pack(picture: Picture) -> tuple[Luma, Chroma]:
+    """Return luma and chroma, U + 256 V, (n * m,) of a picture (n, m, 3) from 0 to 1; NaN becomes a
+    hole.
+    """
     colours = picture.reshape(-1, 3)
     holes = np.isnan(colours[:, 0])
     if holes.any():
@@ -67,11 +61,11 @@ def pack(picture: Picture) -> Texels:
     octets = parts.astype(np.uint8)
     luma = octets[:, 0].copy()
     luma[holes] = HOLE
-    return Texels(luma, (octets[:, 1] | octets[:, 2].astype(np.uint16) << 8).astype("<u2"))
+    return luma, (octets[:, 1] | octets[:, 2].astype(np.uint16) << 8).astype("<u2")
 
 
 class TextureAtlas:
-    """Collects pictures; `luma` and `chroma` are replaced by larger arrays as it grows."""
+    """Collects textures; `luma` and `chroma` are replaced by larger arrays as it grows."""
 
     def __init__(self) -> None:
         self.luma: Luma = np.empty(SPACE, dtype=np.uint8)
@@ -79,20 +73,20 @@ class TextureAtlas:
         self._size = 0
 
     def upright(self, picture: Picture) -> Upright:
-        """Take a wall's picture (columns, rows, 3)."""
+        """Add a wall's texture (columns, rows, 3)."""
         offsets, columns, level = [], [], picture
         for number in range(LEVELS):
-            offsets.append(self._keep(level))
+            offsets.append(self._add(level))
             columns.append(level.shape[0])
             if number + 1 < LEVELS:
                 level = _narrower(level)
         return Upright(tuple(offsets), tuple(columns), picture.shape[1])
 
     def flat(self, picture: Picture, levels: int = FLOOR_LEVELS) -> Flat:
-        """Take a floor's picture (rows, columns, 3)."""
+        """Add a floor's texture (rows, columns, 3)."""
         offsets, widths, heights, level = [], [], [], picture
         for number in range(levels):
-            offsets.append(self._keep(level))
+            offsets.append(self._add(level))
             heights.append(level.shape[0])
             widths.append(level.shape[1])
             if number + 1 < levels:
@@ -100,16 +94,16 @@ class TextureAtlas:
         return Flat(tuple(offsets), tuple(widths), tuple(heights))
 
     def colour(self, colour: Plane) -> int:
-        """Take one colour (3,) and return where it is."""
-        return self._keep(colour[None, None, :])
+        """Add one colour (3,) and return its offset."""
+        return self._add(colour[None, None, :])
 
-    def _keep(self, picture: Picture) -> int:
-        begin, texels = self._size, pack(picture)
-        end = begin + texels.luma.size
+    def _add(self, picture: Picture) -> int:
+        luma, chroma = pack(picture)
+        begin, end = self._size, self._size + luma.size
         while end > self.luma.size:
             self.luma = np.concatenate([self.luma, np.empty_like(self.luma)])
             self.chroma = np.concatenate([self.chroma, np.empty_like(self.chroma)])
-        self.luma[begin:end], self.chroma[begin:end] = texels.luma, texels.chroma
+        self.luma[begin:end], self.chroma[begin:end] = luma, chroma
         self._size = end
         return begin
 
@@ -128,6 +122,5 @@ def _narrower(picture: Picture) -> Picture:
 def _smaller(picture: Picture) -> Picture:
     pads = [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)]
     even = np.pad(picture, pads, mode="edge") if any(pad[1] for pad in pads) else picture
-    return (even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]) * np.float32(
-        0.25
-    )
+    four = even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]
+    return four * np.float32(0.25)

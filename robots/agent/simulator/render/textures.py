@@ -1,10 +1,8 @@
-"""What hangs on the walls, and the fronts of things: windows, paintings, clocks, book spines, a
-charging station's marker.
+"""A catalogue of what hangs on walls, and of the fronts of things: windows, paintings, clocks, book
+spines, a charging station's marker.
 
-Every function returns a picture (columns, rows, 3) float32 like a wall's (see materials.py) for a
-width and a height in texels: column 0 is at the left of who looks at it, row 0 at the bottom.
-
-Longer than most files: a catalogue, to be read one picture at a time.
+Every function returns a texture (columns, rows, 3) float32 like a wall's (see materials.py) for a
+width and a height in texels: column 0 is at the viewer's left, row 0 at the bottom.
 """
 
 from collections.abc import Callable
@@ -24,6 +22,12 @@ PALETTES = (
 )
 
 
+SPINES = (
+    *("#7b2d26", "#2f4858", "#c79a3b", "#4a6741", "#8e6c88"),
+    *("#d8cdb4", "#35524a", "#a4522d", "#1f2f46", "#b8b0a0"),
+)
+
+
 def grid(columns: int, rows: int) -> tuple[Plane, Plane]:
     """Return coordinates from 0 to 1 as (columns, 1) to the right and (1, rows) upwards."""
     across: Plane = (np.arange(columns, dtype=np.float32) + np.float32(0.5)) / np.float32(columns)
@@ -33,6 +37,13 @@ def grid(columns: int, rows: int) -> tuple[Plane, Plane]:
 
 def canvas(columns: int, rows: int, colour: Plane) -> Picture:
     return np.broadcast_to(colour, (columns, rows, 3)).astype(np.float32)
+
+
+def gradient(x: Plane, y: Plane, bottom: str, top: str) -> Picture:
+    """Return a texture over a `grid` whose colour changes from the bottom to the top."""
+    up = y[..., None]
+    blend: Picture = rgb(top) * up + rgb(bottom) * (1.0 - up) + 0.0 * x[..., None]
+    return blend
 
 
 def frame(picture: Picture, thickness: int, colour: Plane) -> None:
@@ -56,11 +67,8 @@ def painting(columns: int, rows: int, variant: int, rng: np.random.Generator) ->
     mat = max(3, round(min(columns, rows) * 0.12))
     picture = canvas(columns, rows, rgb("#f3efe4"))
     picture[mat:-mat, mat:-mat] = art[mat:-mat, mat:-mat]
-    frame(
-        picture,
-        max(2, round(min(columns, rows) * 0.05)),
-        rgb(("#3b2b20", "#1d1d1f", "#a9844f")[variant % 3]),
-    )
+    wood = rgb(("#3b2b20", "#1d1d1f", "#a9844f")[variant % 3])
+    frame(picture, max(2, round(min(columns, rows) * 0.05)), wood)
     return picture
 
 
@@ -99,12 +107,9 @@ def _abstract(x: Plane, y: Plane, palette: list[Plane], rng: np.random.Generator
 def window(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
     """Daylight: sky, clouds, hills and trees behind four panes."""
     x, y = grid(columns, rows)
-    picture = (
-        rgb("#8fc1ea") * y[..., None] + rgb("#eaf4fb") * (1.0 - y[..., None]) + 0.0 * x[..., None]
-    )
-    cloud = np.clip(
-        noise((columns, rows), (columns / 4, rows / 7), rng) * 0.7 + 0.15, 0.0, 1.0
-    ) * np.clip((y - 0.3) * 3.0, 0.0, 1.0)
+    picture = gradient(x, y, "#eaf4fb", "#8fc1ea")
+    puffs = noise((columns, rows), (columns / 4, rows / 7), rng) * 0.7 + 0.15
+    cloud = np.clip(puffs, 0.0, 1.0) * np.clip((y - 0.3) * 3.0, 0.0, 1.0)
     picture += (1.0 - picture) * cloud[..., None]
     phase = variant * 1.7
     hills = 0.36 + 0.05 * np.sin(5.0 * x + phase) + 0.02 * np.sin(17.0 * x + 2.0 * phase)
@@ -112,9 +117,8 @@ def window(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     trees = 0.24 + 0.03 * np.abs(np.sin(21.0 * x + phase)) + 0.02 * np.abs(np.sin(47.0 * x))
     picture[y < trees + 0.0 * x] = rgb("#6f9a63")
     picture[y < 0.12 + 0.0 * x] = rgb("#8bb374")
-    picture[(y < trees) & (y > 0.12)] *= (1.0 + 0.12 * noise((columns, rows), (3, 3), rng))[
-        (y < trees) & (y > 0.12)
-    ][:, None]
+    crowns = (y < trees) & (y > 0.12)
+    picture[crowns] *= (1.0 + 0.12 * noise((columns, rows), (3, 3), rng))[crowns][:, None]
     bar = max(2, columns // 36)
     white = rgb("#f7f5ef")
     middle, half = columns // 2, rows // 2
@@ -133,9 +137,8 @@ def whiteboard(columns: int, rows: int, variant: int, rng: np.random.Generator) 
     for line in range(5):
         level, end = 0.82 - 0.075 * line, rng.uniform(0.22, 0.4)
         wave = 0.008 * np.sin(190.0 * x + 31.0 * line) * np.sin(43.0 * x)
-        picture[(np.abs(y - level - wave) < 0.008) & (x > 0.07) & (x < end)] = pens[
-            (line + variant) % 3
-        ]
+        written = (np.abs(y - level - wave) < 0.008) & (x > 0.07) & (x < end)
+        picture[written] = pens[(line + variant) % 3]
     for number in range(3):
         cx, cy = 0.56 + 0.15 * number, 0.7 - 0.16 * (number % 2)
         box = np.maximum(np.abs(x - cx) / 0.05, np.abs(y - cy) / 0.09)
@@ -143,10 +146,8 @@ def whiteboard(columns: int, rows: int, variant: int, rng: np.random.Generator) 
     picture[(np.abs(y - 0.6) < 0.007) & (x > 0.6) & (x < 0.66)] = pens[0]
     curve = 0.12 + 0.25 * (1.0 - np.exp(-4.0 * (x - 0.1))) + 0.01 * np.sin(60.0 * x)
     picture[(np.abs(y - curve) < 0.01) & (x > 0.1) & (x < 0.45)] = pens[1]
-    picture[
-        ((np.abs(x - 0.1) < 0.003) & (y > 0.1) & (y < 0.45))
-        | ((np.abs(y - 0.1) < 0.006) & (x > 0.1) & (x < 0.47))
-    ] = rgb("#333333")
+    picture[(np.abs(x - 0.1) < 0.003) & (y > 0.1) & (y < 0.45)] = rgb("#333333")
+    picture[(np.abs(y - 0.1) < 0.006) & (x > 0.1) & (x < 0.47)] = rgb("#333333")
     frame(picture, max(2, columns // 70), rgb("#aeb4b8"))
     return picture
 
@@ -162,18 +163,15 @@ def poster(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     picture[centre < 0.022] = palette[3]
     picture[(np.abs(y - 0.66 - 0.25 * (x - 0.5)) < 0.025) & (centre < 0.1)] = palette[2]
     for line in range(4):
-        level = 0.24 - 0.05 * line
-        picture[
-            (np.abs(y - level) < (0.018 if line == 0 else 0.008))
-            & (x > 0.1)
-            & (x < rng.uniform(0.6, 0.9))
-        ] = palette[0]
+        half = 0.018 if line == 0 else 0.008
+        printed = (np.abs(y - 0.24 + 0.05 * line) < half) & (x > 0.1) & (x < rng.uniform(0.6, 0.9))
+        picture[printed] = palette[0]
     frame(picture, 1, rgb("#ddd8cc"))
     return picture
 
 
 def clock(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
-    """Ten past ten, as in the shop; corners are NaN: the wall shows through."""
+    """Ten past ten, as in the shop; corners are NaN: transparent."""
     del variant, rng
     x, y = grid(columns, rows)
     dx, dy = 2.0 * x - 1.0, 2.0 * y - 1.0
@@ -206,18 +204,12 @@ def screen(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     """A television that shows a sea at dusk."""
     del variant
     x, y = grid(columns, rows)
-    picture: Picture = (
-        rgb("#f2a65a") * (1.0 - y[..., None]) + rgb("#35507d") * y[..., None] + 0.0 * x[..., None]
-    )
+    picture = gradient(x, y, "#f2a65a", "#35507d")
     picture[(x - 0.5) ** 2 * 3.2 + (y - 0.42) ** 2 < 0.012] = rgb("#ffe9b0")
     sea = y + 0.0 * x < 0.4
     picture[sea] = (rgb("#274b6d") * (0.75 + 0.7 * y[..., None]) + 0.0 * x[..., None])[sea]
-    glitter = (
-        sea
-        & (np.abs(x - 0.5) < 0.08 + 0.25 * (0.4 - y))
-        & (noise((columns, rows), (4, 1.2), rng) > 0.4)
-    )
-    picture[glitter] = rgb("#f6cf8d")
+    waves = noise((columns, rows), (4, 1.2), rng) > 0.4
+    picture[sea & (np.abs(x - 0.5) < 0.08 + 0.25 * (0.4 - y)) & waves] = rgb("#f6cf8d")
     frame(picture, max(2, columns // 60), rgb("#141416"))
     return picture
 
@@ -225,21 +217,13 @@ def screen(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
 def desktop(columns: int, rows: int) -> Picture:
     """A computer's screen with windows on it."""
     x, y = grid(columns, rows)
-    picture: Picture = (
-        rgb("#2c5d8a") * y[..., None] + rgb("#173552") * (1.0 - y[..., None]) + 0.0 * x[..., None]
-    )
+    picture = gradient(x, y, "#173552", "#2c5d8a")
     for left, right, low, high in ((0.08, 0.55, 0.2, 0.88), (0.5, 0.92, 0.12, 0.62)):
         inside = (x > left) & (x < right) & (y > low) & (y < high)
         picture[inside] = rgb("#f4f6f8")
         picture[inside & (y > high - 0.07)] = rgb("#c3ccd6")
-        text = (
-            inside
-            & (np.mod(y, 0.07) < 0.025)
-            & (y < high - 0.1)
-            & (x > left + 0.03)
-            & (x < right - 0.08)
-        )
-        picture[text] = rgb("#7d8a99")
+        lines = (np.mod(y, 0.07) < 0.025) & (y < high - 0.1)
+        picture[inside & lines & (x > left + 0.03) & (x < right - 0.08)] = rgb("#7d8a99")
     frame(picture, 1, rgb("#101214"))
     return picture
 
@@ -265,18 +249,6 @@ def books(
     """A bookcase's front: shelves, and spines of many colours."""
     picture: Picture = wood(*metres(columns, rows, density), colour, rng) * np.float32(0.45)
     shelf, board = round(0.34 * density), max(2, round(0.025 * density))
-    spines = (
-        "#7b2d26",
-        "#2f4858",
-        "#c79a3b",
-        "#4a6741",
-        "#8e6c88",
-        "#d8cdb4",
-        "#35524a",
-        "#a4522d",
-        "#1f2f46",
-        "#b8b0a0",
-    )
     for bottom in range(round(0.06 * density), rows - board, shelf):
         at = board + 1
         while at < columns - board - 4:
@@ -284,7 +256,7 @@ def books(
             if rng.random() < 0.12:
                 at += wide * 2  # a gap
                 continue
-            spine = rgb(spines[int(rng.integers(len(spines)))]) * rng.uniform(0.85, 1.1)
+            spine = rgb(SPINES[int(rng.integers(len(SPINES)))]) * rng.uniform(0.85, 1.1)
             top = min(bottom + high, rows - board)
             right = min(at + wide, columns - board)
             picture[at:right, bottom:top] = spine
@@ -307,9 +279,8 @@ def cupboard(
         at = min(columns - 1, number * columns // doors)
         picture[max(0, at - 1) : at + 1] *= 0.55
     for number in range(doors):
-        handle = (number * columns // doors) + (columns // doors) * (
-            4 if number % 2 == 0 else 1
-        ) // 5
+        fifths = 4 if number % 2 == 0 else 1
+        handle = (number * columns // doors) + (columns // doors) * fifths // 5
         picture[handle : handle + 2, rows // 2 : rows // 2 + max(4, rows // 7)] = rgb("#4b4f54")
     picture[:, : max(2, round(0.05 * density))] *= 0.5
     return picture
@@ -328,16 +299,13 @@ def door_leaf(
     picture = wood(*metres(columns, rows, density), colour, rng)
     x, y = grid(columns, rows)
     for low, high in ((0.08, 0.44), (0.52, 0.94)):
-        edge = np.maximum(
-            np.abs(x - 0.5) / 0.34, np.abs(y - (low + high) / 2.0) / ((high - low) / 2.0)
-        )
+        above = np.abs(y - (low + high) / 2.0) / ((high - low) / 2.0)
+        edge = np.maximum(np.abs(x - 0.5) / 0.34, above)
         picture[(edge < 1.0) & (edge > 0.93)] *= 0.7
         picture[edge <= 0.93] *= 1.06
-    at = 0.1 if handle_left else 0.9
+    at, plate = (0.1, 0.03) if handle_left else (0.9, -0.03)
     picture[(np.abs(x - at) < 0.045) & (np.abs(y - 0.48) < 0.008)] = rgb("#d7d9db")
-    picture[
-        (np.abs(x - at + (0.03 if handle_left else -0.03)) < 0.012) & (np.abs(y - 0.48) < 0.04)
-    ] = rgb("#b9bcc0")
+    picture[(np.abs(x - at + plate) < 0.012) & (np.abs(y - 0.48) < 0.04)] = rgb("#b9bcc0")
     return np.clip(picture, 0.0, 1.0)
 
 
@@ -350,9 +318,8 @@ def marker(columns: int, rows: int, seed: int) -> Picture:
     side = round(min(columns, rows) * 0.8)
     left, low = (columns - side) // 2, (rows - side) // 2
     index = (np.arange(side) * 6) // side
-    picture[left : left + side, low : low + side] = (0.06 + 0.9 * pattern[index][:, index])[
-        ..., None
-    ]
+    squares = (0.06 + 0.9 * pattern[index][:, index])[..., None]
+    picture[left : left + side, low : low + side] = squares
     return picture
 
 
@@ -368,7 +335,7 @@ def station(columns: int, rows: int) -> Picture:
 
 
 def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) -> Picture:
-    """Leaves; NaN where one looks through."""
+    """Leaves; NaN is transparent."""
     x, y = grid(columns, rows)
     picture = np.full((columns, rows, 3), np.nan, dtype=np.float32)
     for number in range(46):
@@ -381,11 +348,8 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         ax, ay = tip_x - base_x, tip_y - base_y
         along = ((x - base_x) * ax + (y - base_y) * ay) / (ax * ax + ay * ay)
         aside = np.abs((x - base_x) * ay - (y - base_y) * ax) / np.hypot(ax, ay)
-        leaf = (
-            (along > 0.0)
-            & (along < 1.0)
-            & (aside < 0.055 * np.sin(np.pi * np.clip(along, 0.02, 1.0) ** 0.7) + 0.004)
-        )
+        half = 0.055 * np.sin(np.pi * np.clip(along, 0.02, 1.0) ** 0.7) + 0.004
+        leaf = (along > 0.0) & (along < 1.0) & (aside < half)
         shade = rng.uniform(0.6, 1.15) * (0.7 + 0.4 * share)
         picture[leaf] = np.clip(colour * shade + (0.02, 0.03, 0.0), 0.0, 1.0)
         picture[leaf & (aside < 0.008)] = np.clip(colour * shade * 1.3, 0.0, 1.0)

@@ -2,44 +2,28 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
 import structlog
 
-from robots.agent.simulator.physics.drive import WheelMotion, advance
-from robots.agent.simulator.physics.people import Person
+from robots.agent.simulator.physics.drive import advance
 from robots.agent.simulator.physics.realtime import CameraView
 from robots.agent.simulator.render.frame_ring import FrameWriter
 from robots.api.geometry import Pose2D
-from robots.world.solids import Opening
 
-LONGEST_PICTURE = 0.5  # seconds
+if TYPE_CHECKING:  # its import takes seconds: only processes with a camera pay for it
+    from robots.agent.simulator.render.camera import SceneCamera
+
+LONGEST_FRAME = 0.5  # seconds
 LONGEST_GUESS = 0.05  # seconds that a pose is carried on beyond the last step
 
 log = structlog.stdlib.get_logger(__name__)
 
 
-class Renderer(Protocol):
-    """What draws: see camera.py."""
-
-    def render(
-        self,
-        pose: Pose2D,
-        tilt: float,
-        doors: Mapping[str, Opening],
-        people: tuple[Person, ...],
-        out: npt.NDArray[np.uint8],
-    ) -> None:
-        """Draw what the camera sees into `out`, (height * 3 / 2, width): Y, U, V."""
-
-
 def pose_at(view: CameraView, stamp: float) -> Pose2D:
     """Return the pose a moment after a view: without it, frames judder with the steps."""
-    ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
-    return advance(view.pose, WheelMotion(*view.motion), ahead)
+    return advance(view.pose, view.motion, min(max(stamp - view.stamp, 0.0), LONGEST_GUESS))
 
 
 class CameraThread:
@@ -50,7 +34,7 @@ class CameraThread:
 
     def __init__(
         self,
-        make: Callable[[], Renderer],
+        make: Callable[[], "SceneCamera"],
         ring: FrameWriter,
         fps: float,
         view: Callable[[], CameraView],
@@ -73,10 +57,10 @@ class CameraThread:
             self._watched.clear()
 
     def close(self) -> None:
-        """End the thread; waits for the present frame, not for textures."""
+        """End the thread; waits for the current frame, not for the building of the scene."""
         self._ended.set()
         self._watched.set()
-        self._thread.join(timeout=LONGEST_PICTURE)
+        self._thread.join(timeout=LONGEST_FRAME)
 
     def _run(self) -> None:
         begun = time.monotonic()
@@ -88,7 +72,7 @@ class CameraThread:
             due = max(due + self._period, time.monotonic() - self._period)
             self._ended.wait(max(0.0, due - time.monotonic()))
 
-    def _draw(self, renderer: Renderer) -> None:
+    def _draw(self, renderer: "SceneCamera") -> None:
         image = self._ring.begin()
         stamp = time.time()
         view = self._view()

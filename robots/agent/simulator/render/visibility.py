@@ -1,10 +1,7 @@
-"""Which things an eye meets, where in the picture, and how far away: everything about things that
-does not touch a pixel.
+"""Which things an eye sees, where in the frame, and how far away.
 
-All things are placed in the picture by their corners, the rest is cast, and things that no ray
+All things are placed in the frame by their corners, the near ones are cast, and things that no ray
 meets before a wall are left out.
-
-Longer than most files: the steps from corners to sights share their arrays.
 """
 
 from types import EllipsisType
@@ -37,7 +34,7 @@ SMALLEST = 4  # rows, of which one is rounding: lower things are not drawn
 
 
 class PictureWindow(NamedTuple):
-    """A part of the picture, rows and columns from … up to."""
+    """A part of the frame: first row, last + 1, first column, last + 1."""
 
     top: int
     bottom: int
@@ -72,9 +69,9 @@ class PictureWindow(NamedTuple):
 class ItemSight(NamedTuple):
     """An item as the rays of one eye meet it.
 
-    `upper`, `lower` are the rows of the picture that its upper and its lower face lie in. `entry`,
-    `leave` (RAYS,) metres where a ray comes to the item and where it goes out of it, FAR where it
-    does not or walls hide it; `texel` (RAYS,) where the column of its picture begins.
+    `upper`, `lower` are the rows of the frame that its upper and its lower face lie in. `entry`,
+    `leave` (RAYS,) are the metres at which a ray enters and leaves it, FAR where it does not or
+    walls hide it; `texel` (RAYS,) is the atlas offset of its texture column.
     """
 
     item: SceneItem
@@ -127,10 +124,8 @@ def look(
 
 
 def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: float) -> Floats:
-    """Return for the things with the sides `faces` (f,) from where up to where (6, k): rows of the
-    lower, of the upper edge, columns.
-
-    What reaches behind the lens goes from everywhere to everywhere.
+    """Return (6, k) limits of the k things with the sides `faces` (f,): rows of the lower edge, of
+    the upper edge, and columns. Things that reach behind the lens get the whole frame.
     """
     owner = things.owner[faces]
     starts = np.flatnonzero(np.append(True, owner[1:] != owner[:-1]))
@@ -139,20 +134,15 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
     u0, low, low_depth = lens.project(forward, left, (things.bottom[owner] - height)[None])
     u1, high, high_depth = lens.project(forward, left, (things.top[owner] - height)[None])
     depth = np.minimum.reduceat(np.minimum(low_depth, high_depth).min(axis=0), starts)
-    from_low = np.minimum.reduceat(low.min(axis=0), starts)
-    to_low = np.maximum.reduceat(low.max(axis=0), starts)
-    from_high = np.minimum.reduceat(high.min(axis=0), starts)
-    to_high = np.maximum.reduceat(high.max(axis=0), starts)
-    left = np.minimum.reduceat(np.minimum(u0, u1).min(axis=0), starts)
-    right = np.maximum.reduceat(np.maximum(u0, u1).max(axis=0), starts)
+    left, right = np.minimum(u0, u1), np.maximum(u0, u1)
     edges = np.stack(
         [
-            np.floor(from_low),
-            np.ceil(to_low) + 1,
-            np.floor(from_high),
-            np.ceil(to_high) + 1,
-            np.floor(left) - 1,
-            np.ceil(right) + 2,
+            np.floor(np.minimum.reduceat(low.min(axis=0), starts)),
+            np.ceil(np.maximum.reduceat(low.max(axis=0), starts)) + 1,
+            np.floor(np.minimum.reduceat(high.min(axis=0), starts)),
+            np.ceil(np.maximum.reduceat(high.max(axis=0), starts)) + 1,
+            np.floor(np.minimum.reduceat(left.min(axis=0), starts)) - 1,
+            np.ceil(np.maximum.reduceat(right.max(axis=0), starts)) + 2,
         ]
     )
     edges[:, depth < NEAR] = np.array([[0], [lens.height], [0], [lens.height], [0], [lens.width]])
@@ -162,10 +152,8 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
 def _distances(start: Floats, end: Floats) -> Floats:
     """Return how far the origin is from segments (n, 2), (n, 2)."""
     along = end - start
-    share = np.minimum(
-        np.maximum(-(start * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), EDGE**2), 0.0),
-        1.0,
-    )
+    length2 = np.maximum((along**2).sum(axis=1), EDGE**2)
+    share = np.minimum(np.maximum(-(start * along).sum(axis=1) / length2, 0.0), 1.0)
     foot = start + share[:, None] * along
     distances: Floats = np.hypot(foot[:, 0], foot[:, 1])
     return distances
@@ -210,9 +198,8 @@ class _Pool:
         """Take the backs (b,) of what has an upper or a lower face."""
         seen = np.flatnonzero(meetings.met)
         self._leave = self._entry.copy()
-        self._leave[
-            self._row[self._things.owner[faces]][meetings.row[seen]], meetings.ray[seen]
-        ] = meetings.reach[seen]
+        row = self._row[self._things.owner[faces]][meetings.row[seen]]
+        self._leave[row, meetings.ray[seen]] = meetings.reach[seen]
 
     def sights(
         self, edges: Floats, lens: Lens, height: float, within: PictureWindow
@@ -251,12 +238,8 @@ class _Pool:
         ]
         vertical = np.maximum(np.maximum(low, -high), 0.0).tolist()
         order = far_to_near(sampled, self._things.group[number], vertical)
-        return [
-            found[n]
-            for n in order
-            if found[n].window.bottom - found[n].window.top >= SMALLEST
-            and not found[n].window.is_empty
-        ]
+        drawn = (found[n] for n in order if not found[n].window.is_empty)
+        return [each for each in drawn if each.window.bottom - each.window.top >= SMALLEST]
 
 
 def _thinned(entry: Distances) -> Distances:

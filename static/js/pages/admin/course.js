@@ -13,10 +13,10 @@ import {
   withPoint,
 } from "./course_points.js";
 import { readDecimal } from "../../lib/decimal.js";
-import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
-import { GRIP, movable, pointAt } from "./map_handles.js";
+import { element, ground, pointList, UNIT, viewBoxOf } from "./course_ground.js";
+import { MapEditor } from "./map_editor.js";
+import { GRIP } from "./map_handles.js";
 
-/** @typedef {[number, number]} Point */
 /**
  * @typedef {object} Handle something on the map that can be moved
  * @property {string} id
@@ -47,8 +47,6 @@ const write = (name, value) => {
     input.dispatchEvent(new Event("input", { bubbles: true }));
   }
 };
-
-const mayChange = () => !form.querySelector("fieldset")?.disabled;
 
 /** Shows which part of the form is chosen. @param {string} item */
 const mark = (item) => {
@@ -85,10 +83,7 @@ const checkpoints = (title) => {
 };
 
 /**
- * @param {string} name
- * @param {string} kind
- * @param {number} least
- * @param {string} [item]
+ * @param {string} name @param {string} kind @param {number} least @param {string} [item]
  * @returns {Handle[]}
  */
 const pointsOf = (name, kind, least, item) => {
@@ -172,72 +167,58 @@ const drawn = (handle, pixel) => {
   return element("g", {}, parts);
 };
 
-class CourseMap {
+/** @extends {MapEditor<Handle>} */
+class CourseMap extends MapEditor {
   /** @param {HTMLElement} page */
   constructor(page) {
-    this.page = page;
+    const text = document.getElementById("course-ground")?.textContent ?? "";
+    const { plan: site, robot } = JSON.parse(text);
+    super("course-map", viewBoxOf(site), TOOL, "move");
     this.words = page.dataset;
-    this.svg = /** @type {any} */ (document.getElementById("course-map"));
-    const { plan: site, robot } = JSON.parse(
-      /** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "",
-    );
-    this.viewBox = viewBoxOf(site);
-    // What is on top is hit first: checkpoints over the path over zones, however they came.
+    // The top layer receives clicks first: checkpoints over the path over zones.
     this.layers = /** @type {Record<string, SVGElement>} */ ({
       drawn: element("g"),
       corner: element("g"),
       point: element("g"),
       spot: element("g"),
     });
-    this.svg.setAttribute("viewBox", this.viewBox.join(" "));
     this.svg.append(ground(site, robot), ...Object.values(this.layers));
-    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
-    this.shown = new Map();
     this.unreachable = /** @type {number[]} */ ([]);
     this.waiting = 0;
     this.asked = new AbortController();
     this.#chooseTool();
-    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
     form.addEventListener("input", (event) => this.#changed(event));
-    new ResizeObserver(() => this.draw()).observe(this.svg);
     this.draw();
-    if (mayChange()) {
+    if (this.mayChange()) {
       void this.check();
     }
   }
 
+  mayChange() {
+    return !form.querySelector("fieldset")?.disabled;
+  }
+
+  /** @param {Handle} handle */
+  choose({ item }) {
+    mark(item ?? "");
+  }
+
   draw() {
-    this.layers.drawn.replaceChildren(...lines());
-    const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
+    const { layers, pixel } = this;
+    layers.drawn.replaceChildren(...lines());
     const handles = [
       ...corners(),
       ...pointsOf("path", "point", 0),
       ...checkpoints(this.words.wordsCheckpoint ?? ""),
     ];
-    const ids = new Set(handles.map((handle) => handle.id));
-    for (const [id, { group }] of this.shown) {
-      if (!ids.has(id)) {
-        group.remove();
-        this.shown.delete(id);
-      }
-    }
-    for (const handle of handles) {
-      const group = this.shown.get(handle.id)?.group ?? this.#attached(handle);
-      this.shown.set(handle.id, { group, handle });
-      const [x, y] = toUnits(handle.at);
-      group.setAttribute("transform", `translate(${x} ${y})`);
-      group.setAttribute(
-        "aria-label",
-        `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`,
-      );
-      group.classList.toggle(
-        "is-unreachable",
-        handle.kind === "spot" && this.unreachable.includes(Number(handle.number)),
-      );
-      group.replaceChildren(drawn(handle, pixel));
-      if (!group.isConnected) {
-        this.layers[handle.kind].append(group);
-      }
+    this.drawHandles(
+      handles,
+      (handle) => drawn(handle, pixel),
+      ({ kind }) => layers[kind],
+    );
+    for (const { group, handle } of this.shown.values()) {
+      const isWrong = this.unreachable.includes(Number(handle.number));
+      group.classList.toggle("is-unreachable", handle.kind === "spot" && isWrong);
     }
   }
 
@@ -272,69 +253,31 @@ class CourseMap {
     }
   }
 
-  /** @param {Handle} handle */
-  #attached({ id, item }) {
-    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
-    return movable({
-      now,
-      mayChange,
-      worldAt: (event) => this.#worldAt(event),
-      onFocus: () => mark(item ?? ""),
-    });
-  }
-
-  /** @param {MouseEvent} event @returns {Point} m */
-  #worldAt(event) {
-    return pointAt(this.svg, event);
-  }
-
-  get #tool() {
-    return (
-      /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"]:checked`))
-        ?.value ?? "move"
-    );
-  }
-
-  /** The tool that was used last. */
+  /** Choose the tool that was used last. */
   #chooseTool() {
-    const last = /** @type {HTMLInputElement | null} */ (
-      this.page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`)
-    );
-    if (last) {
-      last.checked = true;
+    const last = sessionStorage.getItem(TOOL) ?? "move";
+    const button = document.querySelector(`[name="${TOOL}"][value="${last}"]`);
+    if (button) {
+      /** @type {HTMLInputElement} */ (button).checked = true;
     }
-    this.#showTool();
+    this.showTool();
   }
 
-  #showTool() {
-    this.svg.classList.toggle("is-adding", this.#tool !== "move");
-  }
-
-  /** @param {MouseEvent} event */
-  #add(event) {
-    if (
-      this.#tool === "move" ||
-      !mayChange() ||
-      /** @type {Element} */ (event.target).closest(".course__handle")
-    ) {
-      return;
-    }
-    const at = this.#worldAt(event);
-    if (this.#tool === "path") {
+  /** @param {Point} at */
+  add(at) {
+    if (this.tool === "path") {
       write("path", formatPoints(withPoint(parsePoints(field("path")?.value ?? "") ?? [], at)));
-      return;
+    } else {
+      write("at", `${rounded(at[0])} ${rounded(at[1])}`);
+      this.submit(form);
     }
-    write("at", `${rounded(at[0])} ${rounded(at[1])}`);
-    form.requestSubmit(
-      /** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.#tool}"]`)),
-    );
   }
 
   /** @param {Event} event */
   #changed({ target }) {
     if (/** @type {HTMLInputElement} */ (target).name === TOOL) {
-      sessionStorage.setItem(TOOL, this.#tool);
-      this.#showTool();
+      sessionStorage.setItem(TOOL, this.tool);
+      this.showTool();
       return;
     }
     this.draw();

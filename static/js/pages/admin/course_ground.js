@@ -10,10 +10,8 @@ const MARGIN = 0.4; // m
 const SVG = "http://www.w3.org/2000/svg";
 
 /**
- * @param {string} tag
- * @param {Record<string, string | number>} [attributes]
- * @param {Element[]} [children]
- * @returns {SVGElement}
+ * @param {string} tag @param {Record<string, string | number>} [attributes]
+ * @param {Element[]} [children] @returns {SVGElement}
  */
 export const element = (tag, attributes = {}, children = []) => {
   const made = /** @type {SVGElement} */ (document.createElementNS(SVG, tag));
@@ -24,10 +22,10 @@ export const element = (tag, attributes = {}, children = []) => {
   return made;
 };
 
-/** @param {[number, number]} point m @returns {[number, number]} units, y down */
+/** @param {Point} point m @returns {Point} units, y down */
 export const toUnits = ([x, y]) => [x * UNIT, -y * UNIT];
 
-/** @param {[number, number][]} points @returns {string} */
+/** @param {Point[]} points @returns {string} */
 export const pointList = (points) => points.map((point) => toUnits(point).join(",")).join(" ");
 
 /** @param {string} kind @param {any} line @param {number} width m */

@@ -2,8 +2,6 @@
 
 import { readDecimal } from "../../lib/decimal.js";
 
-/** @typedef {[number, number]} Point */
-
 const NEAR = 0.4; // m: a click so near to a line of the path goes between its ends
 
 /**
@@ -56,8 +54,7 @@ export const withMoved = (points, n, point) =>
   points.map((old, index) => (index === n ? point : old));
 
 /**
- * @param {Point[]} points
- * @param {number} n
+ * @param {Point[]} points @param {number} n
  * @param {number} least how many must stay
  * @returns {Point[]}
  */
@@ -66,8 +63,7 @@ export const without = (points, n, least) =>
 
 /**
  * How far the arrow keys move what is chosen.
- * @param {string} key
- * @param {boolean} small
+ * @param {string} key @param {boolean} small
  * @returns {Point | null} m
  */
 export const stepOf = (key, small) => {

@@ -4,7 +4,6 @@ import { isShortcut } from "../../input/key_dispatcher.js";
 import { element, UNIT } from "./course_ground.js";
 import { stepOf } from "./course_points.js";
 
-/** @typedef {[number, number]} Point */
 /**
  * @typedef {{at: Point, move: (at: Point) => void, remove: (() => void) | null}} Movable positions
  *   in metres
@@ -49,8 +48,7 @@ const drag = (event, group, { now, mayChange, worldAt }) => {
 
 /**
  * A group to draw a handle into; `now` gives what it moves.
- * @param {Moving} moving
- * @returns {SVGElement}
+ * @param {Moving} moving @returns {SVGElement}
  */
 export const movable = (moving) => {
   const group = element("g", { class: "course__handle", tabindex: 0, role: "button" });

@@ -6,7 +6,8 @@
 
 import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
 import { rounded } from "./course_points.js";
-import { GRIP, movable, pointAt } from "./map_handles.js";
+import { MapEditor } from "./map_editor.js";
+import { GRIP } from "./map_handles.js";
 import { handlesOf } from "./plan_handles.js";
 
 /** @typedef {import("./plan_handles.js").Handle} Handle */
@@ -74,9 +75,7 @@ const drawn = ({ kind, number }, pixel) => {
 
 /**
  * Openings between their ends, and docks to where they look.
- * @param {Handle[]} handles
- * @param {number} pixel
- * @returns {SVGElement[]}
+ * @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]}
  */
 const lines = (handles, pixel) =>
   handles.flatMap((handle, n) => {
@@ -89,33 +88,28 @@ const lines = (handles, pixel) =>
     return [element("line", { class: kind, x1, y1, x2, y2, "stroke-width": 4 * pixel })];
   });
 
-class PlanMap {
+/** @extends {MapEditor<Handle>} */
+class PlanMap extends MapEditor {
   /** @param {HTMLFormElement} form */
   constructor(form) {
+    const text = document.getElementById("plan-site")?.textContent ?? "";
+    const site = JSON.parse(text);
+    super("plan-map", viewBoxOf(site), TOOL, "");
     this.form = form;
     this.fields = fieldsOf(form);
-    this.svg = /** @type {any} */ (document.getElementById("plan-map"));
-    this.site = JSON.parse(
-      /** @type {HTMLElement} */ (document.getElementById("plan-site")).textContent ?? "",
-    );
-    this.viewBox = viewBoxOf(this.site);
-    this.svg.setAttribute("viewBox", this.viewBox.join(" "));
+    this.site = site;
     this.layers = {
       ground: element("g"),
-      picture: element("g", { class: "plan__picture" }, [picture(this.site)]),
+      picture: element("g", { class: "plan__picture" }, [picture(site)]),
       lines: element("g"),
       handles: element("g"),
     };
     this.svg.append(...Object.values(this.layers));
-    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
-    this.shown = new Map();
-    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
     form.addEventListener("input", (event) => this.#changed(event));
     form.addEventListener("focusin", (event) =>
       this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")),
     );
-    new ResizeObserver(() => this.draw()).observe(this.svg);
-    this.#showTool();
+    this.showTool();
     this.#drawGround();
     this.draw();
   }
@@ -147,46 +141,21 @@ class PlanMap {
   }
 
   draw() {
-    const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
-    const words = {
-      end: this.form.dataset.wordsEnd ?? "",
-      heading: this.form.dataset.wordsHeading ?? "",
-    };
+    const { form, layers, pixel } = this;
+    const { wordsEnd: end = "", wordsHeading: heading = "" } = form.dataset;
+    const words = { end, heading };
     const handles = this.#parts().flatMap((part) => handlesOf(part, this.fields, words));
-    this.layers.lines.replaceChildren(...lines(handles, pixel));
-    const ids = new Set(handles.map((handle) => handle.id));
-    for (const [id, { group }] of this.shown) {
-      if (!ids.has(id)) {
-        group.remove();
-        this.shown.delete(id);
-      }
-    }
-    for (const handle of handles) {
-      const group = this.shown.get(handle.id)?.group ?? this.#attached(handle);
-      this.shown.set(handle.id, { group, handle });
-      const [x, y] = toUnits(handle.at);
-      group.setAttribute("transform", `translate(${x} ${y})`);
-      group.setAttribute(
-        "aria-label",
-        `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`,
-      );
-      group.replaceChildren(drawn(handle, pixel));
-      if (!group.isConnected) {
-        this.layers.handles.append(group);
-      }
-    }
+    layers.lines.replaceChildren(...lines(handles, pixel));
+    this.drawHandles(
+      handles,
+      (handle) => drawn(handle, pixel),
+      () => layers.handles,
+    );
   }
 
   /** @param {Handle} handle */
-  #attached({ id, part }) {
-    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
-    const onFocus = () => this.#mark(this.form.querySelector(`[data-part="${part}"]`));
-    return movable({
-      now,
-      mayChange: () => true,
-      worldAt: (event) => pointAt(this.svg, event),
-      onFocus,
-    });
+  choose({ part }) {
+    this.#mark(this.form.querySelector(`[data-part="${part}"]`));
   }
 
   /** @param {Element | null} chosen */
@@ -196,35 +165,18 @@ class PlanMap {
     }
   }
 
-  get #tool() {
-    return (
-      /** @type {HTMLInputElement | null} */ (this.form.querySelector(`[name="${TOOL}"]:checked`))
-        ?.value ?? ""
-    );
-  }
-
-  #showTool() {
-    this.svg.classList.toggle("is-adding", this.#tool !== "");
-  }
-
-  /** @param {MouseEvent} event */
-  #add(event) {
-    if (!this.#tool || /** @type {Element} */ (event.target).closest(".course__handle")) {
-      return;
-    }
-    const [x, y] = pointAt(this.svg, event);
+  /** @param {Point} at */
+  add([x, y]) {
     this.fields.write("at_x", String(rounded(x)));
     this.fields.write("at_y", String(rounded(y)));
-    this.form.requestSubmit(
-      /** @type {HTMLElement} */ (this.form.querySelector(`[data-add="${this.#tool}"]`)),
-    );
+    this.submit(this.form);
   }
 
   /** @param {Event} event */
   #changed({ target }) {
     const { name } = /** @type {HTMLInputElement} */ (target);
     if (name === TOOL) {
-      this.#showTool();
+      this.showTool();
     } else if (/^rooms\.\d+\.title$/.test(name)) {
       this.#drawGround();
     }

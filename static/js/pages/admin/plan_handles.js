@@ -6,7 +6,6 @@
 import { readDecimal } from "../../lib/decimal.js";
 import { rounded } from "./course_points.js";
 
-/** @typedef {[number, number]} Point */
 /**
  * @typedef {object} Handle
  * @property {string} id
@@ -43,10 +42,7 @@ export const ahead = ([x, y], degrees) => [
 ];
 
 /**
- * @param {Part} part
- * @param {Fields} fields
- * @param {string[]} names
- * @param {string} label
+ * @param {Part} part @param {Fields} fields @param {string[]} names @param {string} label
  * @returns {Handle | null}
  */
 const spot = ({ part, kind, number: shown }, fields, names, label) => {
@@ -68,10 +64,7 @@ const spot = ({ part, kind, number: shown }, fields, names, label) => {
 };
 
 /**
- * @param {Part} part
- * @param {Fields} fields
- * @param {Handle} dock
- * @param {string} word
+ * @param {Part} part @param {Fields} fields @param {Handle} dock @param {string} word
  * @returns {Handle[]}
  */
 const heading = ({ part, label }, fields, dock, word) => {
@@ -97,9 +90,7 @@ const heading = ({ part, label }, fields, dock, word) => {
 
 /**
  * The handles of a part, none when it is to be removed or has no numbers.
- * @param {Part} part
- * @param {Fields} fields
- * @param {{end: string, heading: string}} words
+ * @param {Part} part @param {Fields} fields @param {{end: string, heading: string}} words
  * @returns {Handle[]}
  */
 export const handlesOf = (part, fields, words) => {

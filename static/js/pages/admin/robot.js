@@ -1,10 +1,9 @@
 /** A robot's page in the administration: shows the robot's state every two seconds. */
 
 import { write } from "../../lib/dom.js";
-import { find, pollWhileVisible } from "../../lib/page_poll.js";
+import { fetchJson, find, pollWhileVisible } from "../../lib/page_poll.js";
 
 const PERIOD_MS = 2000;
-const PATIENCE_MS = 5000;
 const section = find("#robot-overview");
 const part = (/** @type {string} */ name) => find(`[data-${name}]`, section);
 
@@ -53,13 +52,9 @@ function render(status) {
 
 async function refresh() {
   try {
-    const answer = await fetch(section.dataset.status, {
-      headers: { Accept: "application/json" },
-      signal: AbortSignal.timeout(PATIENCE_MS),
-    });
-    if (answer.ok && !answer.redirected) render(await answer.json());
+    render(await fetchJson(section.dataset.status));
   } catch {
-    // the site is unavailable for a moment: what is shown stays
+    // the site is unavailable for a moment: the page keeps the last state
   }
 }
 

@@ -28,8 +28,7 @@ export const appOf = (userAgent) => APPS.find(([name]) => name.test(userAgent))?
 
 /**
  * The browser that such a device surely has.
- * @param {string} userAgent
- * @returns {"Safari" | "Chrome"}
+ * @param {string} userAgent @returns {"Safari" | "Chrome"}
  */
 export const browserFor = (userAgent) =>
   /\b(?:iPhone|iPad|iPod)\b/.test(userAgent) ? "Safari" : "Chrome";

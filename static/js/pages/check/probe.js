@@ -26,10 +26,7 @@ const ADDRESS_SECONDS = 6;
  *   where browsers give none
  */
 
-/**
- * @param {{socket: string, iceServers: RTCIceServer[]}} config
- * @returns {Promise<Found>}
- */
+/** @param {{socket: string, iceServers: RTCIceServer[]}} config @returns {Promise<Found>} */
 export const probe = async (config) => {
   const live = typeof RTCPeerConnection === "function";
   const [server, ways, microphone, camera] = await Promise.all([
@@ -82,8 +79,7 @@ const reach = async (address) => {
 
 /**
  * The kinds of addresses at which this browser can be reached.
- * @param {RTCIceServer[]} iceServers
- * @returns {Promise<string[]>}
+ * @param {RTCIceServer[]} iceServers @returns {Promise<string[]>}
  */
 const addresses = async (iceServers) => {
   const connection = new RTCPeerConnection({ iceServers });

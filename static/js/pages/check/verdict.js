@@ -13,11 +13,8 @@ const QUICK = 0.3; // s: from here on driving is noticeably late
  */
 
 /**
- * @param {string} topic
- * @param {Mark} mark
- * @param {string} word
- * @param {Record<string, string | number>} [values]
- * @returns {Line}
+ * @param {string} topic @param {Mark} mark @param {string} word
+ * @param {Record<string, string | number>} [values] @returns {Line}
  */
 const line = (topic, mark, word, values = {}) => ({
   topic,
@@ -96,8 +93,7 @@ const device = (topic, state) => line(topic, state === "there" ? "good" : "note"
 
 /**
  * What it comes to: one can drive, drive by slow pictures, or not at all.
- * @param {Line[]} lines
- * @returns {"good" | "slow" | "bad"}
+ * @param {Line[]} lines @returns {"good" | "slow" | "bad"}
  */
 export const overall = (lines) => {
   const bad = lines.filter(({ mark }) => mark === "bad").map(({ topic }) => topic);
@@ -120,8 +116,7 @@ export const advice = (lines, connected = false) => {
 
 /**
  * For the record: the word of each topic, without its prefix.
- * @param {Line[]} lines
- * @param {import("./probe.js").Found} found
+ * @param {Line[]} lines @param {import("./probe.js").Found} found
  */
 export const forRecord = (lines, { roundTrip, app }) => ({
   ...Object.fromEntries(

@@ -29,7 +29,7 @@ export const courseOf = (courses, version, drive) => {
 /**
  * The places where a robot knew where it was.
  * @param {{x: number[], y: number[], localized: number[]}} states columns of a record
- * @returns {[number, number][]} m
+ * @returns {Point[]} m
  */
 export const trailOf = ({ x, y, localized }) =>
-  x.flatMap((each, i) => (localized[i] ? [/** @type {[number, number]} */ ([each, y[i]])] : []));
+  x.flatMap((each, i) => (localized[i] ? [/** @type {Point} */ ([each, y[i]])] : []));

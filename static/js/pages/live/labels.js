@@ -1,10 +1,6 @@
-/**
- * What the live view says of robots and drives, as text. Pure.
- */
+/** What the live view says of robots and drives, as text. Pure. */
 
 import { written } from "../replay/timeline.js";
-
-/** @typedef {import("../../lib/words.js").Words} Words */
 
 const OLD = 5; // s after which a state is called old
 const NONE = "–";
@@ -14,8 +10,7 @@ export const timeOf = (stamp) => new Date(stamp * 1000).toLocaleTimeString();
 
 /**
  * How long, in minutes and seconds.
- * @param {number | null | undefined} seconds
- * @returns {string}
+ * @param {number | null | undefined} seconds @returns {string}
  */
 export const lasted = (seconds) =>
   seconds === null || seconds === undefined ? NONE : written(Math.max(0, seconds));
@@ -128,8 +123,7 @@ export const doorStates = (robot, drive) =>
  * is.
  * @param {any} robot
  * @param {any} drive or null
- * @param {Words} words
- * @returns {string}
+ * @param {Words} words @returns {string}
  */
 export const doorsOf = (robot, drive, words) =>
   robot.doors
@@ -144,8 +138,7 @@ export const doorsOf = (robot, drive, words) =>
 
 /**
  * @param {string[]} queue codes, empty for those outside the study
- * @param {Words} words
- * @returns {string}
+ * @param {Words} words @returns {string}
  */
 export const queueOf = (queue, words) =>
   queue.map((code) => code || words.say("somebody")).join(", ") || words.say("nobody");

@@ -119,8 +119,7 @@ const showRobot = (robot, drive, queue) => {
 
 /**
  * Checkpoints and suggested path; the canvas tells in data-stops how it drew them.
- * @param {Card} shown
- * @param {any} robot
+ * @param {Card} shown @param {any} robot
  * @param {any} drive or null
  */
 const showCourse = (shown, robot, drive) => {
@@ -140,8 +139,7 @@ const showCourse = (shown, robot, drive) => {
 
 /**
  * What was driven before this page was opened.
- * @param {Card} shown
- * @param {string | null} session
+ * @param {Card} shown @param {string | null} session
  */
 const showTrail = async (shown, session) => {
   if (!session) {

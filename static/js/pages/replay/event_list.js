@@ -1,29 +1,17 @@
-/**
- * Events and photos in order, each a button that leads to its moment.
- */
+/** Events and photos in order, each a button that leads to its moment. */
 
+import { make, makeButton } from "../../lib/dom.js";
 import { lastBefore } from "./record.js";
 import { written } from "./timeline.js";
 
 /** @param {string} type @returns {string} */
 const plain = (type) => type.replaceAll("_", " ");
 
-/** @param {string} tag @param {string} name @param {string} [text] */
-const make = (tag, name, text = "") => {
-  const made = document.createElement(tag);
-  made.className = name;
-  made.textContent = text;
-  return made;
-};
-
 /** @typedef {{t: number, source: string, type: string, detail: string, photo: string}} Entry */
 
 /**
- * @param {HTMLElement} list
- * @param {import("./record.js").SessionRecord} record
- * @param {{t: number, url: string}[]} photos
- * @param {import("../../lib/words.js").Words} words
- * @param {(t: number) => void} go
+ * @param {HTMLElement} list @param {SessionRecord} record
+ * @param {{t: number, url: string}[]} photos @param {Words} words @param {(t: number) => void} go
  */
 export const createEventList = (list, record, photos, words, go) => {
   /** @type {Entry[]} */
@@ -55,8 +43,7 @@ export const createEventList = (list, record, photos, words, go) => {
 
 /**
  * Scroll the list, and nothing but the list.
- * @param {HTMLElement} list
- * @param {HTMLElement | undefined} row
+ * @param {HTMLElement} list @param {HTMLElement | undefined} row
  */
 const reveal = (list, row) => {
   if (row && list.scrollHeight > list.clientHeight) {
@@ -64,16 +51,11 @@ const reveal = (list, row) => {
   }
 };
 
-/**
- * @param {Entry} entry
- * @param {import("../../lib/words.js").Words} words
- * @param {(t: number) => void} go
- */
+/** @param {Entry} entry @param {Words} words @param {(t: number) => void} go */
 const rowOf = ({ t, source, type, detail, photo }, words, go) => {
   const row = make("li", "replay-event");
   row.dataset.source = source;
-  const button = make("button", "replay-event__button");
-  button.setAttribute("type", "button");
+  const button = makeButton("replay-event__button", "", () => go(t));
   const name = words.has(`event.${type}`) ? words.say(`event.${type}`) : plain(type);
   button.append(
     make("span", "replay-event__time numbers", written(t, true)),
@@ -84,16 +66,9 @@ const rowOf = ({ t, source, type, detail, photo }, words, go) => {
     button.append(make("span", "replay-event__detail", plain(detail)));
   }
   if (photo) {
-    const picture = document.createElement("img");
-    Object.assign(picture, {
-      src: photo,
-      alt: name,
-      loading: "lazy",
-      className: "replay-event__photo",
-    });
-    button.append(picture);
+    const picture = make("img", "replay-event__photo");
+    button.append(Object.assign(picture, { src: photo, alt: name, loading: "lazy" }));
   }
-  button.addEventListener("click", () => go(t));
   row.append(button);
   return row;
 };

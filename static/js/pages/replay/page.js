@@ -29,7 +29,7 @@ const [stage, strips, now, slider, playing, speed, clock] = [
 const sources = new Set(["task", "server", "robot", "page", "lab"]);
 
 class ReplayPage {
-  /** @param {import("./record.js").SessionRecord} record */
+  /** @param {SessionRecord} record */
   constructor(record) {
     this.record = record;
     this.map = new ReplayMap(element("replay-map"), config.site, record, config.footprint);

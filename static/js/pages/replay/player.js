@@ -40,10 +40,7 @@ export const advance = (player, seconds) => {
 
 /**
  * What a key does to it; the same player where it does nothing.
- * @param {Player} player
- * @param {string} key
- * @param {boolean} shift
- * @returns {Player}
+ * @param {Player} player @param {string} key @param {boolean} shift @returns {Player}
  */
 export const pressed = (player, key, shift) => {
   const step = shift ? 10 : 1;

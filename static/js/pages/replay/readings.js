@@ -1,6 +1,4 @@
-/**
- * What the record says of the moment, in words and numbers.
- */
+/** What the record says of the moment, in words and numbers. */
 
 import { commandAt, momentAt, networkAt } from "./record.js";
 
@@ -10,9 +8,7 @@ const NONE = "–";
 const told = (value, write) => (value === null || value === undefined ? NONE : write(value));
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("./record.js").SessionRecord} record
- * @param {import("../../lib/words.js").Words} words
+ * @param {GetElement} element @param {SessionRecord} record @param {Words} words
  * @returns {(t: number) => void}
  */
 export const createReadings = (element, record, words) => {
@@ -32,9 +28,7 @@ export const createReadings = (element, record, words) => {
 };
 
 /**
- * @param {import("./record.js").SessionRecord} record
- * @param {number} t
- * @param {import("../../lib/words.js").Words} words
+ * @param {SessionRecord} record @param {number} t @param {Words} words
  * @returns {Record<string, string>}
  */
 export const readingsAt = (record, t, words) => {
@@ -63,20 +57,13 @@ export const readingsAt = (record, t, words) => {
 const placeTold = ({ x, y, theta }) =>
   `${x.toFixed(2)}, ${y.toFixed(2)} m · ${((theta * 180) / Math.PI).toFixed(0)}°`;
 
-/**
- * @param {number | null} charge
- * @param {number} docked 0 or 1
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {number | null} charge @param {number} docked 0 or 1 @param {Words} words */
 const batteryTold = (charge, docked, words) => {
   const level = told(charge, (share) => `${Math.round(share * 100)} %`);
   return docked ? `${level} · ${words.say("docked")}` : level;
 };
 
-/**
- * @param {ReturnType<typeof commandAt>} command
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {ReturnType<typeof commandAt>} command @param {Words} words */
 const commandTold = (command, words) => {
   if (!command) {
     return NONE;
@@ -88,10 +75,7 @@ const commandTold = (command, words) => {
   return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${age}`;
 };
 
-/**
- * @param {Record<string, number | null> | null} network
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {Record<string, number | null> | null} network @param {Words} words */
 const networkTold = (network, words) => {
   if (!network) {
     return NONE;

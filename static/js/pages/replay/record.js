@@ -29,8 +29,7 @@ const SPEED = 2.5; // m/s
 /**
  * The index of the last time that is not after `t`; -1 before the first.
  * @param {number[]} times ascending
- * @param {number} t
- * @returns {number}
+ * @param {number} t @returns {number}
  */
 export const lastBefore = (times, t) => {
   let [low, high] = [0, times.length];
@@ -101,8 +100,7 @@ export const momentAt = (states, t) => {
 
 /**
  * The command in force: the last one, unless it is too old to be.
- * @param {SessionRecord} record
- * @param {number} t
+ * @param {SessionRecord} record @param {number} t
  * @returns {{v: number, w: number, method: string, way: string, age: number | null} | null}
  */
 export const commandAt = ({ commands, words }, t) => {
@@ -121,9 +119,7 @@ export const commandAt = ({ commands, words }, t) => {
 
 /**
  * The second of network that a moment lies in.
- * @param {SessionRecord} record
- * @param {number} t
- * @returns {Record<string, number | null> | null}
+ * @param {SessionRecord} record @param {number} t @returns {Record<string, number | null> | null}
  */
 export const networkAt = ({ network }, t) => {
   const i = lastBefore(/** @type {number[]} */ (network.t), t);
@@ -134,8 +130,7 @@ export const networkAt = ({ network }, t) => {
 
 /**
  * Pieces of the path as pairs of indices, first and last, each driven without a break.
- * @param {Record<string, number[]>} states
- * @returns {[number, number][]}
+ * @param {Record<string, number[]>} states @returns {[number, number][]}
  */
 export const piecesOf = (states) => {
   /** @type {[number, number][]} */

@@ -1,13 +1,13 @@
 /**
  * The path on the floor plan, coloured by time, and the robot's outline where it was. The still
  * part is drawn once a size into a picture of its own. data-marker-x, -y and -t on the canvas tell
- * where the robot was drawn, for whoever wants to check.
+ * where the robot was drawn, for tests.
  */
 
 import { createPaint } from "../../lib/colours.js";
+import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
 import { boundsOf, fit, toScreen } from "../../view/map/transform.js";
-import { compose } from "../../view/map/layers.js";
 import { piecesOf } from "./record.js";
 
 const SHADES = 64; // colours that the time is told with
@@ -25,10 +25,8 @@ const shade = (share) => {
 
 export class ReplayMap {
   /**
-   * @param {HTMLCanvasElement} canvas
-   * @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
-   * @param {import("./record.js").SessionRecord} record
-   * @param {[number, number][]} footprint m, in the robot's frame
+   * @param {HTMLCanvasElement} canvas @param {FloorPlan | null} site @param {SessionRecord} record
+   * @param {Point[]} footprint m, in the robot's frame
    */
   constructor(canvas, site, record, footprint) {
     this.canvas = canvas;
@@ -37,15 +35,12 @@ export class ReplayMap {
     this.footprint = footprint;
     /** @type {CanvasImageSource | null} */
     this.image = null;
-    /** @type {import("../../view/map/transform.js").View | null} */
+    /** @type {MapView | null} */
     this.view = null;
     this.density = 1;
     /** @type {() => any} */
     this.colours = createPaint(canvas, "--map-", COLOURS, "600 12px");
-    /**
-     * @type {import("../../view/map/floor_plan.js").Paint & {robot: string, lost: string,
-     *   edge: string}}
-     */
+    /** @type {Paint & {robot: string, lost: string, edge: string}} */
     this.paint = /** @type {any} */ ({});
     this.still = document.createElement("canvas");
     this.pieces = piecesOf(record.states);
@@ -96,7 +91,7 @@ export class ReplayMap {
       ? boundsOfSite(this.site)
       : boundsOf(
           x.length
-            ? x.map((each, i) => /** @type {[number, number]} */ ([each, y[i]]))
+            ? x.map((each, i) => /** @type {Point} */ ([each, y[i]]))
             : [
                 [-1, -1],
                 [1, 1],
@@ -104,7 +99,7 @@ export class ReplayMap {
         );
   }
 
-  /** @param {CanvasRenderingContext2D} context */
+  /** @param {Canvas2D} context */
   #drawStill(context) {
     const { states, duration } = this.record;
     if (this.site && this.view) {
@@ -120,11 +115,8 @@ export class ReplayMap {
 
   /**
    * One stroke a shade.
-   * @param {CanvasRenderingContext2D} context
-   * @param {any} states
-   * @param {number} first
-   * @param {number} last
-   * @param {number} duration
+   * @param {Canvas2D} context @param {any} states @param {number} first
+   * @param {number} last @param {number} duration
    */
   #drawPiece(context, states, first, last, duration) {
     let colour = "";
@@ -144,7 +136,7 @@ export class ReplayMap {
     context.stroke();
   }
 
-  /** @param {number} x m @param {number} y m @returns {[number, number]} CSS pixels */
+  /** @param {number} x m @param {number} y m @returns {Point} CSS pixels */
   #at(x, y) {
     return this.view ? toScreen(this.view, x, y) : [0, 0];
   }
@@ -173,14 +165,14 @@ export class ReplayMap {
     }
   }
 
-  /** @param {CanvasRenderingContext2D} context @param {import("./record.js").Moment} moment */
+  /** @param {Canvas2D} context @param {import("./record.js").Moment} moment */
   #drawRobot(context, moment) {
     const { paint } = this;
     const colour = moment.localized && !moment.stale ? paint.robot : paint.lost;
     if (this.footprint.length) {
       context.beginPath();
       this.footprint.forEach((corner) =>
-        context.lineTo(...this.#at(...compose(moment, ...corner))),
+        context.lineTo(...this.#at(...mapFromRobot(moment, corner))),
       );
       context.closePath();
       context.strokeStyle = colour;

@@ -18,15 +18,14 @@ const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page", "lab"];
 
 /**
- * @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number,
+ * @typedef {{context: Canvas2D, width: number, top: number, height: number,
  *   colour: (name: string) => string, duration: number}} Row
  */
 
 /**
- * @param {HTMLCanvasElement} canvas
- * @param {import("./record.js").SessionRecord} record
- * @param {{speed: string, trip: string, fps: string, loss: string,
- *   method: (name: string) => string}} words
+ * @param {HTMLCanvasElement} canvas @param {SessionRecord} record
+ * @param {{speed: string, trip: string, fps: string, loss: string, method: (name: string) =>
+ *   string}} words
  * @param {Set<string>} sources whose events are shown
  */
 export const drawStrips = (canvas, record, words, sources) => {
@@ -67,8 +66,7 @@ export const drawStrips = (canvas, record, words, sources) => {
 
 /**
  * Ask once for each name: a browser computes a style each time that it is asked.
- * @param {(name: string) => string} ask
- * @returns {(name: string) => string}
+ * @param {(name: string) => string} ask @returns {(name: string) => string}
  */
 const remembered = (ask) => {
   /** @type {Map<string, string>} */
@@ -76,7 +74,7 @@ const remembered = (ask) => {
   return (name) => known.get(name) ?? known.set(name, ask(name)).get(name) ?? "";
 };
 
-/** @param {Row} row @param {import("./record.js").SessionRecord["events"]} events */
+/** @param {Row} row @param {SessionRecord["events"]} events */
 const drawEvents = ({ context, width, top, height, colour, duration }, events) => {
   for (const [t, source] of events) {
     const lane = Math.max(0, SOURCES.indexOf(source));
@@ -92,11 +90,8 @@ const drawEvents = ({ context, width, top, height, colour, duration }, events) =
 
 /**
  * A line of values, broken where one is missing or late.
- * @param {Row} row
- * @param {number[]} times
- * @param {(number | null)[]} values
- * @param {[number, number]} range
- * @param {string} stroke
+ * @param {Row} row @param {number[]} times @param {(number | null)[]} values
+ * @param {[number, number]} range @param {string} stroke
  * @param {number} gap s
  */
 const drawLine = (
@@ -132,8 +127,7 @@ const drawLine = (
 };
 
 /**
- * @param {Row} row
- * @param {import("./record.js").SessionRecord} record
+ * @param {Row} row @param {SessionRecord} record
  * @param {{speed: string, method: (name: string) => string}} words
  */
 const drawSpeed = (row, { states, commands, words: names }, words) => {
@@ -188,8 +182,7 @@ export const stretches = ({ t, method }) => {
 const methodColour = (i) => `strip-method-${i % METHODS}`;
 
 /**
- * @param {Row} row
- * @param {import("./record.js").SessionRecord} record
+ * @param {Row} row @param {SessionRecord} record
  * @param {{trip: string, fps: string, loss: string}} words
  */
 const drawNetwork = (row, { network }, words) => {
@@ -210,11 +203,7 @@ const drawNetwork = (row, { network }, words) => {
   ]);
 };
 
-/**
- * @param {Row} row
- * @param {import("./record.js").SessionRecord} record
- * @param {{loss: string}} words
- */
+/** @param {Row} row @param {SessionRecord} record @param {{loss: string}} words */
 const drawLoss = (row, { network }, words) => {
   const { context, width, top, height, colour, duration } = row;
   rule(row, top, colour("line"));
@@ -234,8 +223,7 @@ const drawLoss = (row, { network }, words) => {
 
 /**
  * A round end of a scale: 1, 2 or 5 and as many zeros as it takes.
- * @param {number} least
- * @returns {number}
+ * @param {number} least @returns {number}
  */
 export const scaleEnd = (least) => {
   const ten = 10 ** Math.floor(Math.log10(least));
@@ -246,8 +234,7 @@ export const scaleEnd = (least) => {
  * A scale beside a strip, with a fine line through the strip at each value of the left one.
  * @param {Row} row
  * @param {number[]} values ascending
- * @param {string} unit
- * @param {"left" | "right"} side
+ * @param {string} unit @param {"left" | "right"} side
  */
 const axis = (row, values, unit, side) => {
   const { context, width, top, height, colour } = row;

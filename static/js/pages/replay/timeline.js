@@ -1,6 +1,4 @@
-/**
- * The time line: seconds and pixels, its ticks, and how a moment is written. Pure.
- */
+/** The time line: seconds and pixels, its ticks, and how a moment is written. Pure. */
 
 const STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600]; // s between ticks
 const TICK_WIDTH = 64; // CSS pixels that a tick and its words need
@@ -44,8 +42,7 @@ export const ticks = (duration, width) => {
 /**
  * `2:05`, and `2:05.3` with tenths.
  * @param {number} t s
- * @param {boolean} [tenths]
- * @returns {string}
+ * @param {boolean} [tenths] @returns {string}
  */
 export const written = (t, tenths = false) => {
   const whole = tenths ? Math.floor(t * 10 + 1e-6) / 10 : Math.floor(t + 1e-6);
@@ -57,8 +54,7 @@ export const written = (t, tenths = false) => {
 /**
  * What `?t=` asks for.
  * @param {string} search of an address
- * @param {number} duration
- * @returns {number}
+ * @param {number} duration @returns {number}
  */
 export const asked = (search, duration) =>
   clamp(parseFloat(new URLSearchParams(search).get("t") ?? "0"), duration);

@@ -16,8 +16,7 @@ export const createChime = (newContext = () => new AudioContext()) => {
   let context = null;
 
   /**
-   * @param {AudioContext} to
-   * @param {{hertz: number, at: number, lasts: number}} note
+   * @param {AudioContext} to @param {{hertz: number, at: number, lasts: number}} note
    * @param {number} volume
    */
   const play = (to, { hertz, at, lasts }, volume) => {

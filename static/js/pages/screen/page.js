@@ -13,7 +13,7 @@ import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
 import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
+import { SERVER_SILENCE, shownFaults } from "../../protocol/faults.js";
 import { isRefusal, newRelease } from "../../protocol/estop_release.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
@@ -24,7 +24,7 @@ import { sceneFor, titleOf, troubleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
-const BEAT = 2; // s; tells the robot that this display lives while nobody speaks
+const BEAT = 2; // s; a sign of life of this display to the robot
 const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;
@@ -449,8 +449,7 @@ const showKnock = (rings, name) => {
 
 /**
  * Somebody who stands with their back to the robot hears that it rings.
- * @param {string} scene
- * @param {string} name
+ * @param {string} scene @param {string} name
  */
 const announce = (scene, name) => {
   const next = scene === "ringing" ? `${told.screen?.session}` : "";
@@ -465,10 +464,7 @@ const tick = () => {
   link.watch(now);
   repeatStop();
   receipts.tick(now);
-  const silence = socket.silence(now);
-  if (silence > SOCKET_SILENCE) {
-    socket.redial();
-  }
+  const silence = socket.watch(now);
   if (told.release || told.askedAt || silence > SERVER_SILENCE) {
     show(); // the time for an answer runs
   }

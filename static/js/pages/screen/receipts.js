@@ -7,7 +7,7 @@
 import { freshId } from "../../lib/ids.js";
 
 const AGAIN = 2; // s between two tries
-const PATIENCE = 60; // s; after that nobody waits for it any more
+const PATIENCE = 60; // s; after that it is of no use
 
 /** @typedef {"shown" | "spoken" | "not_spoken"} WordsState */
 
@@ -93,8 +93,7 @@ export const newFate = (say) => {
 /**
  * Calls back once an element has really been on the screen: not while the page is hidden, nor while
  * the element is out of sight.
- * @param {Element} element
- * @param {() => void} onSeen
+ * @param {Element} element @param {() => void} onSeen
  */
 export const whenSeen = (element, onSeen) => {
   const observer = new IntersectionObserver((entries) => {

@@ -1,8 +1,6 @@
-/**
- * What a robot's own display shows, from what it was told: decisions only.
- */
+/** What a robot's own display shows, from what it was told: decisions only. */
 
-import { SERVER_SILENCE } from "../../view/hud/faults.js";
+import { SERVER_SILENCE } from "../../protocol/faults.js";
 import { isHeld, releaseOf } from "../../protocol/estop_release.js";
 
 /** s without a state after which a robot that somebody drives counts as out of reach */
@@ -145,9 +143,7 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
 /**
  * The line about a stop, and what the button is for that releases one that was pressed here, or
  * between visits.
- * @param {Told} told
- * @param {number} now
- * @returns {Pick<Display, "stopped" | "release">}
+ * @param {Told} told @param {number} now @returns {Pick<Display, "stopped" | "release">}
  */
 const stopOf = (told, now) => {
   const stopped = stoppedBy(told, now);

@@ -9,8 +9,7 @@ const BEGINS_WITHIN = 5; // s
 const ENDS_WITHIN = 120; // s; 500 characters take a minute
 
 /**
- * @param {object} [browser]
- * @param {SpeechSynthesis | undefined} [browser.synthesis]
+ * @param {object} [browser] @param {SpeechSynthesis | undefined} [browser.synthesis]
  * @param {typeof SpeechSynthesisUtterance | undefined} [browser.Utterance]
  * @param {(call: () => void, seconds: number) => any} [browser.later] returns what `never` takes
  *   back

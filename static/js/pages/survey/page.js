@@ -4,6 +4,7 @@
  * rest.
  */
 
+import { freshId } from "../../lib/ids.js";
 import { createAttention } from "./attention.js";
 import { shownKeys } from "./conditions.js";
 import { createSaver } from "./saver.js";
@@ -20,9 +21,7 @@ const questions = /** @type {HTMLFieldSetElement[]} */ ([
 ]);
 const byKey = new Map(questions.map((question) => [question.dataset.question ?? "", question]));
 const attention = createAttention(() => performance.now() / 1000);
-const writer = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) =>
-  byte.toString(16).padStart(2, "0"),
-).join("");
+const writer = freshId();
 let writing = 0;
 
 /**
@@ -167,8 +166,7 @@ const questionOf = (event) =>
 
 /**
  * Tick what excludes others, untick the others.
- * @param {HTMLInputElement} control
- * @param {HTMLFieldSetElement} question
+ * @param {HTMLInputElement} control @param {HTMLFieldSetElement} question
  */
 const exclude = (control, question) => {
   const alone = (/** @type {HTMLInputElement} */ one) =>
@@ -195,8 +193,7 @@ const empty = (control) => {
 
 /**
  * Choose the value that a list offers: several lists of one name offer different ones.
- * @param {HTMLSelectElement} list
- * @param {string[]} values
+ * @param {HTMLSelectElement} list @param {string[]} values
  */
 const choose = (list, values) => {
   list.value =

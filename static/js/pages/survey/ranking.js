@@ -25,10 +25,7 @@ export const moved = (things, from, to) => {
  * It stands under the pointer afterwards, or else it would go back at once where rows differ in
  * height.
  *
- * @param {number} y
- * @param {Span} own
- * @param {Span | null} above
- * @param {Span | null} below
+ * @param {number} y @param {Span} own @param {Span | null} above @param {Span | null} below
  */
 export const stepTo = (y, own, above, below) => {
   const height = own.bottom - own.top;
@@ -50,8 +47,7 @@ const spanOf = (row) => row && row.getBoundingClientRect();
  * Put rows into an order. One stays where it is and the others move round it, because taken out it
  * would lose focus and pointer.
  *
- * @param {Element[]} ordered
- * @param {Element} kept
+ * @param {Element[]} ordered @param {Element} kept
  */
 const arrange = (ordered, kept) => {
   const at = ordered.indexOf(kept);
@@ -90,8 +86,7 @@ export const keepOrder = (holder) => {
 
 /**
  * A handle to drag a row by. The list of places is what a keyboard and a screen reader use.
- * @param {Element} row
- * @param {() => Element[]} rows
+ * @param {Element} row @param {() => Element[]} rows
  */
 const addHandle = (row, rows) => {
   const handle = document.createElement("span");

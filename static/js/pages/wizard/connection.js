@@ -10,7 +10,7 @@ import { ClockSync } from "../../protocol/clock_sync.js";
 import { CommandStream } from "../../protocol/command_stream.js";
 import { Link, isSupported } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
-import { areCredentialsOld } from "../../protocol/relay_credentials.js";
+import { areCredentialsOld } from "../../protocol/link_health.js";
 import { Rejection, encodePacket } from "../../protocol/robot_api.js";
 import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";
@@ -22,8 +22,7 @@ import { readPacket } from "./packets.js";
  */
 
 /**
- * @param {object} options
- * @param {string} options.url
+ * @param {object} options @param {string} options.url
  * @param {import("../../view/video/viewport.js").Viewport} options.viewport
  * @param {import("../../view/video/capture_stamp.js").ShownFrame} options.shown
  * @param {(suffix: string, message: any) => void} options.onMessage
@@ -34,7 +33,7 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
   const told = /** @type {Told} */ ({ peer: null, iceServers: [], iceAt: 0, attempt: 0 });
 
-  /** @param {unknown} packet @param {import("../../protocol/clock_sync.js").Transport} transport */
+  /** @param {unknown} packet @param {Transport} transport */
   const receive = (packet, transport) => {
     try {
       const { suffix, message } = readPacket(packet);
@@ -46,11 +45,7 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     }
   };
 
-  /**
-   * @param {string} suffix
-   * @param {any} message
-   * @param {import("../../protocol/clock_sync.js").Transport} transport
-   */
+  /** @param {string} suffix @param {any} message @param {Transport} transport */
   const take = (suffix, message, transport) => {
     const now = unixNow();
     if (transport === "datachannel") {
@@ -95,12 +90,9 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
 
 /**
  * The robot's video and sound, opened again whenever they are lost.
- * @param {object} parts
- * @param {import("../../view/video/viewport.js").Viewport} parts.viewport
+ * @param {object} parts @param {import("../../view/video/viewport.js").Viewport} parts.viewport
  * @param {import("../../view/video/capture_stamp.js").ShownFrame} parts.shown
- * @param {Socket} parts.socket
- * @param {ClockSync} parts.clockSync
- * @param {Told} parts.told
+ * @param {Socket} parts.socket @param {ClockSync} parts.clockSync @param {Told} parts.told
  * @param {(packet: unknown, transport: "datachannel") => void} parts.receive
  */
 const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {

@@ -81,8 +81,7 @@ export const noticeOfDenied = ({ suffix, reason }) =>
 const REQUEST = /^(command\/action|wizard\/(?!reached))/;
 
 /**
- * @param {unknown} packet
- * @returns {{suffix: string, message: any}}
+ * @param {unknown} packet @returns {{suffix: string, message: any}}
  * @throws {import("../../protocol/robot_api.js").Rejection}
  */
 export const readPacket = (packet) => {

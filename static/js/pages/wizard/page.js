@@ -3,12 +3,12 @@
  * wires it.
  */
 
-import { keyUse, openHolder } from "../../input/key_dispatcher.js";
+import { KeyDispatcher } from "../../input/key_dispatcher.js";
 import { unixNow } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
+import { SERVER_SILENCE, shownFaults } from "../../protocol/faults.js";
 import { ShownFrame } from "../../view/video/capture_stamp.js";
 import { Viewport } from "../../view/video/viewport.js";
 import { createConnection } from "./connection.js";
@@ -45,7 +45,7 @@ const told = {
   connected: false,
   /** whether a WebSocket that is open brings nothing any more */
   silent: false,
-  /** @type {import("../../view/hud/faults.js").ShownFault[]} */
+  /** @type {import("../../protocol/faults.js").ShownFault[]} */
   faults: [],
   /**
    * a step that the page drives now
@@ -268,7 +268,11 @@ const frameAge = (now) => {
 const tick = () => {
   const now = unixNow();
   connection.link.watch(now);
-  listen(now);
+  const isSilent = connection.socket.watch(now) > SERVER_SILENCE;
+  if (isSilent !== told.silent) {
+    told.silent = isSilent;
+    show();
+  }
   connection.router.repeatStop(now);
   if (told.granted) {
     drive(now);
@@ -325,18 +329,6 @@ const status = () => {
   return told.scene.operator === "other" ? "other" : "free";
 };
 
-/** A WebSocket may die without a word, and so may the process at its other end. */
-const listen = (/** @type {number} */ now) => {
-  const silence = connection.socket.silence(now);
-  if (silence > SERVER_SILENCE !== told.silent) {
-    told.silent = !told.silent;
-    show();
-  }
-  if (silence > SOCKET_SILENCE) {
-    connection.socket.redial();
-  }
-};
-
 const show = () => {
   const { scene } = told;
   const at = status();
@@ -390,34 +382,32 @@ const showScript = () => {
 
 // --- keys and buttons ----------------------------------------------------------------------------
 
-window.addEventListener("keydown", (event) => {
-  const use = keyUse(event, openHolder(document));
-  if (use !== "free" && use !== "stop") {
-    return;
-  }
-  const direction = Hand.directionOf(event.code);
-  const step = told.scene?.script?.stages
-    .flatMap((/** @type {any} */ stage) => stage.steps)
-    .find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
-  if (use === "stop") {
-    event.preventDefault();
-    stop();
-  } else if (direction && told.scene?.script?.byHand) {
-    event.preventDefault();
-    hand.press(direction, "keyboard");
-  } else if (step && !event.repeat) {
-    event.preventDefault();
-    press(step);
-  }
+const keys = new KeyDispatcher();
+keys.add({
+  down: (event) => {
+    const direction = Hand.directionOf(event.code);
+    const step = told.scene?.script?.stages
+      .flatMap((/** @type {any} */ stage) => stage.steps)
+      .find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
+    if (keys.keymap.commandOf(event) === "stop") {
+      event.preventDefault();
+      stop();
+    } else if (direction && told.scene?.script?.byHand) {
+      event.preventDefault();
+      hand.press(direction, "keyboard");
+    } else if (step && !event.repeat) {
+      event.preventDefault();
+      press(step);
+    }
+  },
+  up: ({ code }) => {
+    const direction = Hand.directionOf(code);
+    if (direction) {
+      hand.release(direction);
+    }
+  },
+  letGo: () => hand.letGo(),
 });
-window.addEventListener("keyup", (event) => {
-  const direction = Hand.directionOf(event.code);
-  if (direction) {
-    hand.release(direction);
-  }
-});
-window.addEventListener("blur", () => hand.letGo());
-window.addEventListener("focusin", (event) => keyUse(event, null) === "text" && hand.letGo());
 document.addEventListener("visibilitychange", () => document.hidden && told.granted && stop());
 window.addEventListener("pagehide", () => told.granted && stop());
 

@@ -3,21 +3,20 @@
  * what it says or does.
  */
 
+import { make, makeButton } from "../../lib/dom.js";
+
 /**
- * @param {any} script
- * @param {HTMLElement} place
+ * @param {any} script @param {HTMLElement} place
  * @param {{describe: (step: any) => string, onPress: (step: any) => void}} options
  * @returns {Map<string, HTMLButtonElement>} by the step's key
  */
 export const drawScript = (script, place, { describe, onPress }) => {
   const buttons = new Map();
   const stages = script.stages.map((/** @type {any} */ stage) => {
-    const section = document.createElement("section");
-    section.className = "wizard-stage";
-    section.append(Object.assign(document.createElement("h3"), { textContent: stage.title }));
+    const section = make("section", "wizard-stage");
+    section.append(make("h3", "", stage.title));
     for (const step of stage.steps) {
-      const button = buttonOf(step, describe(step));
-      button.addEventListener("click", () => onPress(step));
+      const button = buttonOf(step, describe(step), () => onPress(step));
       buttons.set(step.key, button);
       section.append(button);
     }
@@ -27,28 +26,22 @@ export const drawScript = (script, place, { describe, onPress }) => {
   return buttons;
 };
 
-/** @param {any} step @param {string} description */
-const buttonOf = (step, description) => {
-  const button = document.createElement("button");
-  button.type = "button";
-  button.className = "wizard-step";
+/** @param {any} step @param {string} description @param {() => void} press */
+const buttonOf = (step, description, press) => {
+  const button = makeButton("wizard-step", "", press);
   button.dataset.step = step.key;
-  const part = (/** @type {string} */ name, /** @type {string} */ text) =>
-    Object.assign(document.createElement(name === "wizard-step__key" ? "kbd" : "span"), {
-      className: name,
-      textContent: text,
-    });
-  button.append(part("wizard-step__title", step.title), part("wizard-step__does", description));
+  button.append(
+    make("span", "wizard-step__title", step.title),
+    make("span", "wizard-step__does", description),
+  );
   if (step.shortcut) {
-    button.append(part("wizard-step__key", step.shortcut.toUpperCase()));
+    button.append(make("kbd", "wizard-step__key", step.shortcut.toUpperCase()));
   }
   return button;
 };
 
 /**
- * @param {Map<string, HTMLButtonElement>} buttons
- * @param {string[]} done
- * @param {boolean} enabled
+ * @param {Map<string, HTMLButtonElement>} buttons @param {string[]} done @param {boolean} enabled
  * @param {string} running key of the step that the robot does now
  */
 export const markSteps = (buttons, done, enabled, running) => {

@@ -3,13 +3,13 @@
  * profile is stands in profiles.js.
  */
 
-import { recallProfile, rememberProfile } from "../../drive/storage.js";
+import { recallProfile, rememberProfile } from "../../lib/storage.js";
 import { write } from "../../lib/dom.js";
 import { createFullScreen } from "./full_screen.js";
 import { beginningOf, fixedProfile, nameOf } from "./profiles.js";
 import { createWakeLock } from "./wake_lock.js";
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, config } = page;
   const who = config.who ?? "";
@@ -34,15 +34,15 @@ const setUp = (page) => {
     createFullScreenButton(page),
   ];
   return {
-    on: { began: begin },
-    render: (/** @type {import("../../drive/features.js").State} */ state) => {
-      renders.forEach((render) => render(state));
-      keepAwake(state.visit.phase === "driving");
+    on: {
+      began: begin,
+      changed: (/** @type {State} */ { visit }) => keepAwake(visit.phase === "driving"),
     },
+    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
   };
 };
 
-/** @param {import("../../drive/registry.js").Page} page @param {(name: string) => void} choose */
+/** @param {Page} page @param {(name: string) => void} choose */
 const createProfiles = ({ element, words }, choose) => {
   const buttons = /** @type {HTMLButtonElement[]} */ (
     Array.from(element("profiles").querySelectorAll("button"))
@@ -51,7 +51,7 @@ const createProfiles = ({ element, words }, choose) => {
     button.addEventListener("click", () => choose(button.value));
   }
   let shown = "";
-  return (/** @type {import("../../drive/features.js").State} */ state) => {
+  return (/** @type {State} */ state) => {
     const [name, fixed] = [nameOf(state), fixedProfile(state) !== null];
     if (`${name} ${fixed}` !== shown) {
       shown = `${name} ${fixed}`;
@@ -65,7 +65,7 @@ const createProfiles = ({ element, words }, choose) => {
   };
 };
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const createFullScreenButton = ({ element, words, store, connection, driving }) => {
   const button = element("full-screen");
   const screen = createFullScreen({
@@ -90,5 +90,5 @@ const createFullScreenButton = ({ element, words, store, connection, driving }) 
   };
 };
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const display = { name: "display", setUp };

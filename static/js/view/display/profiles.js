@@ -4,8 +4,7 @@
  * by them too. Why a robot that ought to move does not is said in every one.
  */
 
-import { isAssistFixed } from "../../study/restrictions.js";
-import { offersAssist } from "../../autonomy/assistance.js";
+import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
 
 /**
  * @typedef {object} Profile
@@ -31,27 +30,25 @@ const FIRST = "standard";
 const known = (name) => (Object.hasOwn(PROFILES, name) ? name : FIRST);
 
 /**
- * What somebody else has decided, null when nobody has.
- * @param {import("../../drive/features.js").State} state
- * @returns {string | null}
+ * The profile that the owner or a study fixes, null without one.
+ * @param {State} state @returns {string | null}
  */
 export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interface || null;
 
 /**
  * The name of what is in force. One that a page does not know shows as the first, and is told as
  * that.
- * @param {import("../../drive/features.js").State} state
- * @returns {string}
+ * @param {State} state @returns {string}
  */
 export const nameOf = (state) => known(fixedProfile(state) ?? state.profile);
 
-/** @param {import("../../drive/features.js").State} state */
+/** @param {State} state */
 export const profileOf = (state) => PROFILES[nameOf(state)];
 
 /**
  * What a drive begins with. One that only goes on keeps the assistance that the server knows of it.
- * @param {import("../../drive/features.js").State} state
- * @param {boolean} again whether it goes on after the page was loaded anew
+ * @param {State} state
+ * @param {boolean} again whether the drive continues after a reload
  * @returns {{step: number, assist: string | null}} assist null leaves it as it is
  */
 export const beginningOf = (state, again) => {

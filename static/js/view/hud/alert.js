@@ -3,15 +3,15 @@
  * readings.js shows it.
  */
 
+import { clockTime } from "../../lib/clock.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
-import { reports } from "../../autonomy/reasons.js";
+import { reports, isAway, isCutOff } from "../../protocol/standstill.js";
 import { profileOf } from "../display/profiles.js";
-import { faultAlert } from "./faults.js";
-import { isAway, isCutOff } from "./standstill.js";
+import { faultAlert } from "../../protocol/faults.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
@@ -27,7 +27,7 @@ const RUNS_ON = /** @type {const} */ ({ word: "alert.runs_on", tone: "danger" })
 export const staysOverCards = (word) => OVER_CARDS.test(word);
 
 /**
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  * @returns {{word: string, tone: "danger" | "busy" | "calm",
  *   values?: Record<string, string | number>} | null}
  */
@@ -62,15 +62,13 @@ export const alertFor = (state) => {
 /**
  * What a card says in a line of its own: what fails at the server, or what it denied. The card
  * covers the line over the video, which may say something else of the robot.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
+ * @param {State} state @returns {ReturnType<typeof alertFor>}
  */
 export const warningFor = (state) => serverAlert(state) ?? denialAlert(state) ?? diskAlert(state);
 
 /**
  * That the server does not work, or cannot be reached.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
+ * @param {State} state @returns {ReturnType<typeof alertFor>}
  */
 const serverAlert = (state) => {
   const { visit, serverSilent } = state;
@@ -95,13 +93,13 @@ const serverAlert = (state) => {
   return cutOff || visit.serverBlind ? { word: "alert.server", tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const diskAlert = ({ visit, faults }) => {
   const fault = roleOf(visit) && faults.find((/** @type {any} */ { then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const robotAlert = (state) => {
   const { visit, robot, room, operates } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
@@ -148,7 +146,7 @@ const robotAlert = (state) => {
 
 /**
  * Whether nothing stops the robot's own navigation when the robot's computer is cut off.
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  */
 const isUnguarded = ({ factsheet }) => factsheet?.navigationControl === "unguarded";
 
@@ -171,7 +169,7 @@ const touchedWord = (sides) => {
   return sides.length ? `alert.touched.${most ?? "ahead"}` : "";
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const linkAlert = (state) => {
   const { visit, robot, slow, playing, still, stuck } = state;
   const server = serverAlert(state);
@@ -198,8 +196,7 @@ const linkAlert = (state) => {
 
 /**
  * A request of the visitor that the server has just denied, until they ask for something else.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
+ * @param {State} state @returns {ReturnType<typeof alertFor>}
  */
 const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
   if (!denial || now >= denial.until || !isUnsettled(denial.word, visit)) {
@@ -211,7 +208,7 @@ const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
     : { word: denial.word, tone: "busy" };
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const slowAlert = ({ visit, roundTrip, stuck }) =>
   !stuck && visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS
     ? { word: "alert.slow", tone: "busy" }
@@ -219,8 +216,7 @@ const slowAlert = ({ visit, roundTrip, stuck }) =>
 
 /**
  * The newest answer to what the visitor has just tried.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
+ * @param {State} state @returns {ReturnType<typeof alertFor>}
  */
 const answerAlert = (state) => {
   const { barred, said, now } = state;
@@ -232,8 +228,7 @@ const answerAlert = (state) => {
 
 /**
  * What keeps the robot from doing what its driver wants.
- * @param {import("../../drive/features.js").State} state
- * @returns {ReturnType<typeof alertFor>}
+ * @param {State} state @returns {ReturnType<typeof alertFor>}
  */
 const helpAlert = (state) => {
   const { visit, robot, help, now, pushedAt, stuck, releasedAt } = state;
@@ -253,21 +248,17 @@ const helpAlert = (state) => {
   return stuck ? { ...stuck, tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const lostAlert = ({ robot }) =>
   robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 
-/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {ReturnType<typeof alertFor>} */
 const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {
   // A task says itself how much time is left, and so does the page that waits around a practice
   // robot's.
   if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
-    const left = Math.max(0, Math.ceil(visit.turnEnds - now));
-    return {
-      word: "alert.turn_ends",
-      tone: "busy",
-      values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` },
-    };
+    const time = clockTime(Math.max(0, Math.ceil(visit.turnEnds - now)));
+    return { word: "alert.turn_ends", tone: "busy", values: { time } };
   }
   if (notice) {
     return { word: "alert.notice", tone: "calm", values: { text: notice } };

@@ -9,7 +9,7 @@ import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
 import { warningFor } from "./alert.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
-import { isAway, isCutOff, standstillOf } from "./standstill.js";
+import { isAway, isCutOff, standstillOf } from "../../protocol/standstill.js";
 
 /**
  * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
@@ -23,7 +23,7 @@ import { isAway, isCutOff, standstillOf } from "./standstill.js";
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
- * @property {{action: string, word: string}} [extra] something that one may do meanwhile
+ * @property {{action: string, word: string}} [extra] something to do while waiting
  * @property {FreeRobot[]} [instead] robots that can be driven at once
  * @property {number} [countdown] seconds
  * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must
@@ -34,7 +34,7 @@ const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
 const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
-/** A simulated robot is ended when nobody is at it: only asking for one makes one ready again. */
+/** A simulated robot ends without users: only a new request starts one. */
 const PRACTISE_AGAIN = { action: "practise_again", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
@@ -57,14 +57,14 @@ const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
   stopped_by_operator: HOME,
 });
 
-/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
+/** @param {State} state @returns {Card | null} */
 export const cardFor = (state) => {
   const card = studyCard(state, usualCard(state));
   const warning = card && warningFor(state);
   return warning ? { ...card, warning } : card;
 };
 
-/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
+/** @param {State} state @returns {Card | null} */
 const usualCard = (state) => {
   if (state.visit.askedUntil !== null) {
     return {
@@ -98,9 +98,7 @@ const usualCard = (state) => {
 /**
  * The card of who waits for a robot whose emergency stop they may release. Its button is not where
  * the one to drive was a moment ago: nobody is to release a stop by a press meant for that.
- * @param {Card} card
- * @param {import("../../drive/features.js").State} state
- * @returns {Card}
+ * @param {Card} card @param {State} state @returns {Card}
  */
 const withRelease = (card, state) => {
   const release = releaseFor(state);
@@ -111,7 +109,7 @@ const withRelease = (card, state) => {
   return { ...card, detail: isSaid ? null : { word: release.word }, extra: release.main };
 };
 
-/** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
+/** @type {Record<string, (state: State) => Card | null>} */
 const CARDS = {
   connecting: ({ finding }) => ({ word: "connecting", busy: true, detail: finding }),
   closed: (state) => closed(state),
@@ -152,8 +150,8 @@ const CARDS = {
 };
 
 /**
- * Whether the page's robot is one to try or practise with: nobody switches it off.
- * @param {Pick<import("../../drive/features.js").State, "practising" | "guest">} state
+ * Whether the page's robot is one to try or practise with: it cannot be switched off.
+ * @param {Pick<State, "practising" | "guest">} state
  */
 const isSimulated = ({ practising, guest }) => practising || guest;
 
@@ -162,8 +160,7 @@ const tryAgain = (state) => (isSimulated(state) ? PRACTISE_AGAIN : BACK);
 
 /**
  * What one may do while one waits.
- * @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state
- * @returns {Partial<Card>}
+ * @param {Pick<State, "practice" | "notifiable">} state @returns {Partial<Card>}
  */
 const meanwhile = ({ practice, notifiable }) => {
   const tell = notifiable ? { action: "tell_me", word: "do.tell_me" } : undefined;
@@ -179,11 +176,7 @@ const meanwhile = ({ practice, notifiable }) => {
 const GOES_HOME = new Set(["completed", "left", "timed_out", "idle"]);
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
 
-/**
- * The page does nothing any more, or nothing yet.
- * @param {import("../../drive/features.js").State} state
- * @returns {Card}
- */
+/** The page does nothing any more, or nothing yet. @param {State} state @returns {Card} */
 const closed = ({ visit, betterBrowser, copied }) => {
   const word = `closed.${visit.reason}`;
   if (visit.reason === "in_app") {
@@ -202,10 +195,7 @@ const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
 /**
  * Who keeps the queue waiting, or how the robot does when nobody drives it.
- * @param {import("../../protocol/session.js").Visit} visit
- * @param {import("../../drive/features.js").State["room"]} room
- * @param {boolean} docked
- * @returns {Card}
+ * @param {Visit} visit @param {State["room"]} room @param {boolean} docked @returns {Card}
  */
 const queued = ({ place, pause }, room, docked) => {
   const { why, reason } = pauseOf(pause);
@@ -237,8 +227,7 @@ const queued = ({ place, pause }, room, docked) => {
 
 /**
  * A newer server may know more ends: for those there are general words.
- * @param {string} reason
- * @param {{guest: boolean, practising: boolean}} who
+ * @param {string} reason @param {{guest: boolean, practising: boolean}} who
  * @param {boolean} goesHome whether the robot drives to its station now
  * @returns {Card}
  */
@@ -259,8 +248,7 @@ const ended = (reason, { guest, practising }, goesHome) => {
 
 /**
  * The visitor drives already, or another with the visitor's account.
- * @param {Pick<import("../../drive/features.js").State, "visit" | "elsewhere">} state
- * @returns {Card}
+ * @param {Pick<State, "visit" | "elsewhere">} state @returns {Card}
  */
 const elsewhere = ({ visit: { liveSince }, elsewhere: where }) => ({
   word: where ? `elsewhere.${where}` : "elsewhere",
@@ -277,7 +265,7 @@ const timeOfDay = (stamp) =>
     hourCycle: "h23",
   });
 
-/** @param {import("../../drive/features.js").State} state @returns {Card} */
+/** @param {State} state @returns {Card} */
 const lobby = (state) => {
   const { visit, room, robot } = state;
   const watch = { action: "watch", word: "do.watch" };
@@ -339,7 +327,7 @@ const lobby = (state) => {
  * lost has its banner instead, so that the last picture stays in sight, until it is known why; so
  * has a robot that is out of reach, whose camera nobody knows anything of.
  */
-const link = (/** @type {import("../../drive/features.js").State} */ state) => {
+const link = (/** @type {State} */ state) => {
   const { visit, robot, finding, slow } = state;
   if (!roleOf(visit) || state.playing || isCutOff(state) || isAway(robot)) {
     return null;

@@ -2,16 +2,15 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
-import { backToDriving, write } from "../../lib/dom.js";
+import { backToDriving, make, write } from "../../lib/dom.js";
 
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {(id: string) => HTMLElement} options.element gives the page's elements: #card, with
-   *   #card-title, #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other
-   *   and #card-count in it
-   * @param {import("../../lib/words.js").Words} options.words
-   * @param {(action: string) => void} options.onAction
+   * @param {GetElement} options.element gives the page's elements: #card, with #card-title,
+   *   #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other and
+   *   #card-count in it
+   * @param {Words} options.words @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
     const part = (/** @type {string} */ id) => element(`card-${id}`);
@@ -31,7 +30,7 @@ export class CardPanel {
     this.instead.addEventListener("click", (event) => {
       const opensHere = !(event.ctrlKey || event.metaKey || event.shiftKey);
       if (opensHere && event.target instanceof HTMLAnchorElement) {
-        onAction("leave_now"); // whoever drives another robot keeps nobody waiting for this one
+        onAction("leave_now"); // a driver of another robot leaves the queue of this one
       }
     });
     for (const button of [this.main, this.extra, this.other]) {
@@ -39,10 +38,10 @@ export class CardPanel {
     }
   }
 
-  /** @param {import("./card.js").Card | null} card */
+  /** @param {Card | null} card */
   show(card) {
     if (!card && this.element.contains(document.activeElement)) {
-      backToDriving(this.find); // also of a card that goes by itself
+      backToDriving(this.find); // also when the card disappears by itself
     }
     this.element.hidden = card === null;
     if (card === null) {
@@ -98,10 +97,8 @@ export class CardPanel {
     this.instead.replaceChildren(
       this.words.say("instead"),
       ...robots.map(({ action, url }) => {
-        const link = document.createElement("a");
-        link.className = "button";
+        const link = make("a", "button", action);
         link.href = url;
-        link.textContent = action;
         return link;
       }),
     );
@@ -115,8 +112,8 @@ export class CardPanel {
   }
 
   /**
-   * Whoever pressed the button of the last card finds the focus on this one's, and not on the bare
-   * page.
+   * After a press on a button of the last card the focus is on this card's button, not on the
+   * bare page.
    */
   #takeFocus() {
     const active = document.activeElement;
@@ -135,11 +132,7 @@ export class CardPanel {
   }
 }
 
-/**
- * @param {import("./card.js").Card} card
- * @param {import("../../lib/words.js").Words} words
- * @returns {string}
- */
+/** @param {Card} card @param {Words} words @returns {string} */
 export const textOf = ({ word, values, detail }, words) =>
   [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)]
     .filter(Boolean)

@@ -5,15 +5,13 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { isAssistFixed } from "../../study/restrictions.js";
-import { assistIn, offersAssist } from "../../autonomy/assistance.js";
+import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
+import { assistIn } from "../../autonomy/assistance.js";
 import { write } from "../../lib/dom.js";
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../../lib/words.js").Words} words
- * @param {(action: string) => void} act
- * @returns {(state: import("../../drive/features.js").State) => void}
+ * @param {GetElement} element @param {Words} words @param {(action: string) => void} act
+ * @returns {(state: State) => void}
  */
 export const createControls = (element, words, act) => {
   const stop = /** @type {HTMLButtonElement} */ (element("stop"));
@@ -74,8 +72,7 @@ export const createControls = (element, words, act) => {
 
 /**
  * At the moment of pressing, not of lifting: a stop is not to be thought over.
- * @param {HTMLButtonElement} stop
- * @param {(action: string) => void} act
+ * @param {HTMLButtonElement} stop @param {(action: string) => void} act
  */
 const setUpStop = (stop, act) => {
   stop.addEventListener("pointerdown", (event) => {

@@ -12,7 +12,7 @@ import { CardPanel, textOf } from "./card_panel.js";
 import { createControls } from "./controls.js";
 import { createReadings } from "./readings.js";
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = ({ words, element, act }) => {
   const root = element("drive-page");
   const panel = new CardPanel({ element, words, onAction: act });
@@ -23,7 +23,8 @@ const setUp = ({ words, element, act }) => {
   ];
 
   return {
-    render: (/** @type {any} */ state) => {
+    api: { alertFor, cardFor },
+    render: (/** @type {State} */ state) => {
       const { visit } = state;
       Object.assign(root.dataset, {
         phase: visit.phase,
@@ -46,11 +47,11 @@ const setUp = ({ words, element, act }) => {
 /**
  * Says to screen readers what others see: the card, the alert and the offer, once each.
  * @param {HTMLElement} element an aria-live region
- * @param {import("../../lib/words.js").Words} words
+ * @param {Words} words
  */
 const createAnnouncer = (element, words) => {
   let said = "";
-  return (/** @type {import("../../drive/features.js").State} */ state) => {
+  return (/** @type {State} */ state) => {
     const card = cardFor(state);
     const alert = alertFor(state);
     const offer = offerFor(state);
@@ -78,5 +79,5 @@ const createAnnouncer = (element, words) => {
   };
 };
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const hud = { name: "hud", setUp };

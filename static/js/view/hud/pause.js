@@ -1,5 +1,5 @@
 /**
- * Why a robot that nobody drives is given to nobody: what the server says in `room` and
+ * Why a robot without a driver is not assigned: what the server says in `room` and
  * `session/queued` (sessions/protocol.py), with the labels that robots/cards.py has for lists of
  * robots; tests/unit/sessions/test_robot_labels.py binds the two. Pure.
  */
@@ -24,7 +24,7 @@ export const pauseOf = (told) => {
 };
 
 /**
- * What the robot does between two visits, as who is not in its queue is told it.
+ * What the robot does between two visits, for visitors outside its queue.
  * @param {string} told
  * @returns {Why} empty when it is ready
  */

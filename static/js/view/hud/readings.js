@@ -6,16 +6,12 @@
 import { roleOf } from "../../protocol/session.js";
 import { alertFor, staysOverCards } from "./alert.js";
 import { write } from "../../lib/dom.js";
-import { knownNow } from "./standstill.js";
+import { knownNow } from "../../protocol/standstill.js";
 import { statusFor } from "./status.js";
 
 const LOW_BATTERY = 0.2;
 
-/**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../../lib/words.js").Words} words
- * @returns {(state: import("../../drive/features.js").State) => void}
- */
+/** @param {GetElement} element @param {Words} words @returns {(state: State) => void} */
 export const createReadings = (element, words) => {
   const parts = {
     status: element("status"),
@@ -51,11 +47,7 @@ export const createReadings = (element, words) => {
   };
 };
 
-/**
- * @param {HTMLElement} line
- * @param {import("../../drive/features.js").State} state
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {HTMLElement} line @param {State} state @param {Words} words */
 const showAlert = (line, state, words) => {
   const alert = alertFor(state);
   line.hidden = alert === null;
@@ -65,11 +57,7 @@ const showAlert = (line, state, words) => {
   write(line, alert ? words.say(alert.word, alert.values) : "");
 };
 
-/**
- * @param {Record<string, HTMLElement>} parts
- * @param {import("../../drive/features.js").State} state
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {Record<string, HTMLElement>} parts @param {State} state @param {Words} words */
 const showPeople = (parts, { visit, room }, words) => {
   const others = Math.max(0, room.observers - (visit.phase === "watching" ? 1 : 0));
   const driver = visit.phase !== "driving" && room.driving && room.driver;
@@ -86,11 +74,7 @@ const showPeople = (parts, { visit, room }, words) => {
   write(parts.waitingText, waits ? words.say("reading.waiting", { n: waits }) : "");
 };
 
-/**
- * @param {Record<string, HTMLElement>} parts
- * @param {import("../../drive/features.js").State} state
- * @param {import("../../lib/words.js").Words} words
- */
+/** @param {Record<string, HTMLElement>} parts @param {State} state @param {Words} words */
 const showBattery = (parts, state, words) => {
   const robot = knownNow(state);
   parts.battery.hidden = !robot;

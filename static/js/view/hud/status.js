@@ -1,11 +1,9 @@
-/**
- * The connection in one word. Pure.
- */
+/** The connection in one word. Pure. */
 
 import { roleOf } from "../../protocol/session.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { betweenVisits } from "./pause.js";
-import { standstillOf } from "./standstill.js";
+import { standstillOf } from "../../protocol/standstill.js";
 
 const PLAYING = /** @type {Record<string, string>} */ ({
   driving: "status.driving",
@@ -13,8 +11,7 @@ const PLAYING = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * @param {import("../../drive/features.js").State} state
- * @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}}
+ * @param {State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}}
  */
 export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (roleOf(visit)) {

@@ -1,10 +1,10 @@
 /**
  * "I press and nothing moves": the reason, from what the page knows and the robot reports. Pure.
  * What the line over the picture says anyway (alert.js) comes before it; here is whatever else may
- * hold the robot, and a last word when nobody knows.
+ * hold the robot, and a last word when the reason is unknown.
  */
 
-import { reports } from "../../autonomy/reasons.js";
+import { reports } from "../../protocol/standstill.js";
 
 const PATIENCE = 0.5; // s of input without motion
 const SILENCE = 1; // s without news of the robot
@@ -31,7 +31,7 @@ const REFUSALS = {
 /** @typedef {{word: string, values?: Record<string, string>}} Why */
 
 /**
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was
  *   heard of last, and seen to move
  * @returns {Why | null} null when nothing is pressed, or the robot moves

@@ -2,12 +2,13 @@
  * Beside the map: which room, how fast, how far and for how long. Pure readings and their elements.
  */
 
+import { clockTime } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
-import { knownNow } from "../hud/standstill.js";
+import { knownNow } from "../../protocol/standstill.js";
 
 /**
  * Whether a point lies in a simple polygon (even-odd rule).
- * @param {[number, number][]} polygon @param {number} x @param {number} y
+ * @param {Point[]} polygon @param {number} x @param {number} y
  */
 export const contains = (polygon, x, y) => {
   let inside = false;
@@ -21,8 +22,7 @@ export const contains = (polygon, x, y) => {
 };
 
 /**
- * @param {any} plan
- * @param {{x: number, y: number} | undefined} pose
+ * @param {any} plan @param {{x: number, y: number} | undefined} pose
  * @returns {string} the room's title, or nothing
  */
 export const roomAt = (plan, pose) =>
@@ -31,14 +31,10 @@ export const roomAt = (plan, pose) =>
       ?.title) ||
   "";
 
-/** @param {number} seconds @returns {string} */
-export const clockTime = (seconds) =>
-  `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
-
 /**
- * @param {(id: string) => HTMLElement} element
+ * @param {GetElement} element
  * @param {string} language a BCP 47 tag
- * @returns {(state: import("../../drive/features.js").State) => void}
+ * @returns {(state: State) => void}
  */
 export const createDials = (element, language) => {
   const one = new Intl.NumberFormat(language, {

@@ -18,7 +18,7 @@ const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
 const toolsOver = (canvas) =>
   canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS;
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, element } = page;
   const map = new RobotMap({
@@ -81,11 +81,7 @@ const setUp = (page) => {
   };
 };
 
-/**
- * Where the robot is, for who does not see the map.
- * @param {import("../../drive/features.js").State} state
- * @param {import("../../lib/words.js").Words} words
- */
+/** Where the robot is, for who does not see the map. @param {State} state @param {Words} words */
 export const mapState = ({ robot, plan }, words) => {
   if (!robot || !plan) {
     return "";
@@ -100,7 +96,7 @@ export const mapState = ({ robot, plan }, words) => {
   });
 };
 
-/** @param {import("../../drive/registry.js").Page} page @param {RobotMap} map */
+/** @param {Page} page @param {RobotMap} map */
 const load = ({ config, store, element }, map) => {
   const showNone = () => element("drive-page").setAttribute("data-no-map", "");
   if (!config.floorplan) {
@@ -113,15 +109,11 @@ const load = ({ config, store, element }, map) => {
   }, showNone);
 };
 
-/** @param {import("../../drive/store.js").Store} store @param {RobotMap} map */
+/** @param {Store} store @param {RobotMap} map */
 const showSettings = (store, { settings }) =>
   store.update({ mapFollows: settings.follows, mapTurns: settings.turns });
 
-/**
- * @param {import("../../drive/store.js").Store} store
- * @param {RobotMap} map
- * @returns {Record<string, () => void>}
- */
+/** @param {Store} store @param {RobotMap} map @returns {Record<string, () => void>} */
 const newActions = (store, map) => {
   /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
   const set = (change) => {
@@ -151,5 +143,5 @@ const newActions = (store, map) => {
   };
 };
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const map = { name: "map", setUp };

@@ -6,12 +6,10 @@
 
 import { boundsOf, imageTransform, toScreen } from "./transform.js";
 
-/** @typedef {import("./transform.js").View} View */
 /**
  * @typedef {{resolution: number, origin: [number, number, number], width: number, height: number,
  *   image?: string, plan?: any}} FloorPlan
  */
-/** @typedef {Record<string, string>} Paint colours by name, and `font` */
 
 /** @param {FloorPlan} site @returns {import("./transform.js").Bounds} */
 export const boundsOfSite = (site) => {
@@ -22,7 +20,7 @@ export const boundsOfSite = (site) => {
   const [x, y, theta] = site.origin;
   const [width, height] = [site.width * site.resolution, site.height * site.resolution];
   const corner = (/** @type {number} */ u, /** @type {number} */ v) =>
-    /** @type {[number, number]} */ ([
+    /** @type {Point} */ ([
       x + u * Math.cos(theta) - v * Math.sin(theta),
       y + u * Math.sin(theta) + v * Math.cos(theta),
     ]);
@@ -30,12 +28,9 @@ export const boundsOfSite = (site) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context its transform is device pixels; restored afterwards
- * @param {View} view
- * @param {number} density
- * @param {FloorPlan} site
- * @param {CanvasImageSource | null} image
- * @param {Paint} paint
+ * @param {Canvas2D} context its transform is device pixels; restored afterwards
+ * @param {MapView} view @param {number} density @param {FloorPlan} site
+ * @param {CanvasImageSource | null} image @param {Paint} paint
  */
 export const drawFloorPlan = (context, view, density, site, image, paint) => {
   context.save();
@@ -50,12 +45,7 @@ export const drawFloorPlan = (context, view, density, site, image, paint) => {
   context.restore();
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {any} plan
- * @param {Paint} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {any} plan @param {Paint} paint */
 const drawPlan = (context, view, plan, paint) => {
   context.lineCap = "butt";
   for (const room of plan.rooms) {
@@ -102,11 +92,7 @@ const drawPlan = (context, view, plan, paint) => {
   }
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {[number, number][]} corners
- */
+/** @param {Canvas2D} context @param {MapView} view @param {Point[]} corners */
 const polygon = (context, view, corners) => {
   context.beginPath();
   for (const [x, y] of corners) {
@@ -116,12 +102,8 @@ const polygon = (context, view, corners) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {[number, number]} start
- * @param {[number, number]} end
- * @param {number} width
- * @param {string} colour
+ * @param {Canvas2D} context @param {MapView} view @param {Point} start
+ * @param {Point} end @param {number} width @param {string} colour
  */
 const segment = (context, view, start, end, width, colour) => {
   context.beginPath();
@@ -132,7 +114,7 @@ const segment = (context, view, start, end, width, colour) => {
   context.stroke();
 };
 
-/** @param {CanvasRenderingContext2D} context @param {View} view @param {any} piece */
+/** @param {Canvas2D} context @param {MapView} view @param {any} piece */
 const furniture = (context, view, piece) => {
   if (piece.shape === "cylinder") {
     context.beginPath();
@@ -159,17 +141,12 @@ const furniture = (context, view, piece) => {
   );
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {any} door
- * @param {Paint} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {any} door @param {Paint} paint */
 const leaf = (context, view, door, paint) => {
   const turn = door.state === "closed" ? 0 : door.swing;
   const [dx, dy] = [door.end[0] - door.start[0], door.end[1] - door.start[1]];
   const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
-  const tip = /** @type {[number, number]} */ ([
+  const tip = /** @type {Point} */ ([
     door.start[0] + dx * cos - dy * sin,
     door.start[1] + dx * sin + dy * cos,
   ]);
@@ -183,17 +160,12 @@ const leaf = (context, view, door, paint) => {
   );
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {any} dock
- * @param {Paint} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {any} dock @param {Paint} paint */
 const station = (context, view, dock, paint) => {
   const [x, y] = toScreen(view, dock.x, dock.y);
   const size = Math.max(4, 0.16 * view.scale);
   context.beginPath();
-  // A bolt: the sign of charging, for whoever does not tell colours apart.
+  // A bolt: charging icon (not colour alone).
   context.moveTo(x + 0.2 * size, y - 1.3 * size);
   context.lineTo(x - 0.8 * size, y + 0.2 * size);
   context.lineTo(x - 0.05 * size, y + 0.2 * size);
@@ -205,12 +177,7 @@ const station = (context, view, dock, paint) => {
   context.fill();
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {any} room
- * @param {Paint} paint
- */
+/** @param {Canvas2D} context @param {MapView} view @param {any} room @param {Paint} paint */
 const title = (context, view, room, paint) => {
   const { left, right, bottom, top } = boundsOf(room.polygon);
   context.font = paint.font;

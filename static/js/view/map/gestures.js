@@ -6,7 +6,7 @@
 import { isShortcut } from "../../input/key_dispatcher.js";
 
 const STEP = 40; // CSS pixels that a key moves the map
-const PANS = /** @type {Record<string, [number, number]>} */ ({
+const PANS = /** @type {Record<string, Point>} */ ({
   map_up: [0, STEP],
   map_down: [0, -STEP],
   map_left: [STEP, 0],
@@ -14,8 +14,7 @@ const PANS = /** @type {Record<string, [number, number]>} */ ({
 });
 
 /**
- * @param {HTMLElement} canvas
- * @param {object} map
+ * @param {HTMLElement} canvas @param {object} map
  * @param {(factor: number, px?: number, py?: number) => void} map.zoom
  * @param {(dx: number, dy: number) => void} map.pan
  * @param {import("../../input/keymap.js").Keymap} map.keymap
@@ -25,10 +24,10 @@ const PANS = /** @type {Record<string, [number, number]>} */ ({
  */
 export const addGestures = (canvas, map) => {
   const { zoom, pan, mayAim, forgetAim } = map;
-  /** @type {Map<number, [number, number]>} */
+  /** @type {Map<number, Point>} */
   const fingers = new Map();
   const place = (/** @type {PointerEvent} */ event) =>
-    /** @type {[number, number]} */ ([event.offsetX, event.offsetY]);
+    /** @type {Point} */ ([event.offsetX, event.offsetY]);
   const lift = (/** @type {PointerEvent} */ event) => fingers.delete(event.pointerId);
 
   canvas.addEventListener(
@@ -66,7 +65,7 @@ export const addGestures = (canvas, map) => {
       .filter(([pointer]) => pointer !== event.pointerId)
       .map(([, where]) => where);
     if (other) {
-      const apart = (/** @type {[number, number]} */ [x, y]) =>
+      const apart = (/** @type {Point} */ [x, y]) =>
         Math.max(20, Math.hypot(x - other[0], y - other[1]));
       zoom(apart(now) / apart(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
     }

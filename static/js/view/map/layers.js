@@ -1,26 +1,15 @@
 /**
  * What is drawn over the floor plan besides the robot: what its laser sees, how sure it is of its
- * place, where it is to go, and what the assistance minds. The geometry is pure.
+ * place, where it is to go, and the obstacle that assistance reacts to. The geometry is pure.
  */
 
+import { mapFromRobot } from "../../lib/transforms.js";
 import { toScreen } from "./transform.js";
 
-/** @typedef {{x: number, y: number, theta: number}} Place */
 /** @typedef {{kind: "goal" | "pose", x: number, y: number, theta: number | null}} Aim */
 
 const SIGMAS = 2;
 const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one lies under the arrow anyway
-
-/**
- * @param {Place} place
- * @param {number} x m, in its frame
- * @param {number} y
- * @returns {[number, number]} m, in the frame that `place` is in
- */
-export const compose = ({ x: px, y: py, theta }, x, y) => [
-  px + x * Math.cos(theta) - y * Math.sin(theta),
-  py + x * Math.sin(theta) + y * Math.cos(theta),
-];
 
 /**
  * The points of a sweep, in the map.
@@ -28,20 +17,20 @@ export const compose = ({ x: px, y: py, theta }, x, y) => [
  *   scan
  * @param {{x: number, y?: number, theta?: number}} mount of the laser, in the robot's frame
  * @param {Place} pose of the robot
- * @returns {[number, number][]}
+ * @returns {Point[]}
  */
 export const scanPoints = (
   { angleMin, angleIncrement, rangeMax, ranges },
   { x, y = 0, theta = 0 },
   pose,
 ) => {
-  const [laserX, laserY] = compose(pose, x, y);
+  const [laserX, laserY] = mapFromRobot(pose, [x, y]);
   const laser = { x: laserX, y: laserY, theta: pose.theta + theta };
   return ranges.flatMap((range, i) => {
     const angle = angleMin + i * angleIncrement;
     return range === null || range >= rangeMax
       ? []
-      : [compose(laser, range * Math.cos(angle), range * Math.sin(angle))];
+      : [mapFromRobot(laser, [range * Math.cos(angle), range * Math.sin(angle)])];
   });
 };
 
@@ -68,8 +57,7 @@ export const ellipseOf = (covariance) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view
- * @param {[number, number][]} points @param {string} colour
+ * @param {Canvas2D} context @param {MapView} view @param {Point[]} points @param {string} colour
  */
 export const drawPoints = (context, view, points, colour) => {
   context.fillStyle = colour;
@@ -80,10 +68,8 @@ export const drawPoints = (context, view, points, colour) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {Place & {covariance?: number[] | null}} pose
- * @param {string} colour
+ * @param {Canvas2D} context @param {MapView} view
+ * @param {Place & {covariance?: number[] | null}} pose @param {string} colour
  */
 export const drawUncertainty = (context, view, pose, colour) => {
   const ellipse = ellipseOf(pose.covariance);
@@ -112,11 +98,8 @@ export const drawUncertainty = (context, view, pose, colour) => {
 
 /**
  * A ring with a dot, and where the robot shall look.
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {Aim} aim
- * @param {string} colour
- * @param {string} edge
+ * @param {Canvas2D} context @param {MapView} view @param {Aim} aim
+ * @param {string} colour @param {string} edge
  */
 export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
   const [px, py] = toScreen(view, x, y);
@@ -150,10 +133,9 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
 };
 
 /**
- * What the assistance minds: a cross in a ring, so that it is not told by its colour alone.
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {[number, number]} point of the map
+ * The obstacle that assistance reacts to: a cross in a ring, not marked by colour alone.
+ * @param {Canvas2D} context @param {MapView} view
+ * @param {Point} point of the map
  * @param {string} colour
  */
 export const drawObstacle = (context, view, [x, y], colour) => {

@@ -13,20 +13,17 @@ export const ZOOM_STEP = 1.3; // of a button or a key
  * @typedef {{zoom: number, x: number | null, y: number | null, follows: boolean, turns: boolean}}
  *   ViewSettings x, y: the middle, null for that of the whole
  */
-/** @typedef {import("./transform.js").View} View */
 /** @typedef {import("./transform.js").Bounds} Bounds */
 
 /** @type {ViewSettings} */
 export const ALL = Object.freeze({ zoom: 1, x: null, y: null, follows: false, turns: false });
 
 /**
- * @param {ViewSettings} settings
- * @param {Bounds} bounds
- * @param {{x: number, y: number, theta: number} | null} pose
- * @param {number} width
+ * @param {ViewSettings} settings @param {Bounds} bounds
+ * @param {{x: number, y: number, theta: number} | null} pose @param {number} width
  * @param {number} height
  * @param {number} [tools] CSS pixels at the upper edge that buttons take
- * @returns {View}
+ * @returns {MapView}
  */
 export const viewOf = ({ zoom, x, y, follows, turns }, bounds, pose, width, height, tools = 0) => {
   const whole = fit(bounds, width, height - tools);
@@ -43,13 +40,10 @@ export const viewOf = ({ zoom, x, y, follows, turns }, bounds, pose, width, heig
 };
 
 /**
- * @param {ViewSettings} settings
- * @param {View} view
- * @param {Bounds} bounds
+ * @param {ViewSettings} settings @param {MapView} view @param {Bounds} bounds
  * @param {number} factor
  * @param {number} [px] what stays where it is, CSS pixels
- * @param {number} [py]
- * @returns {Partial<ViewSettings>}
+ * @param {number} [py] @returns {Partial<ViewSettings>}
  */
 export const zoomed = (
   settings,
@@ -71,11 +65,9 @@ export const zoomed = (
 };
 
 /**
- * @param {View} view
- * @param {Bounds} bounds
+ * @param {MapView} view @param {Bounds} bounds
  * @param {number} dx CSS pixels that the map moves by
- * @param {number} dy
- * @returns {Partial<ViewSettings>}
+ * @param {number} dy @returns {Partial<ViewSettings>}
  */
 export const moved = (view, bounds, dx, dy) => ({
   follows: false,

@@ -2,23 +2,17 @@
  * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where
  * it shall go. Two canvases in one: the still part is drawn once a view into a picture of its own,
  * the robot over it whenever it moves. Sharp at any density of the screen and any zoom: nothing is
- * scaled, everything is drawn anew.
+ * scaled, everything is redrawn.
  *
- * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in
+ * Tests read on the canvas where the marker was drawn: data-marker-x and -y in
  * CSS pixels from its corner, data-marker-stamp the stamp of that pose, data-view-x, -y, -scale,
  * -turn the transform of transform.js.
  */
 
 import { createPaint } from "../../lib/colours.js";
+import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
-import {
-  compose,
-  drawAim,
-  drawObstacle,
-  drawPoints,
-  drawUncertainty,
-  scanPoints,
-} from "./layers.js";
+import { drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
 import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
@@ -48,29 +42,28 @@ export class RobotMap {
     this.tools = tools;
     this.frame = frame;
     this.trail = new Trail();
-    /** @type {import("./floor_plan.js").FloorPlan | null} */
+    /** @type {FloorPlan | null} */
     this.site = null;
     /** @type {CanvasImageSource | null} */
     this.image = null;
     /** @type {Pose | null} */
     this.pose = null;
     this.stamp = 0;
-    /** @type {[number, number][]} what the robot follows by itself */
+    /** @type {Point[]} what the robot follows by itself */
     this.path = [];
-    /** @type {[number, number][]} what the laser saw last, in the map */
+    /** @type {Point[]} what the laser saw last, in the map */
     this.seen = [];
     this.laser = false;
     /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
     this.aim = null;
     /**
-     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D,
-     *   view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a
-     *   study adds
+     * @type {Record<"below" | "above", (context: Canvas2D, view: MapView, paint:
+     *   Record<string, string>) => void> | null} what a study adds
      */
     this.course = null;
-    /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
+    /** @type {Point | null} what the assistance minds, in the robot's frame */
     this.obstacle = null;
-    /** @type {import("./transform.js").View | null} */
+    /** @type {MapView | null} */
     this.view = null;
     this.size = { width: 0, height: 0, tools: 0 }; // CSS pixels
     this.density = 1;
@@ -79,11 +72,13 @@ export class RobotMap {
     this.drawn = ""; // the view that the still part was drawn for
     this.still = document.createElement("canvas");
     this.dirty = false;
-    new ResizeObserver(() => this.#resize()).observe(canvas);
+    this.released = new AbortController();
+    this.observer = new ResizeObserver(() => this.#resize());
+    this.observer.observe(canvas);
     this.#watchDensity();
   }
 
-  /** @param {import("./floor_plan.js").FloorPlan} site @param {CanvasImageSource | null} image */
+  /** @param {FloorPlan} site @param {CanvasImageSource | null} image */
   show(site, image) {
     this.site = site;
     this.image = image;
@@ -114,10 +109,7 @@ export class RobotMap {
     }
   }
 
-  /**
-   * Take a path that was driven before this map was opened.
-   * @param {Iterable<[number, number]>} points
-   */
+  /** Take a path that was driven before this map was opened. @param {Iterable<Point>} points */
   setTrail(points) {
     this.trail = new Trail();
     for (const [x, y] of points) {
@@ -140,7 +132,7 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** @param {[number, number][]} points */
+  /** @param {Point[]} points */
   setPath(points) {
     this.path = points;
     this.#redraw();
@@ -156,8 +148,7 @@ export class RobotMap {
   }
 
   /**
-   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null,
-   *   laser: boolean}} marks
+   * @param {{aim: import("./layers.js").Aim | null, obstacle: Point | null, laser: boolean}} marks
    */
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
@@ -178,7 +169,7 @@ export class RobotMap {
   /**
    * @param {number} px CSS pixels from the canvas's corner
    * @param {number} py
-   * @returns {[number, number] | null} metres; null before there is a map
+   * @returns {Point | null} metres; null before there is a map
    */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
@@ -217,8 +208,14 @@ export class RobotMap {
         this.#resize();
         this.#watchDensity();
       },
-      { once: true },
+      { once: true, signal: this.released.signal },
     );
+  }
+
+  /** Stop following the size of the canvas and the density of the screen. */
+  release() {
+    this.released.abort();
+    this.observer.disconnect();
   }
 
   /** Asked for here alone: to ask with every frame would have the browser lay out the page. */
@@ -245,7 +242,7 @@ export class RobotMap {
       : this.view;
   }
 
-  /** @param {Record<string, string>} paint */
+  /** @param {Paint} paint */
   #drawStill(paint) {
     const context = this.still.getContext("2d");
     const key = JSON.stringify(this.view);
@@ -299,12 +296,12 @@ export class RobotMap {
       drawAim(context, this.view, this.aim, paint.path, paint.edge);
     }
     if (this.obstacle && this.pose?.localized) {
-      drawObstacle(context, this.view, compose(this.pose, ...this.obstacle), paint.obstacle);
+      drawObstacle(context, this.view, mapFromRobot(this.pose, this.obstacle), paint.obstacle);
     }
   }
 
   /**
-   * @param {CanvasRenderingContext2D} context @param {[number, number][]} points
+   * @param {Canvas2D} context @param {Point[]} points
    * @param {string} colour @param {number} width @param {number[]} dash
    */
   #line(context, points, colour, width, dash) {
@@ -322,7 +319,7 @@ export class RobotMap {
     context.setLineDash([]);
   }
 
-  /** @param {CanvasRenderingContext2D} context @param {Record<string, string>} paint */
+  /** @param {Canvas2D} context @param {Paint} paint */
   #marker(context, paint) {
     if (!this.pose || !this.view) {
       return;
@@ -359,8 +356,7 @@ export class RobotMap {
 
 /**
  * Fetch a floor plan and, when it has no plan of rooms, its image.
- * @param {string} url
- * @returns {Promise<{site: import("./floor_plan.js").FloorPlan, image: HTMLImageElement | null}>}
+ * @param {string} url @returns {Promise<{site: FloorPlan, image: HTMLImageElement | null}>}
  */
 export const loadFloorPlan = async (url) => {
   const response = await fetch(url, { credentials: "same-origin" });

@@ -1,6 +1,4 @@
-/**
- * The path driven, thinned out: a point every few centimetres, bounded, oldest out first. Pure.
- */
+/** The path driven, thinned out: a point every few centimetres, bounded, oldest out first. Pure. */
 
 const STEP = 0.08; // m
 const JUMP = 1.5; // m; a robot that found itself somewhere else did not drive there
@@ -8,7 +6,7 @@ const MOST = 3000;
 
 export class Trail {
   constructor() {
-    /** @type {[number, number][][]} unbroken pieces */
+    /** @type {Point[][]} unbroken pieces */
     this.pieces = [];
     this.length = 0;
   }

@@ -13,18 +13,13 @@
  */
 /** @typedef {{left: number, bottom: number, right: number, top: number}} Bounds metres */
 
-/**
- * @param {View} view
- * @param {number} x m
- * @param {number} y m
- * @returns {[number, number]} CSS pixels
- */
+/** @param {View} view @param {number} x m @param {number} y m @returns {Point} CSS pixels */
 export const toScreen = ({ x: middleX, y: middleY, scale, width, height, turn = 0 }, x, y) => {
   const [dx, dy, cos, sin] = [x - middleX, y - middleY, Math.cos(turn), Math.sin(turn)];
   return [width / 2 + (dx * cos - dy * sin) * scale, height / 2 - (dx * sin + dy * cos) * scale];
 };
 
-/** @param {View} view @param {number} px @param {number} py @returns {[number, number]} metres */
+/** @param {View} view @param {number} px @param {number} py @returns {Point} metres */
 export const toWorld = ({ x, y, scale, width, height, turn = 0 }, px, py) => {
   const [right, up, cos, sin] = [
     (px - width / 2) / scale,
@@ -78,7 +73,7 @@ export const imageTransform = (view, { resolution, origin, height }, density) =>
   return [cos, -sin, sin, cos, left * density - sin * height, bottom * density - cos * height];
 };
 
-/** @param {Iterable<[number, number]>} points @returns {Bounds} */
+/** @param {Iterable<Point>} points @returns {Bounds} */
 export const boundsOf = (points) => {
   const bounds = { left: Infinity, bottom: Infinity, right: -Infinity, top: -Infinity };
   for (const [x, y] of points) {

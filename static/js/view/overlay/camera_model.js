@@ -23,7 +23,7 @@
 const focalOf = ({ width, hfov }) => width / 2 / Math.tan(hfov / 2);
 
 /**
- * @typedef {[number, number] | [number, number, number]} Spot m, robot's frame, on the floor or so
+ * @typedef {Point | [number, number, number]} Spot m, robot's frame, on the floor or so
  *   high above it
  */
 
@@ -37,7 +37,7 @@ export const depthOf = ({ x, z, pitch = 0 }, tilt, [forward, , up = 0]) =>
 /**
  * @param {Camera} camera @param {number} tilt of the head, rad, positive looks down
  * @param {Spot} spot before the lens
- * @returns {[number, number]} u, v
+ * @returns {Point} u, v
  */
 export const toPicture = (camera, tilt, spot) => {
   const [focal, p] = [focalOf(camera), (camera.pitch ?? 0) + tilt];
@@ -50,11 +50,9 @@ export const toPicture = (camera, tilt, spot) => {
 };
 
 /**
- * @param {Camera} camera
- * @param {number} tilt
- * @param {[number, number]} pixel u, v
- * @returns {[number, number] | null} m, on the floor, robot's frame; null at the horizon and above
- *   it
+ * @param {Camera} camera @param {number} tilt
+ * @param {Point} pixel u, v
+ * @returns {Point | null} m, on the floor, robot's frame; null at the horizon and above it
  */
 export const toFloor = (camera, tilt, [u, v]) => {
   const [focal, p] = [focalOf(camera), (camera.pitch ?? 0) + tilt];
@@ -71,9 +69,7 @@ export const toFloor = (camera, tilt, [u, v]) => {
  * Where a picture lies in an element that shows it by `object-fit`.
  * @param {{width: number, height: number}} picture
  * @param {number} width CSS pixels of the element
- * @param {number} height
- * @param {string} fit
- * @returns {Box}
+ * @param {number} height @param {string} fit @returns {Box}
  */
 export const boxOf = (picture, width, height, fit) => {
   const ratios = [width / picture.width, height / picture.height];
@@ -87,18 +83,10 @@ export const boxOf = (picture, width, height, fit) => {
   };
 };
 
-/**
- * @param {Box} box
- * @param {[number, number]} pixel
- * @returns {[number, number]} CSS pixels of the element
- */
+/** @param {Box} box @param {Point} pixel @returns {Point} CSS pixels of the element */
 export const toElement = ({ left, top, scale }, [u, v]) => [left + scale * u, top + scale * v];
 
-/**
- * @param {Box} box
- * @param {[number, number]} place
- * @returns {[number, number]} pixel of the picture
- */
+/** @param {Box} box @param {Point} place @returns {Point} pixel of the picture */
 export const fromElement = ({ left, top, scale }, [px, py]) => [
   (px - left) / scale,
   (py - top) / scale,
@@ -110,8 +98,7 @@ const FINGER = 44; // CSS pixels
 /**
  * Whether a press is at a side of the picture, or beside it: 1 for left, -1 for right, 0 for
  * neither.
- * @param {Box} box
- * @param {{width: number}} picture
+ * @param {Box} box @param {{width: number}} picture
  * @param {number} px CSS pixels of the element
  */
 export const sideOf = ({ left, scale, width }, picture, px) => {

@@ -3,18 +3,14 @@
  * Pure.
  */
 
-import { isMoving } from "../../autonomy/robot_action.js";
+import { isMoving } from "../../protocol/robot_action.js";
 import { targetOf } from "../../study/guide.js";
 import { hidesWall } from "./visibility.js";
 
 const STATION_WITHIN = 6; // m: without a task, the station is marked where it can be seen
 const USUAL_RADIUS = 0.3; // m
 
-/**
- * @param {import("../../drive/features.js").State} state
- * @param {import("./transforms.js").Moment} moment
- * @returns {import("./drawing.js").Cue[]}
- */
+/** @param {State} state @param {Moment} moment @returns {import("./drawing.js").Cue[]} */
 export const cuesFor = (state, moment) => {
   if (!moment.localized || state.robot?.docked) {
     return [];
@@ -44,24 +40,17 @@ export const cuesFor = (state, moment) => {
     : [];
 };
 
-/**
- * This robot's own.
- * @param {import("../../drive/features.js").State} state
- * @returns {{x: number, y: number} | null}
- */
+/** This robot's own. @param {State} state @returns {{x: number, y: number} | null} */
 const stationOf = ({ plan, factsheet }) =>
   plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ??
   null;
 
 /**
- * @param {import("../../drive/features.js").State} state
- * @param {import("./transforms.js").Moment} moment
- * @param {{x: number, y: number}} place
- * @param {number} radius
- * @param {string} sign
+ * @param {State} state @param {Moment} moment
+ * @param {{x: number, y: number}} place @param {number} radius @param {string} sign
  */
 const cue = ({ plan }, moment, { x, y }, radius, sign) => ({
-  point: /** @type {[number, number]} */ ([x, y]),
+  point: /** @type {Point} */ ([x, y]),
   radius,
   sign,
   hidden: hidesWall(plan, [moment.x, moment.y], [x, y]),

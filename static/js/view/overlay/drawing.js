@@ -4,22 +4,22 @@
  * differs by the width of its line and not by its colour alone.
  */
 
-import { mapFromRobot, robotFromMap } from "./transforms.js";
+import { mapFromRobot, robotFromMap } from "../../lib/transforms.js";
 import { depthOf, toElement, toPicture } from "./camera_model.js";
-import { CLOSE, NEAR } from "./swept_path.js";
+import { CLOSE, NEAR } from "../../lib/swept_path.js";
 
 /**
- * @typedef {{camera: import("./camera_model.js").Camera, moment: import("./transforms.js").Moment,
+ * @typedef {{camera: import("./camera_model.js").Camera, moment: Moment,
  *   box: import("./camera_model.js").Box}} Eye whose picture it is
  */
 /**
- * @typedef {{point: [number, number], radius: number, sign: string, hidden: boolean}} Cue a place:
+ * @typedef {{point: Point, radius: number, sign: string, hidden: boolean}} Cue a place:
  *   its number, or nothing for the dock
  */
 /**
- * @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean,
- *   goal: [number, number] | null, blocked: import("./transforms.js").Place | null,
- *   footprint: [number, number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot
+ * @typedef {{sweptPath: SweptPath | null, committed: boolean,
+ *   goal: Point | null, blocked: Place | null,
+ *   footprint: Point[], radius: number, cues: Cue[]}} Scene `blocked`: where the robot
  *   would touch something
  */
 
@@ -28,10 +28,8 @@ const POST = 0.45; // m: how high a cue's sign stands
 const SIGN = 13; // CSS pixels
 
 /**
- * @param {CanvasRenderingContext2D} context in CSS pixels
- * @param {Eye} eye
- * @param {Scene} scene
- * @param {Record<string, string>} paint
+ * @param {Canvas2D} context in CSS pixels
+ * @param {Eye} eye @param {Scene} scene @param {Paint} paint
  */
 export const drawScene = (
   context,
@@ -58,9 +56,9 @@ export const drawScene = (
 
 /**
  * @param {Eye} eye
- * @param {[number, number]} point of the map
+ * @param {Point} point of the map
  * @param {number} [up] m
- * @returns {[number, number] | null} null for what is not before the lens
+ * @returns {Point | null} null for what is not before the lens
  */
 const place = ({ camera, moment, box }, point, up = 0) => {
   const spot = /** @type {[number, number, number]} */ ([...robotFromMap(moment, point), up]);
@@ -71,9 +69,7 @@ const place = ({ camera, moment, box }, point, up = 0) => {
 
 /**
  * The part of a segment that is before the lens.
- * @param {Eye} eye
- * @param {[number, number]} a
- * @param {[number, number]} b
+ * @param {Eye} eye @param {Point} a @param {Point} b
  */
 const edge = (eye, a, b) => {
   const [one, other] = [a, b].map(
@@ -83,14 +79,11 @@ const edge = (eye, a, b) => {
     return null;
   }
   const at = one / (one - other);
-  const between = /** @type {[number, number]} */ ([
-    a[0] + at * (b[0] - a[0]),
-    a[1] + at * (b[1] - a[1]),
-  ]);
+  const between = /** @type {Point} */ ([a[0] + at * (b[0] - a[0]), a[1] + at * (b[1] - a[1])]);
   const ends = [one < 0 ? between : a, other < 0 ? between : b].map((point) =>
     toElement(eye.box, toPicture(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point))),
   );
-  return /** @type {[[number, number], [number, number]]} */ (ends);
+  return /** @type {[Point, Point]} */ (ends);
 };
 
 /** @param {number} clearance m */
@@ -103,11 +96,8 @@ const WIDTHS = /** @type {Record<string, number>} */ ({
 });
 
 /**
- * @param {CanvasRenderingContext2D} context
- * @param {Eye} eye
- * @param {import("./swept_path.js").SweptPath} sweptPath
- * @param {boolean} committed
- * @param {Record<string, string>} paint
+ * @param {Canvas2D} context @param {Eye} eye @param {SweptPath} sweptPath
+ * @param {boolean} committed @param {Paint} paint
  */
 const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
   slices.slice(1).forEach((slice, i) => {
@@ -140,18 +130,15 @@ const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
 
 /**
  * The robot's outline where it would touch something.
- * @param {CanvasRenderingContext2D} context
- * @param {Eye} eye
- * @param {import("./transforms.js").Place} at
- * @param {[number, number][]} footprint
- * @param {Record<string, string>} paint
+ * @param {Canvas2D} context @param {Eye} eye @param {Place} at
+ * @param {Point[]} footprint @param {Paint} paint
  */
 const drawBlocked = (context, eye, at, footprint, paint) => {
   const corners = footprint.map((corner) => place(eye, mapFromRobot(at, corner)));
   if (corners.some((corner) => corner === null)) {
     return; // under the camera
   }
-  trace(context, /** @type {[number, number][]} */ ([...corners, corners[0]]));
+  trace(context, /** @type {Point[]} */ ([...corners, corners[0]]));
   context.globalAlpha = 0.35;
   context.fillStyle = paint.close;
   context.fill();
@@ -161,9 +148,7 @@ const drawBlocked = (context, eye, at, footprint, paint) => {
 
 /**
  * A circle on the floor.
- * @param {CanvasRenderingContext2D} context
- * @param {Eye} eye
- * @param {[number, number]} middle
+ * @param {Canvas2D} context @param {Eye} eye @param {Point} middle
  * @param {number} radius m
  */
 const ring = (context, eye, [x, y], radius) => {
@@ -173,18 +158,10 @@ const ring = (context, eye, [x, y], radius) => {
       y + radius * Math.sin((i * Math.PI) / 16),
     ]),
   );
-  trace(
-    context,
-    points.every((point) => point !== null) ? /** @type {[number, number][]} */ (points) : [],
-  );
+  trace(context, points.every((point) => point !== null) ? /** @type {Point[]} */ (points) : []);
 };
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {Eye} eye
- * @param {Cue} cue
- * @param {Record<string, string>} paint
- */
+/** @param {Canvas2D} context @param {Eye} eye @param {Cue} cue @param {Paint} paint */
 const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
   const [foot, head] = [place(eye, point), place(eye, point, POST)];
   if (!foot || !head) {
@@ -219,10 +196,7 @@ const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
 
 /**
  * The sign of charging.
- * @param {CanvasRenderingContext2D} context
- * @param {number} x
- * @param {number} y
- * @param {number} size
+ * @param {Canvas2D} context @param {number} x @param {number} y @param {number} size
  */
 const bolt = (context, x, y, size) => {
   const corners = [
@@ -239,7 +213,7 @@ const bolt = (context, x, y, size) => {
   );
 };
 
-/** @param {CanvasRenderingContext2D} context @param {[number, number][]} points */
+/** @param {Canvas2D} context @param {Point[]} points */
 const trace = (context, points) => {
   context.beginPath();
   points.forEach((point) => context.lineTo(...point));
@@ -247,10 +221,7 @@ const trace = (context, points) => {
 
 /**
  * A line that is readable on any floor.
- * @param {CanvasRenderingContext2D} context
- * @param {number} width
- * @param {string} colour
- * @param {string} around
+ * @param {Canvas2D} context @param {number} width @param {string} colour @param {string} around
  */
 const stroke = (context, width, colour, around) => {
   for (const [wide, style] of /** @type {[number, string][]} */ ([

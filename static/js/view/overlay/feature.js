@@ -10,18 +10,18 @@ import { stuckFor } from "../hud/stuck.js";
 import { scanPoints } from "../map/layers.js";
 import { FloorPress } from "./floor_press.js";
 import { OverlayCanvas } from "./overlay_canvas.js";
-import { Track } from "./transforms.js";
+import { Track } from "../../lib/transforms.js";
 
-const SCAN_SECONDS = 1; // an older sweep says nothing of the present
+const SCAN_SECONDS = 1; // an older sweep is outdated
 const MOVING = 0.01; // m/s or rad/s
 
 /** What is known of the robot's surroundings, for all parts of the overlay. */
 export class Surroundings {
   constructor() {
     this.track = new Track();
-    /** what the laser saw last, m, of the map @type {{points: [number, number][], at: number}} */
+    /** what the laser saw last, m, of the map @type {{points: Point[], at: number}} */
     this.scan = { points: [], at: -Infinity };
-    /** @type {[number, number][]} what the robot follows by itself */
+    /** @type {Point[]} what the robot follows by itself */
     this.path = [];
     this.heardAt = -Infinity;
     this.movedAt = -Infinity;
@@ -36,13 +36,13 @@ export class Surroundings {
     }
   }
 
-  /** @returns {[number, number][]} */
+  /** @returns {Point[]} */
   get seen() {
     return unixNow() - this.scan.at < SCAN_SECONDS ? this.scan.points : [];
   }
 }
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store } = page;
   const around = new Surroundings();
@@ -63,8 +63,13 @@ const setUp = (page) => {
     },
     keys: { turn_around: { down: turnAround } },
     on: {
+      changed: (/** @type {State} */ { maneuver }) => {
+        if (maneuver && !press.maneuver.now) {
+          store.update({ maneuver: null });
+        }
+      },
       frameShown: () => canvas.refresh(),
-      steered: (/** @type {import("../../protocol/command_stream.js").Intent} */ intent) => {
+      steered: (/** @type {Intent} */ intent) => {
         const { pressing } = store.get();
         const presses = intent.linear !== 0 || intent.angular !== 0;
         if (presses !== (pressing !== null)) {
@@ -85,20 +90,11 @@ const setUp = (page) => {
         }
       },
     },
-    render: (/** @type {any} */ { maneuver }) => {
-      if (maneuver && !press.maneuver.now) {
-        store.update({ maneuver: null });
-      }
-      canvas.refresh();
-    },
+    render: () => canvas.refresh(),
   };
 };
 
-/**
- * @param {import("../../drive/store.js").Store} store
- * @param {Surroundings} around
- * @param {OverlayCanvas} canvas
- */
+/** @param {Store} store @param {Surroundings} around @param {OverlayCanvas} canvas */
 const newHandlers = (store, around, canvas) => {
   const moved = (/** @type {any} */ message) => {
     around.moved(message);
@@ -107,7 +103,7 @@ const newHandlers = (store, around, canvas) => {
   return {
     state: moved,
     pose: moved,
-    path: (/** @type {{points: [number, number][]}} */ { points }) => {
+    path: (/** @type {{points: Point[]}} */ { points }) => {
       around.path = points;
       canvas.refresh();
     },
@@ -121,7 +117,7 @@ const newHandlers = (store, around, canvas) => {
   };
 };
 
-/** @param {import("../../drive/registry.js").Page} page @param {FloorPress} press */
+/** @param {Page} page @param {FloorPress} press */
 const newGamepads = ({ driving, connection }, press) => {
   const { steering } = driving;
   return new Gamepads({
@@ -135,5 +131,5 @@ const newGamepads = ({ driving, connection }, press) => {
   });
 };
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const overlay = { name: "overlay", setUp };

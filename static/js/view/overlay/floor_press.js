@@ -11,21 +11,18 @@ import { toRead } from "../../lib/reading_time.js";
 import { roleOf } from "../../protocol/session.js";
 import { halfWidth } from "../../autonomy/offer.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
-import { sweep } from "./swept_path.js";
-import { mapFromRobot, robotFromMap } from "./transforms.js";
+import { sweep } from "../../lib/swept_path.js";
+import { mapFromRobot, robotFromMap } from "../../lib/transforms.js";
 import { hidesWall, isBehind } from "./visibility.js";
 
 /**
- * @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place}
- *   | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press
+ * @typedef {{no: string, point?: Point, at?: Place}
+ *   | {turn: Point} | {goal: Point, sweptPath: any}} Target what a press
  *   means
  */
 
 export class FloorPress {
-  /**
-   * @param {import("../../drive/registry.js").Page} page
-   * @param {import("./feature.js").Surroundings} around
-   */
+  /** @param {Page} page @param {import("./feature.js").Surroundings} around */
   constructor({ store, element, driving, video, words }, around) {
     this.store = store;
     this.words = words;
@@ -103,8 +100,7 @@ export class FloorPress {
 
   /**
    * By the hand that pressed the button, or else by one that may steer.
-   * @param {import("../../input/maneuver.js").Kind} kind
-   * @param {(robot: import("./transforms.js").Place) => [number, number]} pointOf
+   * @param {import("../../input/maneuver.js").Kind} kind @param {(robot: Place) => Point} pointOf
    */
   #startHere(kind, pointOf) {
     const robot = this.around.track.newest;
@@ -150,9 +146,7 @@ export class FloorPress {
 
   /**
    * Where the robot would stand when it touches what is in its way to a point.
-   * @param {import("./transforms.js").Place} robot
-   * @param {[number, number]} point
-   * @returns {import("./transforms.js").Place}
+   * @param {Place} robot @param {Point} point @returns {Place}
    */
   #touching(robot, point) {
     const sweptPath = sweep(arcTo(robot, point), this.footprint, this.around.seen);
@@ -187,8 +181,7 @@ export class FloorPress {
   }
 
   /**
-   * @param {Target} target
-   * @param {string} method
+   * @param {Target} target @param {string} method
    * @returns {boolean} whether the robot goes there now
    */
   #go(target, method) {
@@ -213,8 +206,7 @@ export class FloorPress {
 
   /**
    * From this very moment, so that an older hand that is still held has lost.
-   * @param {import("../../input/maneuver.js").Kind} kind
-   * @param {[number, number]} point
+   * @param {import("../../input/maneuver.js").Kind} kind @param {Point} point
    * @param {string} method
    */
   #start(kind, point, method) {

@@ -4,13 +4,13 @@
  */
 
 import { isAnswered } from "../../autonomy/offer.js";
-import { isMoving } from "../../autonomy/robot_action.js";
+import { isMoving } from "../../protocol/robot_action.js";
 import { arcTo } from "../../input/pure_pursuit.js";
 import { createPaint } from "../../lib/colours.js";
 import { roleOf } from "../../protocol/session.js";
 import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
-import { heldSteps, lineSteps, sweep } from "./swept_path.js";
+import { heldSteps, lineSteps, sweep } from "../../lib/swept_path.js";
 
 // s of driving on like this: the camera sees no floor that is nearer than a metre
 const SHOWN_SECONDS = 6;
@@ -20,8 +20,7 @@ const NOTHING = Object.freeze({ sweptPath: null, committed: false, goal: null, b
 
 export class OverlayCanvas {
   /**
-   * @param {import("../../drive/registry.js").Page} page
-   * @param {import("./feature.js").Surroundings} around
+   * @param {Page} page @param {import("./feature.js").Surroundings} around
    * @param {import("./floor_press.js").FloorPress} press
    */
   constructor({ store, element }, around, press) {
@@ -30,7 +29,7 @@ export class OverlayCanvas {
     this.press = press;
     this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
     this.paint = createPaint(this.canvas, "--", COLOURS, "700 15px");
-    /** @type {import("../../protocol/command_stream.js").Intent} that is sent to the robot */
+    /** @type {Intent} that is sent to the robot */
     this.intent = { linear: 0, angular: 0, method: "" };
     this.dirty = false;
     this.drawn = "";
@@ -162,8 +161,7 @@ export class OverlayCanvas {
 
 /**
  * The same for what looks the same.
- * @param {import("./drawing.js").Scene} scene
- * @param {import("./drawing.js").Eye} eye
+ * @param {import("./drawing.js").Scene} scene @param {import("./drawing.js").Eye} eye
  */
 const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {
   const end = sweptPath?.slices.at(-1);

@@ -1,7 +1,7 @@
 /** The overlay's slice of the page's state. */
 
 /**
- * @typedef {{goal: [number, number], at: import("./transforms.js").Place}} Refusal a point that was
+ * @typedef {{goal: Point, at: Place}} Refusal a point that was
  *   pressed, and where the robot would touch what is in the way
  */
 

@@ -1,15 +1,11 @@
 /** What lies behind walls. Pure: by the floor plan, and by what the laser saw last. */
 
-/** @typedef {[number, number]} Point */
-
 const BEHIND = 0.15; // m: nearer to what the laser saw, a point is the foot of it
 
 /**
  * Whether a wall of the plan stands between two points. A doorway is a hole in a wall: so is a
  * closed door, for whoever looks for the way.
- * @param {any} plan
- * @param {Point} from
- * @param {Point} to
+ * @param {any} plan @param {Point} from @param {Point} to
  */
 export const hidesWall = (plan, from, to) => {
   const holes = [...(plan?.doors ?? []), ...(plan?.passages ?? [])];
@@ -21,11 +17,7 @@ export const hidesWall = (plan, from, to) => {
 
 /**
  * Where two segments cross.
- * @param {Point} a
- * @param {Point} b
- * @param {Point} c
- * @param {Point} d
- * @returns {Point | null}
+ * @param {Point} a @param {Point} b @param {Point} c @param {Point} d @returns {Point | null}
  */
 const crossing = ([ax, ay], [bx, by], [cx, cy], [dx, dy]) => {
   const [ux, uy, vx, vy] = [bx - ax, by - ay, dx - cx, dy - cy];

@@ -7,10 +7,10 @@ import { unixNow } from "../../lib/clock.js";
 import { lazy } from "../../lib/lazy.js";
 import { profileOf } from "../display/profiles.js";
 
-/** @param {import("../../drive/features.js").State} state */
+/** @param {State} state */
 const isWanted = (state) => profileOf(state).figures && state.visit.phase === "driving";
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, element, words } = page;
   const panel = lazy(async () =>
@@ -18,20 +18,18 @@ const setUp = (page) => {
   );
   let wanted = false;
   return {
-    render: (/** @type {import("../../drive/features.js").State} */ state) => {
-      if (isWanted(state) !== wanted) {
-        wanted = isWanted(state);
-        panel((show) => show(isWanted(store.get())));
-      }
+    on: {
+      changed: (/** @type {State} */ state) => {
+        if (isWanted(state) !== wanted) {
+          wanted = isWanted(state);
+          panel((show) => show(isWanted(store.get())));
+        }
+      },
     },
   };
 };
 
-/**
- * What the figures are made of.
- * @param {import("../../drive/registry.js").Page} page
- * @returns {import("./figures.js").Raw}
- */
+/** What the figures are made of. @param {Page} page @returns {import("./figures.js").Raw} */
 const rawOf = ({
   store,
   connection: { link, clockSync },
@@ -50,5 +48,5 @@ const rawOf = ({
   size: viewport.size,
 });
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const technical = { name: "technical", setUp };

@@ -12,20 +12,19 @@ const SMOOTHED = 9; // samples of which the middle one counts, for what jumps
 /**
  * @typedef {object} Raw
  * @property {RTCPeerConnection | null} connection
- * @property {import("../../drive/features.js").State} state
+ * @property {State} state
  * @property {{datachannel: number | null, mqtt: number | null}} trips seconds to the robot and back
  *   on each way
  * @property {number | null} glass seconds from the robot's camera to the screen, when the last
  *   frame was shown
- * @property {[number, number]} size pixels of the picture on the screen
+ * @property {Point} size pixels of the picture on the screen
  */
 
 /** @typedef {{key: string, value: string, unit: string}} Figure */
 
 /**
  * What getStats() tells beside `pick`.
- * @param {Iterable<any>} report
- * @returns {{codec: string, freezes: number, frozen: number}}
+ * @param {Iterable<any>} report @returns {{codec: string, freezes: number, frozen: number}}
  */
 export const pickMore = (report) => {
   const all = Array.from(report);
@@ -40,8 +39,7 @@ export const pickMore = (report) => {
 
 /**
  * Where pictures and commands go: `host/udp` is direct.
- * @param {string | undefined} path
- * @returns {"direct" | "relay" | "server" | ""}
+ * @param {string | undefined} path @returns {"direct" | "relay" | "server" | ""}
  */
 export const pathKindOf = (path) => {
   const kind = path?.split("/")[0] ?? "";
@@ -113,9 +111,7 @@ export class Figures {
   }
 
   /**
-   * @param {Raw} raw
-   * @param {any} second
-   * @param {ReturnType<typeof pickMore> | null} more
+   * @param {Raw} raw @param {any} second @param {ReturnType<typeof pickMore> | null} more
    * @returns {Figure[]}
    */
   #rows({ state, trips, size }, second, more) {

@@ -3,18 +3,16 @@
  * size; and copies them as text. Loaded when somebody wants to see it (view/display/feature.js).
  */
 
-import { backToDriving, write } from "../../lib/dom.js";
+import { copy } from "../../lib/clipboard.js";
+import { backToDriving, make, write } from "../../lib/dom.js";
 import { Figures } from "./figures.js";
 
 const PERIOD_MS = 500;
 const COPIED_MS = 2000;
 
 /**
- * @param {object} page
- * @param {(id: string) => HTMLElement} page.element
- * @param {import("../../lib/words.js").Words} page.words
- * @param {() => import("./figures.js").Raw} page.raw
- * @returns {(shown: boolean) => void}
+ * @param {object} page @param {GetElement} page.element @param {Words} page.words
+ * @param {() => import("./figures.js").Raw} page.raw @returns {(shown: boolean) => void}
  */
 export const createTechnical = ({ element, words, raw }) => {
   const panel = element("technical");
@@ -31,17 +29,10 @@ export const createTechnical = ({ element, words, raw }) => {
 
   /** @param {import("./figures.js").Figure} figure */
   const place = ({ key, unit }) => {
-    const cell = document.createElement("div");
-    const [name, value, text] = [
-      document.createElement("dt"),
-      document.createElement("dd"),
-      document.createElement("span"),
-    ];
-    cell.className = "figure";
+    const [cell, value, text] = [make("div", "figure"), make("dd"), make("span")];
     cell.dataset.figure = key;
-    name.textContent = words.say(`figure.${key}`);
     value.append(text, unit && ` ${unit}`);
-    cell.append(name, value);
+    cell.append(make("dt", "", words.say(`figure.${key}`)), value);
     values.set(key, text);
     return cell;
   };
@@ -60,14 +51,9 @@ export const createTechnical = ({ element, words, raw }) => {
     const lines = last.map(({ key, value, unit }) =>
       `${words.say(`figure.${key}`)}: ${value} ${unit}`.trim(),
     );
-    const copied = await navigator.clipboard
-      ?.writeText(
-        [document.title, new Date().toISOString(), navigator.userAgent, ...lines].join("\n"),
-      )
-      .then(
-        () => true,
-        () => false,
-      );
+    const copied = await copy(
+      [document.title, new Date().toISOString(), navigator.userAgent, ...lines].join("\n"),
+    );
     const text = element("figures-copy-text");
     write(text, words.say(copied ? "do.copied" : "do.copy_failed"));
     setTimeout(() => write(text, words.say("do.copy")), COPIED_MS);

@@ -29,7 +29,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {import("../../drive/registry.js").Page} page */
+/** @param {Page} page */
 const setUp = (page) => {
   const { store, emit } = page;
   const shown = new ShownFrame();
@@ -79,7 +79,7 @@ const setUp = (page) => {
 };
 
 /**
- * @param {import("../../drive/registry.js").Page} page
+ * @param {Page} page
  * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame,
  *   frameAge: (now: number) => number | null}} video
  */
@@ -96,7 +96,7 @@ const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
     page.store.update({ frameAge: frameAge(now) });
   },
   linkDropping: () => viewport.freeze(),
-  linkOpening: (/** @type {import("../../protocol/peer.js").Peer} */ peer) => {
+  linkOpening: (/** @type {Peer} */ peer) => {
     shown.reset();
     page.store.update({ playing: fallback.isFresh(unixNow()) });
     viewport.attach(peer.video, peer.audio);
@@ -116,8 +116,7 @@ const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
 
 /**
  * Whether frames have to come through the server, and whether they do come.
- * @param {import("../../drive/registry.js").Page} page
- * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame}} video
+ * @param {Page} page @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame}} video
  * @param {number} now
  */
 const watch = ({ store, connection, driving }, { viewport, fallback, shown }, now) => {
@@ -154,11 +153,7 @@ const watch = ({ store, connection, driving }, { viewport, fallback, shown }, no
   }
 };
 
-/**
- * @param {import("../../drive/registry.js").Page} page
- * @param {ShownFrame} shown
- * @param {JpegFallback} fallback
- */
+/** @param {Page} page @param {ShownFrame} shown @param {JpegFallback} fallback */
 const newViewport = ({ element, store, emit }, shown, fallback) =>
   new Viewport({
     video: /** @type {HTMLVideoElement} */ (element("video")),
@@ -177,5 +172,5 @@ const newViewport = ({ element, store, emit }, shown, fallback) =>
     },
   });
 
-/** @type {import("../../drive/registry.js").Feature} */
+/** @type {Feature} */
 export const video = { name: "video", state: newSlice, setUp };

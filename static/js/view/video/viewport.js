@@ -5,8 +5,7 @@
 
 export class Viewport {
   /**
-   * @param {object} options
-   * @param {HTMLVideoElement} options.video
+   * @param {object} options @param {HTMLVideoElement} options.video
    * @param {HTMLAudioElement} options.audio
    * @param {HTMLCanvasElement} options.still the last picture, over the video while it is frozen
    * @param {HTMLCanvasElement} options.slow the picture that came through the server, over both

@@ -1,30 +1,28 @@
-"""What the drive page says when the server does not do what the page asked for."""
+"""The drive page's messages about requests that the server denies."""
 
 import msgspec
 import pytest
 
 from robots.api import messages as m
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, opened, until
+from tests.support.browsers.drive_page import driven, driving, opened, until
 from tests.support.patience import patient
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+LINE = ":is(#alert, #card-warning)[data-word='{}']:visible"
 
 
 async def alert(page, word):
-    """Wait until the line over the video, or the one on the card before it, says this."""
+    """Wait for a message over the video or on a card, and return its text."""
     page.set_default_timeout(1000 * patient(15))
-    line = page.locator(f":is(#alert, #card-warning)[data-word='{word}']:visible")
-    return await line.inner_text()
+    return await page.locator(LINE.format(word)).inner_text()
 
 
 async def quiet(page, word):
-    """Wait until no line says this any more."""
-    line = page.locator(f":is(#alert, #card-warning)[data-word='{word}']:visible")
-    await line.wait_for(state="hidden")
+    await page.locator(LINE.format(word)).wait_for(state="hidden")
 
 
-async def test_a_robot_that_the_server_cannot_give_is_asked_for_again(browser, site):
+async def test_denied_robot_is_requested_again(browser, site):
     site.denies["session/take"] = "unavailable"
     async with opened(browser, site, query="?go=1") as page:
         text = await alert(page, "denied.take")
@@ -34,7 +32,7 @@ async def test_a_robot_that_the_server_cannot_give_is_asked_for_again(browser, s
         await quiet(page, "denied.take")
 
 
-async def test_video_that_the_server_cannot_give_is_asked_for_again(browser, site):
+async def test_denied_video_is_requested_again(browser, site):
     site.denies["session/observe"] = "unavailable"
     async with opened(browser, site) as page:
         await page.click("[data-action='watch']")
@@ -45,9 +43,8 @@ async def test_video_that_the_server_cannot_give_is_asked_for_again(browser, sit
 
 
 @pytest.mark.parametrize("reason", ["unavailable", "busy", "rate"])
-async def test_who_leaves_reads_that_the_server_does_not_know_it(browser, site, reason):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+async def test_denied_leave_is_shown_until_the_server_accepts_it(browser, site, reason):
+    async with driven(browser, site) as page:
         site.denies["session/leave"] = reason
         await page.click("#leave")
         await page.click("[data-action='leave_now']")
@@ -58,10 +55,10 @@ async def test_who_leaves_reads_that_the_server_does_not_know_it(browser, site, 
         await quiet(page, "denied.leave")
 
 
-async def test_a_release_that_the_server_denies_can_be_asked_for_at_once(browser, site):
+async def test_denied_release_of_a_stop_can_be_requested_again_at_once(browser, site):
     site.operates = True
     stopped = m.Safety(estop=True, estop_source="screen:Giraff")
-    site.online = False  # its own states would say that it is free
+    site.online = False  # its own states report no stop
     site.denies["command/action"] = "unavailable"
     async with opened(browser, site) as page:
         await page.wait_for_selector("#card[data-card^=lobby]")

@@ -1,16 +1,17 @@
-"""The first minute, and the last: waiting, being called, being asked for a sign, and browsers
-without live video.
+"""The first minute and the last: the queue, the turn, the question whether the visitor is present,
+and browsers without live video.
 """
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 
 import pytest
 from playwright.async_api import Browser, Page
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, hold, opened, until
+from tests.support.browsers.drive_page import driven, driving, hold, opened, until
 from tests.support.browsers.drive_page_scenes import FREE
 from tests.support.browsers.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.media.picture_server import jpeg_of
@@ -23,84 +24,77 @@ INSTAGRAM = (
 )
 
 
-async def said_until_shown(page: Page, card: str, say: Callable[[], None]) -> None:
-    """Say something until the page shows it: what is said while a page under load dials its
-    WebSocket again is lost here, and not in earnest.
+async def repeat_until_shown(page: Page, card: str, send: Callable[[], None]) -> None:
+    """Repeat a message until the page shows its card: unlike the real server, this one loses
+    messages while a page reconnects its WebSocket.
     """
     deadline = time.monotonic() + patient(20)
     while await page.locator(f"#card[data-card='{card}']:visible").count() == 0:
         assert time.monotonic() < deadline, f"the card {card} never came"
-        say()
+        send()
         await asyncio.sleep(0.5)
 
 
+async def ask_whether_present(page: Page, site: FakeRobotPage) -> None:
+    asked = protocol.PresenceAsked(session=site.session, seconds=30.0)
+    await repeat_until_shown(page, "idle", lambda: site.tell("session/asked_there", asked))
+
+
+@asynccontextmanager
+async def driver_and_next(
+    browser: Browser, site: FakeRobotPage
+) -> AsyncIterator[tuple[Page, Page]]:
+    """The page of a driver, and that of a visitor who is next in the queue."""
+    async with driven(browser, site) as first, opened(browser, site, query="?go=1") as second:
+        for page in (first, second):
+            page.set_default_timeout(patient(20) * 1000)
+        await second.wait_for_selector("#card[data-card='queued.next']")
+        yield first, second
+
+
 def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
-    return [event for event in site.said("page/event") if event.type == protocol.HERE]
+    return [event for event in site.received("page/event") if event.type == protocol.HERE]
 
 
 @pytest.mark.nightly
-async def test_who_waits_for_a_robot_that_did_not_get_home_drives_one_that_is_free(browser, site):
+async def test_visitor_of_a_robot_that_did_not_dock_is_offered_a_free_one(browser, site):
     site.others = [{**FREE, "name": "rhodon", "action": "Drive Rhodon"}]
     async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
         await driving(first)
         await second.click("text=Wait for my turn")
-        await said_until_shown(
-            second, "queued.paused", lambda: site.keep_waiting("paused: could not dock")
-        )
+        pause = lambda: site.keep_waiting("paused: could not dock")
+        await repeat_until_shown(second, "queued.paused", pause)
         await second.click("#card-instead > a:has-text('Drive Rhodon')")
         await second.wait_for_url(f"**{PRACTICE}")
-        assert site.said("session/leave")
+        assert site.received("session/leave")
     site.others = []
 
 
-async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_is_asked_no_more(
-    browser, site
-):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+async def test_visitor_confirms_presence_by_button_or_any_input(browser, site):
+    async with driven(browser, site) as page:
         for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
             known = len(signs(site))
-            await said_until_shown(
-                page,
-                "idle",
-                lambda: site.tell(
-                    "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
-                ),
-            )
+            await ask_whether_present(page, site)
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
             await page.wait_for_selector("#card", state="hidden")
             assert await page.evaluate("document.activeElement.id") == "viewport"
-            # given again, for the server has not said that it has it
+            # sent again, as the server has not confirmed it
             await until(lambda known=known: len(signs(site)) >= known + 2)
-            site.tell("session/found_there", protocol.FoundThere(session=site.session))
+            site.tell("session/found_there", protocol.PresenceConfirmed(session=site.session))
         assert "still there" not in await page.title()
 
 
-async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
-        await said_until_shown(
-            page,
-            "idle",
-            lambda: site.tell(
-                "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
-            ),
-        )
+async def test_session_that_ended_while_idle_says_why(browser, site):
+    async with driven(browser, site) as page:
+        await ask_whether_present(page, site)
         over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
-        await said_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
+        await repeat_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
 
 
 @pytest.mark.nightly
-async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_taken(browser, site):
-    async with (
-        opened(browser, site, query="?go=1") as first,
-        opened(browser, site, query="?go=1") as second,
-    ):
-        first.set_default_timeout(patient(20) * 1000)
-        second.set_default_timeout(patient(20) * 1000)
-        await driving(first)
-        await second.wait_for_selector("#card[data-card='queued.next']")
+async def test_turn_is_announced_in_the_title_and_expires(browser, site):
+    async with driver_and_next(browser, site) as (_, second):
         await asyncio.sleep(PRESSED)
         site.offer_turn(8.0)
         await second.wait_for_selector("#card[data-card=turn]")
@@ -109,33 +103,21 @@ async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_t
 
 
 @pytest.mark.nightly
-async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_robot_before_them(
-    browser, site
-):
-    site.practice = {"url": None}  # being made ready
-    async with (
-        opened(browser, site, query="?go=1") as first,
-        opened(browser, site, query="?go=1") as second,
-    ):
-        for page in (first, second):
-            page.set_default_timeout(patient(20) * 1000)
-        await driving(first)
-        await second.wait_for_selector("#card[data-card='queued.next']")
+async def test_waiting_visitor_practises_until_the_turn(browser, site):
+    site.practice = {"url": None}  # starting
+    async with driver_and_next(browser, site) as (_, second):
         await second.click("#card-main")
         await second.wait_for_selector("#card[data-card='queued.next'][data-busy]")
         site.practice = {"url": PRACTICE}
         await second.wait_for_selector("#practice:not([hidden])")
-        await second.frame_locator("#practice-frame").locator("text=Another robot").wait_for()
+        practice = second.frame_locator("#practice-frame").locator("text=Another robot")
+        await practice.wait_for()
         assert "You are next" in (await second.text_content("#practice-words") or "")
         await asyncio.sleep(PRESSED)
         site.offer_turn(30.0)
         await second.wait_for_selector("#card[data-card=turn]")
         await second.wait_for_selector("#practice", state="hidden")
-        await (
-            second.frame_locator("#practice-frame")
-            .locator("text=Another robot")
-            .wait_for(state="detached")
-        )
+        await practice.wait_for(state="detached")
 
 
 async def without_live_video(browser: Browser, site: FakeRobotPage, **device: str) -> Page:
@@ -146,7 +128,7 @@ async def without_live_video(browser: Browser, site: FakeRobotPage, **device: st
     return page
 
 
-async def test_a_browser_without_live_video_drives_with_a_slow_picture(browser, site):
+async def test_browser_without_live_video_drives_with_single_pictures(browser, site):
     site.still = jpeg_of(120)
     page = await without_live_video(browser, site)
     await page.wait_for_selector("#card[data-card='closed.unsupported']")
@@ -154,16 +136,12 @@ async def test_a_browser_without_live_video_drives_with_a_slow_picture(browser, 
     await page.wait_for_selector("#card[data-card=lobby]")
     await page.click("#card-main")
     await page.wait_for_selector("#drive-page[data-playing][data-slow]")
-    await hold(
-        page,
-        "ArrowLeft",
-        lambda: [way for way, command in site.applied if command.angular > 0.0] != [],
-    )
+    await hold(page, "ArrowLeft", lambda: any(one.angular > 0.0 for _, one in site.applied))
     await page.keyboard.up("ArrowLeft")
-    assert {way for way, _ in site.applied} == {"mqtt"}
+    assert {transport for transport, _ in site.applied} == {"mqtt"}
 
 
-async def test_a_browser_inside_an_app_says_which_browser_to_take_and_gives_the_link(browser, site):
+async def test_browser_inside_an_app_names_another_browser_and_copies_the_link(browser, site):
     page = await without_live_video(browser, site, user_agent=INSTAGRAM)
     await page.wait_for_selector("#card[data-card='closed.in_app']")
     assert await page.text_content("#card-title") == "Open this page in Safari"
@@ -172,12 +150,11 @@ async def test_a_browser_inside_an_app_says_which_browser_to_take_and_gives_the_
 
 
 @pytest.mark.nightly
-async def test_a_connection_that_does_not_come_about_is_explained_after_some_seconds(browser, site):
+async def test_missing_video_connection_is_checked_after_some_seconds(browser, site):
     site.answers.clear()  # the robot's answer never comes
     page = await (await browser.new_context()).new_page()
     await page.goto(f"{site.url}?go=1")
-    checked = await until(
-        lambda: [event for event in site.said("page/event") if event.type == "check"], 20
-    )
+    checks = lambda: [event for event in site.received("page/event") if event.type == "check"]
+    checked = await until(checks, 20)
     assert checked[0].data["server"] == "quick"
     site.answers.set()

@@ -1,5 +1,5 @@
-"""The drive page is there before its script, which takes it over without moving anything, and is
-driven before all of its script is there.
+"""The drive page is painted before its script runs, which then moves nothing, and can be driven
+before all scripts are loaded.
 """
 
 import asyncio
@@ -18,8 +18,8 @@ from tests.support.patience import patient
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 MODULES = re.compile(r"/static/js/(?!drive/load_retry)")
 LATER = re.compile(r"/static/js/(view/(map|overlay|display)|autonomy|study|presence)/feature\.")
-# A server that has not answered yet: the page stays at its first card. After six seconds by the
-# page's clock it would say more there, and a slow computer takes longer: its clock stands still.
+# A server that has not answered yet: the page stays at its first card. The page's clock is stopped,
+# as the card would change after six seconds.
 NO_ANSWER = """window.WebSocket = class extends EventTarget { readyState = 0; close() {} };
 const began = performance.now();
 performance.now = () => began;"""
@@ -44,7 +44,7 @@ COMPLETE = "performance.getEntriesByName('drive:complete').length > 0"
 
 
 async def comes(page: Page, expression: str) -> None:
-    """Wait until an expression is true; the page's policy refuses Playwright's own way."""
+    """Wait until an expression is true; the page's policy refuses Playwright's own method."""
     deadline = time.monotonic() + patient(20)
     while not await page.evaluate(expression):
         assert time.monotonic() < deadline, f"never: {expression}"
@@ -52,13 +52,13 @@ async def comes(page: Page, expression: str) -> None:
 
 
 class Held:
-    """Requests that wait until they are let go."""
+    """Requests that wait until they are released."""
 
     def __init__(self) -> None:
-        self.let_go = asyncio.Event()
+        self.released = asyncio.Event()
 
     async def __call__(self, route: Route) -> None:
-        await self.let_go.wait()
+        await self.released.wait()
         await route.continue_()
 
 
@@ -70,13 +70,13 @@ async def without(
     size: tuple[int, int] = WIDE,
     script: str = "",
 ) -> AsyncIterator[tuple[Page, Held]]:
-    """Open the page while some of its modules are held up."""
+    """Open the page while some of its modules are held back."""
     touch = size != WIDE
     context = await browser.new_context(
         viewport={"width": size[0], "height": size[1]},
         has_touch=touch,
         is_mobile=touch,
-        reduced_motion="reduce",  # what turns has another box each time
+        reduced_motion="reduce",  # a rotating element has another box each time
     )
     page = await context.new_page()
     page.set_default_timeout(patient(20) * 1000)
@@ -87,42 +87,39 @@ async def without(
     try:
         yield page, held
     finally:
-        held.let_go.set()
+        held.released.set()
         await context.close()
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW])
-async def test_the_page_is_painted_before_its_script_is_there_which_then_moves_nothing(
-    browser, site, size
-):
+async def test_page_is_painted_before_its_script_which_then_moves_nothing(browser, site, size):
     async with without(MODULES, browser, site, size, NO_ANSWER) as (page, held):
         await comes(page, PAINTED)
         assert await page.inner_text("#card-title") == "Connecting…"
         assert await page.is_visible("#card .card__spinner")
         assert await page.is_visible("#status")
-        # Of a page that comes in pieces, a browser may draw the first before it has the next.
         await comes(page, "document.readyState !== 'loading'")
         drawn = await page.evaluate(SETTLED)
-        held.let_go.set()
+        held.released.set()
         await comes(page, COMPLETE)
         assert await page.evaluate(BOXES) == drawn
         assert await page.evaluate("moved") == []
 
 
-async def test_the_robot_is_driven_while_the_rest_of_the_page_is_on_its_way(browser, site):
+async def test_robot_is_driven_while_the_rest_of_the_page_loads(browser, site):
     async with without(LATER, browser, site) as (page, held):
         await driving(page)
         await hold(page, "ArrowLeft", lambda: moves(site))
         await page.keyboard.up("ArrowLeft")
         assert await page.text_content("#map-state") == ""
         assert not await page.evaluate(COMPLETE)
-        held.let_go.set()
+        held.released.set()
         await comes(page, "document.getElementById('map-state').textContent !== ''")
         await comes(page, COMPLETE)
 
 
-async def test_without_javascript_the_page_says_that_it_needs_it(chromium, site):
+async def test_page_without_javascript_says_that_it_needs_it(chromium, site):
     context = await chromium.new_context(java_script_enabled=False)
     page = await context.new_page()
     await page.goto(site.url)

@@ -1,9 +1,9 @@
-"""Nothing on the drive page and on the robot's screen lies over a control or over what is to be
-read, and nothing is cut off: every pair of what is visible, in every scene of a visit, at the sizes
-of a phone both ways, with and without its browser's bars, of a tablet, a laptop, and a laptop at
-200 %.
+"""Nothing on the drive page and the robot's screen covers a control or a text, and nothing is cut
+off: every pair of visible elements, in every scene, at the sizes of a phone in both orientations, a
+tablet, a laptop, and a laptop at 200 %.
 """
 
+import itertools
 import os
 from pathlib import Path
 
@@ -41,14 +41,8 @@ VISITS = {
 }
 ALWAYS = {("fingers", "drives"), ("fingers", "task"), ("mouse", "drives")}
 SCENES = [
-    pytest.param(
-        kind,
-        visit,
-        marks=() if (kind, visit) in ALWAYS else pytest.mark.nightly,
-        id=f"{kind}-{visit}",
-    )
-    for kind in KINDS
-    for visit in VISITS
+    pytest.param(*pair, marks=() if pair in ALWAYS else pytest.mark.nightly, id="-".join(pair))
+    for pair in itertools.product(KINDS, VISITS)
 ]
 SEEN = (
     "button, a[href], input, select, summary, [role=button], .alert, .offer, .pill, .reading,"
@@ -57,14 +51,14 @@ SEEN = (
     " .face__title, .face__text, .face__asked, .face__notice, .face__name, .talk__list"
 )
 ALERT = "Video is delayed. Driving is paused until it catches up."
-SHARES = (-1, 0, 1)  # where in the video the checkpoint lies: at the left, ahead, at the right
+SHARES = (-1, 0, 1)  # position of the checkpoint in the video: left, ahead, right
 LOOKS = [("", 0), *((ALERT, share) for share in SHARES)]
 SETTLED = """async () => {
   await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
   return !document.querySelector("#card[data-busy]:not([hidden])");
 }"""
 FAULTS = """([selector, alert, share]) => {
-  // At once, before the page renders again: it knows of no alert.
+  // Without a pause, before the page renders again without the alert.
   const [line, arrow] = ["alert", "pointer"].map((id) => document.getElementById(id));
   const [text, hidden] = [line?.textContent, line?.hidden];
   const offered = [...document.querySelectorAll(".offer button")].filter((one) =>
@@ -75,7 +69,7 @@ FAULTS = """([selector, alert, share]) => {
     arrow.style.setProperty("--share", share);
   }
   if (arrow) arrow.style.transition = "none";
-  // What of an element is in sight: within everything around it that scrolls or cuts.
+  // The visible part of an element: within all parents that scroll or clip.
   const boxOf = (one) => {
     let { left, top, right, bottom } = one.getBoundingClientRect();
     const page = document.body; // is fixed: the root around it has no height
@@ -89,7 +83,7 @@ FAULTS = """([selector, alert, share]) => {
     return { left, top, right, bottom };
   };
   const card = document.querySelector(".card:not([hidden])");
-  // A large map has the picture, and what is said in it, in its corner.
+  // A large map has the video and its texts in its corner.
   const isGround = (one) => one.matches("[data-map=large] .map-panel");
   const isBehindCard = (one, { left, top, right, bottom }) => card
     && !card.contains(one) && one.closest(".stage")
@@ -100,7 +94,7 @@ FAULTS = """([selector, alert, share]) => {
     .map((one) => [one, boxOf(one)])
     .filter(([one, box]) => box.right - box.left > 2 && box.bottom - box.top > 2
       && !isBehindCard(one, box));
-  // A centred word that is wider than its button scrolls nothing at its left.
+  // A centred word that is wider than its button does not scroll to the left.
   const isTooWide = (one) => {
     const words = document.createRange();
     words.selectNodeContents(one);
@@ -137,7 +131,7 @@ FAULTS = """([selector, alert, share]) => {
     found.push("the arrow is at the foot of the video");
   }
   if (alert) [line.textContent, line.hidden] = [text, hidden];
-  // A page that waits shows few, and one on which one drives many.
+  // A waiting page shows few elements, a driving one many.
   const least = document.querySelector("[data-phase=driving]") && !card ? [16, 100] : [3, 2];
   if (shown.length < least[0] || pairs < least[1]) {
     found.push(`only ${shown.length} things and ${pairs} pairs of them were compared`);
@@ -150,8 +144,7 @@ FAULTS = """([selector, alert, share]) => {
   if (innerWidth < innerHeight && innerHeight > 800 && shownShare < 0.5) {
     found.push(`the video has ${shownShare.toFixed(2)} of the screen`);
   }
-  // A plan is there to be read and pressed: half of an upright screen when it is enlarged, with
-  // nothing over it, and never a sliver.
+  // An enlarged plan takes half of an upright screen, with nothing over it, and is never a sliver.
   const [panel, plan, video] = [".map-panel", "#map", ".stage"]
     .map((part) => document.querySelector(`[data-phase=driving] ${part}`)?.getBoundingClientRect());
   const isUpright = innerWidth < innerHeight;
@@ -188,7 +181,7 @@ EACH = f"""([selector, looks]) => {{
 async def look(page: Page, size: str, scene: str, kind: str) -> list[str]:
     width, height = SIZES[size]
     await page.set_viewport_size({"width": width, "height": height})
-    if not await page.evaluate(SETTLED):  # a busy computer's page connects anew
+    if not await page.evaluate(SETTLED):  # on a busy computer the page may reconnect
         busy = page.locator("#card[data-busy]")
         await busy.wait_for(state="hidden", timeout=1000 * patient(30.0))
     faults = await page.evaluate(EACH, [SEEN, LOOKS])
@@ -203,7 +196,7 @@ async def look(page: Page, size: str, scene: str, kind: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("kind", "visit"), SCENES)
-async def test_nothing_lies_over_a_control_in_any_scene_at_any_size(
+async def test_no_control_is_covered_in_any_scene_at_any_size(
     browser: Browser, kind: str, visit: str
 ):
     path, sizes = KINDS[kind]

@@ -1,4 +1,4 @@
-"""On a low screen a card's drawing gives way to what is to be read and pressed."""
+"""On a low screen a card's drawing makes room for its text and buttons."""
 
 import pytest
 
@@ -6,14 +6,14 @@ from sessions import protocol
 from tests.support.browsers.present_robot_page import PresentRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
-# What reaches below the stage that cuts it off.
+# Parts that the lower edge of the stage cuts off.
 BELOW = """() => [...document.querySelectorAll("#card :is(h1, h2, p, button, img)")]
   .filter((one) => one.checkVisibility() && one.getBoundingClientRect().bottom
     > document.querySelector(".stage").getBoundingClientRect().bottom + 1)
   .map((one) => one.textContent.trim() || one.tagName)"""
 
 
-async def test_a_second_page_shows_all_of_its_question_on_a_phone_held_sideways(browser):
+async def test_second_page_shows_its_whole_question_on_a_phone_in_landscape(browser):
     with PresentRobotPage() as site:
         context = await browser.new_context(viewport={"width": 844, "height": 390})
         page = await context.new_page()

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 import pytest
 import pytest_asyncio
@@ -14,18 +15,8 @@ from tests.support.browsers.fake_robot_page import FakeRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 KNOWN = (
-    "fps",
-    "glass",
-    "trip_direct",
-    "trip_server",
-    "age",
-    "refused",
-    "loss",
-    "jitter",
-    "rate",
-    "freezes",
-    "size",
-    "path",
+    *("fps", "glass", "trip_direct", "trip_server", "age", "refused", "loss", "jitter"),
+    *("rate", "freezes", "size", "path"),
 )
 FIGURES = """() => Object.fromEntries(
   [...document.querySelectorAll(".figure")].map(
@@ -47,9 +38,13 @@ async def page(browser) -> Page:
     return await context.new_page()
 
 
+def recorded(site: FakeRobotPage, kind: str, field: str) -> list[Any]:
+    return [event.data[field] for event in site.received("page/event") if event.type == kind]
+
+
 def shown(site: FakeRobotPage) -> list[str]:
-    """What the records say of the profiles that were in force, in order."""
-    return [event.data["interface"] for event in site.said("page/event") if event.type == "layout"]
+    """Return the recorded profiles in order."""
+    return recorded(site, "layout", "interface")
 
 
 @asynccontextmanager
@@ -61,7 +56,7 @@ async def visit(page: Page, site: FakeRobotPage) -> AsyncIterator[None]:
 
 
 async def choose_key(page: Page, command: str, key: str) -> str:
-    """Press the button of a command and a key, and return what is said of it."""
+    """Press the button of a command and a key, and return the note about it."""
     await page.click(f"#own-keys [data-command={command}]")
     await page.keyboard.press(key)
     return await page.text_content("#own-keys-note") or ""
@@ -73,9 +68,7 @@ async def choose(page: Page, name: str) -> None:
     await page.click("#presence-volumes")
 
 
-async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_stands_above_it(
-    page, site
-):
+async def test_chosen_profile_is_kept_and_a_study_overrides_it(page, site):
     async with visit(page, site):
         await until(lambda: shown(site) == ["standard"])
         assert await page.is_visible("#hints")
@@ -97,9 +90,7 @@ async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_
     assert "Command age: " in copied
     await page.set_viewport_size({"width": 1280, "height": 800})
     await page.goto(site.url)
-    await until_page(
-        page, "() => document.getElementById('drive-page').dataset.profile === 'technical'"
-    )
+    await page.wait_for_selector("#drive-page[data-profile=technical]")
     await _in_a_study(page, site)
 
 
@@ -118,15 +109,10 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     known = len(site.applied)
     await hold(page, "ArrowUp", lambda: len(site.applied) > known + 3)
     halts = len(stops(site))
-    # what the browser does on Escape, which a page never sees; whoever drives has stopped
+    # as the browser does on Escape, a key that pages never receive: the driver stops
     await page.evaluate("document.exitFullscreen()")
     await until(lambda: len(stops(site)) > halts)
-    await until(
-        lambda: (
-            [event.data["on"] for event in site.said("page/event") if event.type == "full_screen"]
-            == [True, False]
-        )
-    )
+    await until(lambda: recorded(site, "full_screen", "on") == [True, False])
 
 
 async def until_page(page: Page, condition: str) -> None:
@@ -137,9 +123,7 @@ async def until_page(page: Page, condition: str) -> None:
     raise AssertionError(condition)
 
 
-async def test_a_visitors_own_keys_drive_at_once_and_after_a_reload_and_the_others_no_longer(
-    page, site
-):
+async def test_own_keys_drive_at_once_and_after_a_reload_and_old_ones_do_not(page, site):
     async with visit(page, site):
         await page.click("#presence-volumes")
         await page.click("#own-keys-open")
@@ -149,7 +133,7 @@ async def test_a_visitors_own_keys_drive_at_once_and_after_a_reload_and_the_othe
         assert "saved in this browser" in await choose_key(page, "forward", "i")
         assert await page.text_content("#own-keys [data-command=forward]") == "I"
         await page.click("#own-keys [data-command=left]")
-        await page.keyboard.press("Escape")  # leaves it as it is, and the panel open
+        await page.keyboard.press("Escape")  # keeps the key, and the panel open
         assert await page.text_content("#own-keys [data-command=left]") == "←A"
         assert moves(site) == moved
         await page.keyboard.press("Escape")
@@ -170,10 +154,10 @@ async def test_a_visitors_own_keys_drive_at_once_and_after_a_reload_and_the_othe
 
 
 async def _figures(page: Page, *needed: str) -> dict[str, str]:
-    """Return the figures once those that are needed are known."""
+    """Return the figures once the needed ones are known."""
+    is_known = "(name) => !['–', undefined].includes(figures[name])"
     await until_page(
-        page,
-        f"() => {list(needed)}.every((name) => !['–', undefined].includes(({FIGURES})()[name]))",
+        page, f"() => {{ const figures = ({FIGURES})(); return {list(needed)}.every({is_known}); }}"
     )
     return await page.evaluate(FIGURES)
 

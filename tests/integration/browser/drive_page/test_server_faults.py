@@ -1,9 +1,9 @@
-"""What the drive page says of a server of which a part fails, or that says nothing any more."""
+"""The drive page's messages about a failing part of the server, and about a silent server."""
 
 import pytest
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, hold, opened
+from tests.support.browsers.drive_page import driven, hold, opened
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 
@@ -13,19 +13,19 @@ async def alert(page, word):
     return await page.inner_text("#alert")
 
 
-NAMES = {
-    "broker": "message service",
-    "session_manager": "control service",
-    "database": "database",
-}
+async def goes_on(page, site):
+    count = len(site.applied)
+    await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
+
+
+NAMES = {"broker": "message service", "session_manager": "control service", "database": "database"}
 STOPS = "Unless it recovers, the robot stops in "
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("part", NAMES)
-async def test_a_part_that_fails_is_told_with_what_follows_until_it_is_back(browser, site, part):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+async def test_failing_part_and_its_consequence_are_shown_until_it_recovers(browser, site, part):
+    async with driven(browser, site) as page:
         for _ in range(2):
             site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
@@ -33,57 +33,45 @@ async def test_a_part_that_fails_is_told_with_what_follows_until_it_is_back(brow
             site.faults = (protocol.Fault(part=part, then="stopped"),)
             assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
             site.faults = ()
-            await page.wait_for_selector(
-                f"#alert:not([data-word='fault.{part}.stopped'])", state="attached"
-            )
-        count = len(site.applied)
-        await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
+            over = f"#alert:not([data-word='fault.{part}.stopped'])"
+            await page.wait_for_selector(over, state="attached")
+        await goes_on(page, site)
 
 
 @pytest.mark.nightly
-async def test_who_operates_the_robot_reads_which_part_it_is(browser, site):
+async def test_operator_reads_which_part_fails(browser, site):
     site.operates = True
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+    async with driven(browser, site) as page:
         for part, name in NAMES.items():
             site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
             assert text.startswith(f"The server's {name} isn't responding. {STOPS}")
 
 
-async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+async def test_full_disk_is_shown_and_driving_goes_on(browser, site):
+    async with driven(browser, site) as page:
         site.faults = (protocol.Fault(part="disk_full", then="goes_on"),)
         assert "You can keep driving" in await alert(page, "fault.disk_full")
-        count = len(site.applied)
-        await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
+        await goes_on(page, site)
 
 
 @pytest.mark.nightly
-async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_and_asked_anew(
-    browser, site
-):
-    async with opened(browser, site, query="?go=1") as page:
-        await driving(page)
+async def test_server_with_open_socket_but_silent_counts_as_out_of_reach(browser, site):
+    async with driven(browser, site) as page:
         session = site.session
         for _ in range(2):
             site.stopped = True
-            assert (
-                await alert(page, "alert.server_only")
-                == "The server can't be reached. You can keep driving."
-            )
-            count = len(site.applied)
-            await hold(page, "ArrowLeft", lambda count=count: len(site.applied) > count + 3)
+            text = await alert(page, "alert.server_only")
+            assert text == "The server can't be reached. You can keep driving."
+            await goes_on(page, site)
             await page.keyboard.up("ArrowLeft")
             site.stopped = False
-            await page.wait_for_selector(
-                "#alert:not([data-word='alert.server_only'])", state="attached"
-            )
+            over = "#alert:not([data-word='alert.server_only'])"
+            await page.wait_for_selector(over, state="attached")
         assert site.session == session
 
 
-async def test_who_waits_in_line_reads_on_the_card_what_fails(browser, site):
+async def test_card_of_the_queue_shows_what_fails(browser, site):
     async with (
         opened(browser, site, query="?go=1") as driver,
         opened(browser, site, query="?go=1") as page,

@@ -1,5 +1,5 @@
-"""Typing never drives: whatever is open on the drive page has the keys, from the very next one, and
-the robot's side sees nothing of them.
+"""Typing never drives: an open part of the drive page has all keys, from the next one on, and none
+reaches the robot.
 """
 
 import time
@@ -10,74 +10,35 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Page, expect
 
-from robots.api.messages import Words
-from tests.support.browsers.drive_page import driving, hold, moves, stands, stops, until
+from robots.api.messages import Say, Words
+from tests.support.browsers.drive_page import actions, driving, hold, moves, stands, stops, until
 from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.patience import patient
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"
 # Every key that drives, tilts, talks or changes the speed.
-WORKING = [
-    "w",
-    "a",
-    "s",
-    "d",
-    "ArrowUp",
-    "ArrowDown",
-    "ArrowLeft",
-    "ArrowRight",
-    "r",
-    "f",
-    "t",
-    "=",
-    "-",
-    "/",
-    "]",
-]
+ARROWS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight")
+WORKING = [*"wasdrft=-/]", *ARROWS]
 FAKE = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"]
 COUNTED = """globalThis.asked = 0;
 const devices = navigator.mediaDevices, get = devices.getUserMedia.bind(devices);
 devices.getUserMedia = (...wanted) => { asked += 1; return get(...wanted); };"""
-# How each of what takes the keys is opened. Whatever else the page has, that has to be looked at
-# and put into one of these two.
+# Parts that take the keys, and what opens them. A new part of the page belongs here or in BESIDE.
 OPENED = {
     "talk": "#presence-talk",
     "volumes": "#presence-volumes",
     "places": "#places-toggle",
     "card": "#leave",
 }
-# Beside driving: driving on is one of the answers to what is offered, and the focus is never there
-# by itself.
+# Parts beside which one drives on; they never take the focus.
 BESIDE = {
-    "viewport",
-    "audience",
-    "audience-panel",
-    "offer",
-    "photo",
-    "kept",
-    "aim",
-    "task",
-    "task-more",
-    "map",
-    "map-panel",
-    "map-tools",
-    "technical",
-    "practice",
-    "load-failed",
-    "speed",
-    "assist",
-    "profiles",
-    "own-keys",
-    "stick",
-    "presence",
-    "presence-note",
-    "tilt",
-    "shared",
-    "announcer",
+    *("viewport", "audience", "audience-panel", "offer", "photo", "kept", "aim", "task"),
+    *("task-more", "map", "map-panel", "map-tools", "technical", "practice", "load-failed"),
+    *("speed", "assist", "profiles", "own-keys", "stick", "presence", "presence-note", "tilt"),
+    *("shared", "announcer"),
 }
-# Everything that can be shown and hidden and has something to press or to fill in, or says what it
-# is.
+# All parts that can be hidden and have something to press or to fill in, or a role.
 PARTS = """() => [...document.querySelectorAll("body [id]")].filter((one) =>
   one.matches("dialog, details, form, [popover], [aria-modal], [data-holds-keys]")
   || one.matches("[role=dialog], [role=alertdialog], [role=menu], [role=listbox]")
@@ -92,7 +53,7 @@ FIELDS = (
 
 @dataclass(frozen=True)
 class Seen:
-    """What keys may not change: of the robot, and of the page."""
+    """What keys must not change, of the robot and of the page."""
 
     tilt: float
     actions: int
@@ -129,44 +90,46 @@ async def page(browser, site) -> AsyncIterator[Page]:
 
 
 def ids(actions) -> set[str]:
-    """Return which actions these are: each is said until it is echoed."""
+    """Return the ids of actions, which are sent repeatedly until they are echoed."""
     return {action.action_id for action in actions}
 
 
+def written(site: PresentRobotPage) -> set[str]:
+    return ids(one for one in actions(site, Say) if one.text == TEXT)
+
+
 async def seen(page: Page, site: PresentRobotPage) -> Seen:
-    """Return what there is once the page has said whatever it had to say: five heartbeats later."""
-    heard = len(site.said("command/heartbeat"))
-    await until(lambda: len(site.said("command/heartbeat")) >= heard + 5)
+    """Return it after five heartbeats, when the page has sent all earlier messages."""
+    before = len(site.received("command/heartbeat"))
+    await until(lambda: len(site.received("command/heartbeat")) >= before + 5)
     actions = sum(
-        1 for one in site.said("command/action") if type(one).__name__ not in {"Stop", "Say"}
+        1 for one in site.received("command/action") if type(one).__name__ not in {"Stop", "Say"}
     )
     pressed = await page.locator("#speed [aria-pressed=true]").get_attribute("data-action")
     return Seen(site.tilt, actions, await page.evaluate("asked"), pressed or "")
 
 
 async def drives(page: Page, site: PresentRobotPage) -> None:
-    """The keys drive, and stop when they are let go."""
+    """The keys drive, and stop when they are released."""
     before = moves(site)
     await hold(page, "a", lambda: moves(site) > before)
     await page.keyboard.up("a")
     await until(lambda: stands(site))
 
 
-async def test_every_part_and_every_field_of_the_page_is_known_to_these_tests(page, site):
+async def test_every_part_and_field_of_the_page_is_known_here(page, site):
     parts = set(await page.evaluate(PARTS))
     assert parts - BESIDE - {"talk-form", "talk-writing", "ask-form"} == set(OPENED)
     for field, within in await page.evaluate(FIELDS):
-        # who watches asks there, and whoever drives has no field in it
+        # only observers have a field in the audience panel
         assert within in {*OPENED, "tilt", "audience-panel"}, f"{field} in {within}"
     assert await page.evaluate("document.querySelectorAll('iframe').length") == 1, (
         "the practice robot's, where this robot is not driven"
     )
 
 
-async def test_what_is_typed_right_after_write_stands_whole_in_the_field_and_no_robot_hears_of_it(
-    page, site
-):
-    for said, key in enumerate(("", "Enter", "Space", ""), 1):
+async def test_text_typed_right_after_write_is_in_the_field_and_never_drives(page, site):
+    for count, key in enumerate(("", "Enter", "Space", ""), 1):
         await drives(page, site)
         before, stopped, moved = await seen(page, site), ids(stops(site)), moves(site)
         await (page.press("#presence-talk", key) if key else page.click("#presence-talk"))
@@ -174,30 +137,16 @@ async def test_what_is_typed_right_after_write_stands_whole_in_the_field_and_no_
         assert await page.input_value("#talk-field") == TEXT
         assert await seen(page, site) == before
         assert moves(site) == moved
-        assert len(ids(stops(site)) - stopped) <= 1, (
-            "the space bar that presses a button stops, once"
-        )
+        new = ids(stops(site)) - stopped
+        assert len(new) <= 1, "the space bar that presses a button stops, once"
         await page.keyboard.press("Enter")
-        await until(
-            lambda said=said: (
-                len(
-                    ids(
-                        one
-                        for one in site.said("command/action")
-                        if getattr(one, "text", "") == TEXT
-                    )
-                )
-                == said
-            )
-        )
+        await until(lambda count=count: len(written(site)) == count)
         await expect(page.locator("#talk-writing")).to_be_hidden()
     await expect(page.locator("#talk-list .line")).to_have_count(4)
 
 
 @pytest.mark.parametrize("name", sorted(OPENED))
-async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_drive_twice_in_a_row(
-    page, site, name
-):
+async def test_open_part_has_the_keys_until_escape_closes_it(page, site, name):
     for _ in range(2):
         await drives(page, site)
         before, moved = await seen(page, site), moves(site)
@@ -215,9 +164,7 @@ async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_dr
 
 
 @pytest.mark.parametrize("name", sorted(OPENED))
-async def test_a_key_held_when_something_opens_lets_go_and_drives_again_only_when_pressed_anew(
-    page, site, name
-):
+async def test_key_held_when_a_part_opens_drives_only_after_a_new_press(page, site, name):
     await hold(page, "a", lambda: moves(site) > 3)
     await page.click(OPENED[name])
     await until(lambda: stands(site))
@@ -232,19 +179,15 @@ async def test_a_key_held_when_something_opens_lets_go_and_drives_again_only_whe
 
 
 @pytest.mark.parametrize("name", ["talk", "volumes", "places"])
-async def test_a_press_beside_a_menu_closes_it_and_gives_the_keys_back(page, site, name):
+async def test_press_beside_a_menu_closes_it_and_the_keys_drive(page, site, name):
     await page.click(OPENED[name])
     await page.locator("#status").click()
-    if name == "talk":
-        await expect(page.locator("#talk-writing")).to_be_hidden()
-    else:
-        await expect(page.locator(f"#{name}")).to_be_hidden()
+    hidden = "talk-writing" if name == "talk" else name
+    await expect(page.locator(f"#{hidden}")).to_be_hidden()
     await drives(page, site)
 
 
-async def test_the_space_bar_and_the_stop_button_stop_while_a_menu_or_a_question_is_open(
-    page, site
-):
+async def test_space_bar_and_stop_button_stop_while_a_menu_is_open(page, site):
     for name in ("volumes", "places", "card"):
         await page.click(OPENED[name])
         stopped = len(stops(site))
@@ -256,7 +199,7 @@ async def test_the_space_bar_and_the_stop_button_stop_while_a_menu_or_a_question
         await page.keyboard.press("Escape")
 
 
-async def test_who_writes_when_the_link_to_the_robot_breaks_goes_on_writing(page, site):
+async def test_writing_goes_on_when_the_link_to_the_robot_breaks(page, site):
     before, moved = await seen(page, site), moves(site)
     await page.click("#presence-talk")
     await page.keyboard.type(TEXT[:8])
@@ -274,14 +217,10 @@ async def test_who_writes_when_the_link_to_the_robot_breaks_goes_on_writing(page
     assert moves(site) == moved
 
 
-async def test_a_message_that_comes_takes_neither_the_keys_nor_a_menu_away(page, site):
+async def test_new_message_neither_takes_the_keys_nor_closes_a_menu(page, site):
     def comes(text: str) -> None:
-        site.tell(
-            "words",
-            Words(
-                stamp=time.time(), action_id="say-1", session=site.session, by="screen", text=text
-            ),
-        )
+        words = {"action_id": "say-1", "session": site.session, "by": "screen", "text": text}
+        site.tell("words", Words(stamp=time.time(), **words))
 
     await page.click("#presence-volumes")
     comes("Good morning")

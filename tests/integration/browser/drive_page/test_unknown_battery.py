@@ -1,6 +1,4 @@
-"""The drive page of a robot that does not know its battery: in words, for eyes and ears, and an
-icon without a level.
-"""
+"""The drive page of a robot without a known charge: a text and an icon without a level."""
 
 import pytest
 from playwright.async_api import expect
@@ -11,9 +9,7 @@ from tests.support.browsers.drive_page import driving, opened
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 
 
-async def test_it_says_unknown_until_the_robot_knows_and_again_when_it_no_longer_does(
-    browser, site
-):
+async def test_battery_is_unknown_until_and_after_the_robot_reports_it(browser, site):
     site.battery = Battery(charging=None)
     async with opened(browser, site) as page:
         await page.click("text=Drive Giraff")

@@ -1,14 +1,15 @@
-"""axe-core finds nothing on any page: a stranger's, a visitor's, a participant's, a researcher's,
-the drive page and the robot's own screen.
+"""axe-core finds no fault on any page: those of strangers, visitors, participants and researchers,
+the drive page and the robot's screen.
 """
 
+import functools
 import re
+from dataclasses import asdict
 
 import msgspec
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import Page, expect
@@ -18,7 +19,6 @@ from experiments.models import Rehearsal
 from experiments.research import analysis_views
 from experiments.research.analysis_topics import TOPICS
 from robots.models import Robot, RobotPresence
-from sessions import protocol
 from tests.integration.browser.studies.test_replay import made
 from tests.integration.experiments.research.test_analysis_views import computed
 from tests.integration.experiments.study_admin.test_rehearsals import REPORT
@@ -38,43 +38,20 @@ SIZES = [(1280, 800), (390, 844)]
 PHONE = SIZES[1:]
 NAMES = {1280: "desktop", 390: "phone", 844: "landscape"}
 PATIENCE = 60_000  # ms
-# Still life alone: what fades in has every contrast on its way.
+# Without animations: a fading text has every contrast.
 STILL = {"reduced_motion": "reduce"}
 
 
 @pytest.fixture
-def opened(browser, live_server):
-    """Open a page as somebody, or as a stranger."""
-    contexts = []
-
-    def open_it(client: Client | None = None) -> Page:
-        context = browser.new_context(base_url=live_server.url, locale=LANGUAGE, **STILL)
-        contexts.append(context)
-        if client is not None:
-            context.add_cookies(
-                [
-                    {
-                        "name": "sessionid",
-                        "value": client.cookies["sessionid"].value,
-                        "url": live_server.url,
-                    }
-                ]
-            )
-        return context.new_page()
-
-    yield open_it
-    for context in contexts:
-        context.close()
+def opened(open_page):
+    """Open a page without animations, as a user or as a stranger."""
+    return functools.partial(open_page, locale=LANGUAGE, **STILL)
 
 
 def called(where: str) -> str:
-    """Return what a picture of a page is called: its address without what is of this run alone."""
-    return (
-        re.sub(
-            r"[^a-z]+", "-", re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())
-        ).strip("-")
-        or "home"
-    )
+    """Return the name of a picture of a page: its address without keys of this run."""
+    plain = re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())
+    return re.sub(r"[^a-z]+", "-", plain).strip("-") or "home"
 
 
 def faults(page: Page, where: str, sizes=SIZES) -> list[str]:
@@ -103,42 +80,25 @@ def check(page: Page, *addresses: str) -> None:
     assert not found, "\n".join(found)
 
 
-def test_a_strangers_pages(opened):
+def test_pages_of_strangers(opened):
     robot = p.site()
     RobotPresence.objects.filter(pk=robot.pk).update(report={"battery": {"charge": 0.5}})
     p.published(p.of("exploration"))
-    addresses = [
-        "/",
-        "/about/",
-        "/accounts/login/",
-        "/accounts/signup/",
-        "/accounts/password/reset/",
-        "/no/such/page/",
-        "/studies/exploration/",
-    ]
-    check(opened(), *addresses)
+    accounts = [f"/accounts/{page}/" for page in ("login", "signup", "password/reset")]
+    check(opened(), "/", "/about/", *accounts, "/no/such/page/", "/studies/exploration/")
 
 
-def test_the_check_of_browser_and_network(opened):
+def test_check_of_browser_and_network(opened):
     page = opened()
     page.goto("/check/")
     page.wait_for_selector("#check:not([data-state=busy]) .check__line", timeout=PATIENCE)
     assert not faults(page, "check")
 
 
-def test_a_visitors_pages(opened):
+def test_pages_of_visitors(opened):
     robot = p.site()
-    client = Client()
-    client.force_login(person())
-    check(
-        opened(client),
-        "/",
-        "/profile/",
-        "/profile/data/",
-        f"/robots/{robot.name}/",
-        "/accounts/password/change/",
-        "/accounts/email/",
-    )
+    own = ["/profile/", "/profile/data/", "/accounts/password/change/", "/accounts/email/"]
+    check(opened(person()), "/", f"/robots/{robot.name}/", *own)
 
 
 @pytest.mark.nightly
@@ -160,15 +120,13 @@ def test_every_step_of_a_study(opened):
 
 
 @pytest.mark.nightly
-def test_a_researchers_pages(opened, monkeypatch):
-    monkeypatch.setattr(analysis_views, "REFRESH_S", 3600)  # the page stays to be looked at
+def test_pages_of_researchers(opened, monkeypatch):
+    monkeypatch.setattr(analysis_views, "REFRESH_S", 3600)  # no reload during the test
     visit = made()
     p.site()  # the course is drawn on its floor plan
     RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
-    client = Client()
-    client.force_login(person("owner", is_superuser=True, is_staff=True))
     study = p.published(p.of("exploration"))
-    page = opened(client)
+    page = opened(person("owner", is_superuser=True, is_staff=True))
     codes = [{"code": "help", "name": "Asks for help", "kind": "point", "key": "h"}]
     coded = visit.drive.participant.study
     store.store_scheme(coded, store.scheme_from(codes), timezone.now())
@@ -182,13 +140,13 @@ def test_a_researchers_pages(opened, monkeypatch):
     built = f"/admin/experiments/study/{study.pk}/build"
     ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
     rehearsal = Rehearsal.objects.create(
-        study=study, began_at=timezone.now(), status="done", report=REPORT.as_data()
+        study=study, began_at=timezone.now(), status="done", report=asdict(REPORT)
     )
     ours.append(f"/admin/experiments/rehearsal/{rehearsal.pk}/change/")
     check(page, *own, *ours)
 
 
-def test_leaving_a_study_and_the_receipt_of_it(opened):
+def test_withdrawal_from_a_study_and_its_receipt(opened):
     walker = Walker(p.published(p.of("exploration")), person(), p.site())
     walker.come()
     page = opened(walker.client)
@@ -201,20 +159,16 @@ def test_leaving_a_study_and_the_receipt_of_it(opened):
 
 
 @pytest.mark.nightly
-def test_an_analysis(opened, settings, tmp_path, monkeypatch):
+def test_analysis_pages(opened, settings, tmp_path, monkeypatch):
     settings.VAR_DIR = tmp_path
-    # takes most of the time, and no page shows it
+    # takes most of the time, and is on no page
     monkeypatch.setattr("experiments.analysis.report.as_pdf", lambda _: b"%PDF-1.7")
     study = put(made_up(np.random.default_rng(91), 4)).study
     computed(study)
-    client = Client()
-    client.force_login(person("owner", is_superuser=True, is_staff=True))
-    page = opened(client)
+    page = opened(person("owner", is_superuser=True, is_staff=True))
     found = []
-    for topic in (
-        TOPICS[0],
-        *(one for one in TOPICS if one.key in {"questionnaires", "trajectories"}),
-    ):
+    others = [one for one in TOPICS if one.key in {"questionnaires", "trajectories"}]
+    for topic in (TOPICS[0], *others):
         own = () if topic is TOPICS[0] else (topic.key,)
         page.goto(reverse("analysis_topic" if own else "analysis", args=[study.slug, *own]))
         expect(page.get_by_text("Computed on")).to_be_visible()
@@ -229,7 +183,7 @@ def driving(page: Page) -> None:
 
 
 @pytest.mark.nightly
-def test_the_drive_page_before_while_and_after_driving(browser):
+def test_drive_page_before_during_and_after_driving(browser):
     with PresentRobotPage() as site:
         page = browser.new_context(**STILL).new_page()
         page.goto(site.url)
@@ -255,7 +209,7 @@ def test_the_drive_page_before_while_and_after_driving(browser):
     assert not found, "\n".join(found)
 
 
-def test_the_drive_page_with_a_task(browser):
+def test_drive_page_with_a_task(browser):
     with FakeRobotPage(study=guide()) as site:
         page = browser.new_context(**STILL).new_page()
         page.goto(f"{site.url}?go=1")
@@ -265,19 +219,7 @@ def test_the_drive_page_with_a_task(browser):
             timeout=PATIENCE
         )
         found = faults(page, "task")
-        site.tell(
-            "session/task",
-            protocol.Task(
-                session=site.session,
-                stamp=0.0,
-                cue="photo_turn_left",
-                number=4,
-                x=8.1,
-                y=2.2,
-                passed=(1, 2, 3, 4),
-                window="open",
-            ),
-        )
+        tell(site, "photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
         expect(page.get_by_role("region", name="Photo")).to_be_visible(timeout=PATIENCE)
         found += faults(page, "photo")
         page.context.close()

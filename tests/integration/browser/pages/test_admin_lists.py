@@ -5,7 +5,6 @@ import re
 import pytest
 from django.conf import settings
 from django.contrib import admin
-from django.test import Client
 from django.urls import reverse
 from playwright.sync_api import expect
 
@@ -14,13 +13,13 @@ from accounts.models import User
 from experiments.models import Study
 from robots.models import Robot, RobotElsewhere
 from sessions.models import Session
-from tests.integration.browser.pages.test_accessibility import opened
 from tests.integration.site.web.test_roles import world
 from tests.support.media.photographs import keep
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
-__all__ = ["opened", "world"]
-# What reaches over the right edge of what shows it.
+__all__ = ["world"]
+LAPTOP = {"viewport": {"width": 1366, "height": 768}, "reduced_motion": "reduce"}
+# Parts that are wider than what shows them.
 CUT = """() => [document.documentElement, ...document.querySelectorAll(".results")]
   .filter((one) => one.scrollWidth > one.clientWidth)
   .map((one) => `${one.className || one.tagName} ${one.scrollWidth} > ${one.clientWidth}`)"""
@@ -37,7 +36,7 @@ COVERED = """() => {
 
 
 def make_long(world) -> None:
-    """Give names and titles the length that they have in earnest."""
+    """Give names and titles realistic lengths."""
     for user in User.objects.all():
         User.objects.filter(pk=user.pk).update(
             email=f"{user.username}.mccarthy-lopez@telepresence.example.org",
@@ -47,25 +46,18 @@ def make_long(world) -> None:
     Study.objects.update(title="Exploring an unknown building with assistance of three levels")
     Session.objects.update(outcome="stopped_by_operator")
     RobotElsewhere.objects.create(name="giraff-3", site="https://telepresence.example.org/second/")
-    audit.note(
-        "robot_freed",
-        actor=world["people"]["administrator"],
-        robot=world["robot"],
-        detail="why " * 9,
-    )
+    actor = world["people"]["administrator"]
+    audit.note("robot_freed", actor=actor, robot=world["robot"], detail="why " * 9)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("language", ["en", "es"])
-def test_no_list_is_cut_off_on_a_laptop_with_the_menu_open(opened, world, live_server, language):
+def test_no_list_is_cut_off_on_a_laptop_with_open_menu(open_page, world, live_server, language):
     make_long(world)
-    client = Client()
-    client.force_login(world["people"]["administrator"])
-    page = opened(client)
+    page = open_page(world["people"]["administrator"], **LAPTOP)
     page.context.add_cookies(
         [{"name": settings.LANGUAGE_COOKIE_NAME, "value": language, "url": live_server.url}]
     )
-    page.set_viewport_size({"width": 1366, "height": 768})
     page.goto(reverse("admin:index"))  # the models are registered with the addresses
     found, seen = [], 0
     for model in admin.site._registry:
@@ -88,11 +80,8 @@ def test_no_list_is_cut_off_on_a_laptop_with_the_menu_open(opened, world, live_s
     assert seen >= 14
 
 
-def test_a_filter_is_folded_says_what_is_chosen_and_opens(opened, world):
-    client = Client()
-    client.force_login(world["people"]["administrator"])
-    page = opened(client)
-    page.set_viewport_size({"width": 1366, "height": 768})
+def test_folded_filter_shows_the_choice_and_opens(open_page, world):
+    page = open_page(world["people"]["administrator"], **LAPTOP)
     page.goto(reverse("admin:robots_robot_changelist"))
     summary = page.locator("#changelist-filter summary", has_text="access")
     invited = page.locator("#changelist-filter a[href*='access__exact=invitation']")

@@ -1,5 +1,5 @@
-"""Every script of ours runs in a real browser as it is delivered: collected, under its hashed name,
-with its page's own content policy.
+"""Every script runs in a real browser as it is delivered: collected, under its hashed name, with
+the content policy of its page.
 """
 
 import re
@@ -7,16 +7,16 @@ import re
 import msgspec
 import pytest
 from django.contrib.staticfiles.storage import staticfiles_storage
-from django.test import Client
 from django.utils import timezone
 from playwright.sync_api import Page, expect
 
 from experiments.rehearsal import runs
 from robots.models import Robot, RobotPresence
 from surveys.questionnaires import shipped, store
-from tests.integration.browser.pages.test_accessibility import driving, opened
+from tests.integration.browser.pages.test_accessibility import driving
 from tests.integration.browser.studies.test_replay import made
 from tests.support.agents.told_task import guide
+from tests.support.browsers.drive_page import note_errors
 from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.paths import ROOT
@@ -41,7 +41,7 @@ LOAD = """async (urls) => {
 
 
 def entries() -> set[str]:
-    """Return the scripts that pages name themselves."""
+    """Return the scripts that pages name."""
     return {
         name
         for path in (ROOT / "templates").rglob("*.html")
@@ -50,57 +50,41 @@ def entries() -> set[str]:
 
 
 class Complaints(list[str]):
-    """What a page's scripts complain of, and in `ran` which of them it asked for."""
+    """The errors of a page's scripts; `ran` are those that it requested."""
 
     def __init__(self, page: Page) -> None:
         self.ran: set[str] = set()
-        page.on("pageerror", lambda error: self.append(f"{page.url}: {error}"))
-        # A page whose server has no WebSocket says so, and goes on trying.
-        page.on(
-            "console",
-            lambda line: (
-                self.append(f"{page.url}: {line.text}")
-                if line.type == "error" and "WebSocket" not in line.text
-                else None
-            ),
-        )
+        note_errors(page, self, but="WebSocket")  # the server has none, and the page keeps trying
         page.on("request", lambda request: self.ran.add(request.url.partition("/static/")[2]))
 
     def check(self, *names: str) -> None:
-        """Nothing was complained of, and these scripts were asked for by their collected names."""
+        """There were no errors, and these scripts were requested by their collected names."""
         assert self == []
         missing = {name for name in names if staticfiles_storage.stored_name(name) not in self.ran}
         assert not missing
 
 
 @pytest.mark.nightly
-def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):
-    page = opened()
+def test_every_module_can_be_loaded_by_itself(open_page):
+    page = open_page()
     page.goto("/about/")
-    names = {
-        str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")
-    } - entries()
+    static = ROOT / "static"
+    names = {str(path.relative_to(static)) for path in (static / "js").rglob("*.js")} - entries()
     assert len(names) > 100
-    assert (
-        page.evaluate(
-            LOAD, [f"/static/{staticfiles_storage.stored_name(name)}" for name in sorted(names)]
-        )
-        == []
-    )
+    stored = [staticfiles_storage.stored_name(name) for name in sorted(names)]
+    assert page.evaluate(LOAD, [f"/static/{name}" for name in stored]) == []
 
 
-def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
+def test_every_script_that_a_page_names_runs_there(open_page, browser, settings):
     ran: set[str] = set()
-    settings.PRACTICE_ROBOTS = 1  # one can be tried
+    settings.PRACTICE_ROBOTS = 1
     visit, robot = made(), p.site()
     RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
     rehearsal = runs.begin(study, "lab", timezone.now())
     asked = store(shipped()["sus"], timezone.now())
-    owner = Client()
-    owner.force_login(person("owner", is_superuser=True, is_staff=True))
-    page = opened(owner)
+    page = open_page(person("owner", is_superuser=True, is_staff=True))
     complaints = Complaints(page)
     for address, shows in {
         "/try/": "#try [data-soon]",
@@ -120,33 +104,27 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
         page.wait_for_selector(shows, state="attached", timeout=patient(20) * 1000)
         page.wait_for_load_state("networkidle")
     own = {
-        "js/pages/site.js",
-        "js/pages/robots.js",
-        "js/pages/try.js",
-        "js/pages/check/page.js",
-        "js/pages/live/page.js",
-        "js/pages/wizard/page.js",
-        "js/pages/replay/page.js",
-        "js/pages/copy.js",
-        "js/pages/admin/course.js",
-        "js/pages/admin/plan.js",
-        "js/pages/admin/rehearsal.js",
-        "js/pages/admin/robot.js",
-        "js/pages/survey/look.js",
+        f"js/pages/{name}.js"
+        for name in (
+            *("site", "robots", "try", "check/page", "live/page", "wizard/page", "replay/page"),
+            *("copy", "admin/course", "admin/plan", "admin/rehearsal", "admin/robot"),
+            "survey/look",
+        )
     }
     complaints.check(*own)
     ran |= own
 
     walker = Walker(study, person("walker"), robot)
     walker.come()
-    page = opened(walker.client)
+    page = open_page(walker.client)
     complaints = Complaints(page)
     while walker.participant.status == "active":
         if type(walker.step).__name__ != "Task":  # the drive page is below
             page.goto(walker.url())
         walker.do()
     page.goto(walker.url())
-    complaints.check(*(own := {"js/pages/survey/page.js", "js/pages/copy.js"}))
+    own = {"js/pages/survey/page.js", "js/pages/copy.js"}
+    complaints.check(*own)
     ran |= own
 
     for site in (PresentRobotPage(), FakeRobotPage(study=guide())):
@@ -158,15 +136,11 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
             if site.study is None:
                 page.goto(site.screen_url)
                 page.wait_for_selector("#face[data-scene]", timeout=patient(20) * 1000)
-                complaints.check(
-                    *(
-                        own := {
-                            "js/drive/load_retry.js",
-                            "js/drive/page.js",
-                            "js/pages/screen/page.js",
-                        }
-                    )
-                )
+                own = {
+                    f"js/{name}.js"
+                    for name in ("drive/load_retry", "drive/page", "pages/screen/page")
+                }
+                complaints.check(*own)
                 ran |= own
             page.context.close()
             complaints.check("js/drive/page.js")
@@ -174,14 +148,12 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser, settings):
     assert ran == entries(), "a script that no page of this test runs"
 
 
-def test_the_course_map_of_the_study_builder_is_drawn(opened):
+def test_course_map_of_the_study_builder_is_drawn(open_page):
     p.site()
     RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))
     replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
-    owner = Client()
-    owner.force_login(person("owner", is_superuser=True, is_staff=True))
-    page = opened(owner)
+    page = open_page(person("owner", is_superuser=True, is_staff=True))
     complaints = Complaints(page)
     for _ in range(2):
         page.goto(f"/admin/experiments/study/{study.pk}/build/courses/0/")

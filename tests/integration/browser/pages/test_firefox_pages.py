@@ -1,6 +1,4 @@
-"""Firefox ESR shows every kind of page: no script fails, nothing is wider than the screen, and a
-study is taken part in and looked at.
-"""
+"""Firefox ESR shows every kind of page: no script fails, and nothing is wider than the screen."""
 
 import msgspec
 import pytest
@@ -21,7 +19,7 @@ SIZES = [(1366, 768), (390, 844)]
 TOO_WIDE = """document.documentElement.scrollWidth > innerWidth
     ? [document.documentElement.scrollWidth, innerWidth] : null"""
 COURSE = "document.querySelectorAll('#course-map *').length > 10"
-# A canvas is drawn when not all its points are alike.
+# A canvas is drawn when its pixels differ.
 REPLAY = """(() => {
   const canvas = document.getElementById("replay-map");
   if (!canvas.width || document.getElementById("replay").dataset.state === "loading") return false;
@@ -48,7 +46,7 @@ def sign_in(browser: Firefox, client: Client) -> None:
 
 
 def faults(browser: Firefox, where: str) -> list[str]:
-    """Return what is wrong with the page that is open, a line each."""
+    """Return the faults of the open page."""
     found = []
     for size in SIZES:
         browser.resize(*size)
@@ -67,14 +65,14 @@ def look(browser: Firefox, site: str, *addresses: str) -> list[str]:
     return found
 
 
-def test_a_strangers_pages(browser, live_server):
+def test_pages_of_strangers(browser, live_server):
     p.site()
     p.published(p.of("exploration"))
     pages = ("/", "/about/", "/accounts/login/", "/accounts/signup/", "/studies/exploration/")
     assert not look(browser, live_server.url, *pages)
 
 
-def test_the_check_of_browser_and_network_comes_to_its_end(browser, site):
+def test_check_of_browser_and_network_finishes(browser, site):
     browser.goto(f"{site.url}/check/")
     done = "!!document.querySelector('#check:not([data-state=busy]) .check__line')"
     wait_for(lambda: browser.evaluate(done), 60, "the end of the check")
@@ -96,8 +94,8 @@ def test_every_step_of_a_study(browser, live_server):
     assert not found, "\n".join(found)
 
 
-def test_a_researchers_pages_and_what_they_draw(browser, live_server, monkeypatch):
-    monkeypatch.setattr(analysis_views, "REFRESH_S", 3600)  # the page stays to be looked at
+def test_pages_of_researchers_draw_their_maps(browser, live_server, monkeypatch):
+    monkeypatch.setattr(analysis_views, "REFRESH_S", 3600)  # no reload during the test
     visit = made()
     p.site()  # the course is drawn on its floor plan
     RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
@@ -106,21 +104,12 @@ def test_a_researchers_pages_and_what_they_draw(browser, live_server, monkeypatc
     client.force_login(person("owner", is_superuser=True, is_staff=True))
     sign_in(browser, client)
     built = f"/admin/experiments/study/{study.pk}/build"
-    found = look(
-        browser,
-        live_server.url,
-        "/admin/",
-        f"{built}/about/",
-        f"{built}/steps/0/",
-        f"{built}/conditions/0/",
-        f"/studies/{study.slug}/live/",
-        f"/studies/{study.slug}/analysis/",
-        f"/admin/robots/robot/{Robot.objects.earliest('pk').pk}/change/",
-    )
-    for address, drawn in (
-        (f"{built}/courses/0/", COURSE),
-        (f"/studies/replay/{visit.pk}/", REPLAY),
-    ):
+    robot = f"/admin/robots/robot/{Robot.objects.earliest('pk').pk}/change/"
+    pages = [f"{built}/{part}/" for part in ("about", "steps/0", "conditions/0")]
+    pages += [f"/studies/{study.slug}/{part}/" for part in ("live", "analysis")]
+    found = look(browser, live_server.url, "/admin/", robot, *pages)
+    maps = {f"{built}/courses/0/": COURSE, f"/studies/replay/{visit.pk}/": REPLAY}
+    for address, drawn in maps.items():
         browser.resize(*SIZES[0])
         browser.goto(f"{live_server.url}{address}")
         wait_for(lambda drawn=drawn: browser.evaluate(drawn), 30, f"a map on {address}")

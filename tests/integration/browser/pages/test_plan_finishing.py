@@ -1,4 +1,4 @@
-"""A plan is finished on the map, in a real browser: with the mouse, a finger, and keys."""
+"""A plan is finished on the map in a real browser: with the mouse, a finger, and keys."""
 
 import json
 
@@ -7,10 +7,11 @@ import pytest
 from playwright.sync_api import expect
 
 from robots.world.grid import write_grid
-from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.agents.mapped_building import building, mapped
+from tests.support.browsers.first_time_user import drag_with_finger
 from tests.support.media.photographs import SETTLED, keep
-from tests.support.sessions.site import Site, wait_for
+from tests.support.programs.server import web_alone
+from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.browser
 SIZES = {"desktop": (1366, 768), "tablet": (820, 1180), "phone": (390, 844)}
@@ -29,32 +30,21 @@ print(json.dumps(FloorPlan.objects.get(name='hall').plan))
 """
 
 
-def lines(code: str) -> str:
-    return ";".join(line for line in code.strip().splitlines())
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The web server alone: nothing is driven here."""
-    site = Site(tmp_path_factory.mktemp("site"))
-    try:
-        site.prepare()
-        site.start("web", [*DAPHNE, "-b", site.bind, "-p", str(site.web_port), APPLICATION])
-        wait_for(lambda: site.listening(site.web_port), 60, "the web server")
+    with web_alone(tmp_path_factory.mktemp("site")) as site:
         yield site
-    finally:
-        site.stop_all()
 
 
 @pytest.fixture
 def plan(site, visitor, tmp_path):
-    """Open the page of a plan that was proposed just now."""
+    """Open the page of a new proposal."""
     write_grid(mapped(building(furnished=True), np.random.default_rng(2)), tmp_path)
 
     def open_it(name: str, **context):
         site.sign_in(name)
         code = SETUP.format(name=name, map=str(tmp_path / "map.yaml"))
-        row = site.django(lines(code)).strip()
+        row = site.django(code).strip()
         page = visitor(name, **context).page
         page.goto(f"/admin/robots/floorplan/{row}/finish/")
         expect(page.locator("#plan-map .course__handle").first).to_be_visible()
@@ -64,7 +54,7 @@ def plan(site, visitor, tmp_path):
 
 
 def stored(site) -> dict:
-    return json.loads(site.django(lines(STORED)))
+    return json.loads(site.django(STORED))
 
 
 def value(page, name: str) -> float:
@@ -79,7 +69,7 @@ def middle(page, label: str) -> tuple[float, float]:
 
 
 @pytest.mark.nightly
-def test_the_mouse_and_the_keys_finish_a_plan(plan, site):
+def test_mouse_and_keys_finish_a_plan(plan, site):
     page = plan("pia", viewport={"width": 1366, "height": 768})
     page.locator('[name="rooms.0.title"]').fill("Laboratory")
     expect(page.locator("#plan-map .course__name").first).to_have_text("Laboratory")
@@ -115,19 +105,10 @@ def test_the_mouse_and_the_keys_finish_a_plan(plan, site):
         assert wide <= width, f"the page is wider than {size}"
 
 
-def test_a_finger_moves_an_opening_on_a_phone(plan):
+def test_finger_moves_an_opening_on_a_phone(plan):
     page = plan("pau", viewport={"width": 390, "height": 844}, has_touch=True)
     before = value(page, "openings.0.x")
     title = page.locator('[name="openings.0.title"]').input_value()
     x, y = middle(page, f"{title}: ")
-    fingers = page.context.new_cdp_session(page)
-    fingers.send(
-        "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
-    )
-    for step in range(1, 6):
-        fingers.send(
-            "Input.dispatchTouchEvent",
-            {"type": "touchMove", "touchPoints": [{"x": x - 4 * step, "y": y}]},
-        )
-    fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    drag_with_finger(page, x, y, -20)
     wait_for(lambda: value(page, "openings.0.x") < before - 0.2, 5, "an end that was moved")

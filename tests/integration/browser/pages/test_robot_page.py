@@ -1,36 +1,30 @@
-"""An owner's page of a robot in a real Chromium: it waits for the robot, and says when it came."""
+"""The administration's page of a robot in a real Chromium, which shows when the robot connects."""
 
 import datetime
 import re
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
 from robots.models import Robot, RobotPresence
-from tests.integration.browser.pages.test_accessibility import opened
+from tests.support.browsers.drive_page import note_errors
 from tests.support.people import person
 from tests.support.sessions import replays
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
-__all__ = ["opened"]
 
 
-def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened):
+def test_owner_connects_and_shows_a_robot_without_leaving_its_page(open_page):
     owner = person("owner", is_staff=True)
     robot = Robot.objects.create(
         name="giraff", title="Giraff", owner=owner, shown_to_visitors=False
     )
     replays.session(robot, person("zaphod"), seconds=90)
-    client = Client()
-    client.force_login(owner)
-    page = opened(client)
-    problems = []
-    page.on("pageerror", lambda error: problems.append(str(error)))
-    page.on("console", lambda line: problems.append(line.text) if line.type == "error" else None)
+    page, problems = open_page(owner, reduced_motion="reduce"), []
+    note_errors(page, problems)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     page.goto(f"/admin/robots/robot/{robot.pk}/change/")
     overview = page.locator("#robot-overview")

@@ -3,13 +3,13 @@
 import re
 
 import pytest
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
 from experiments.coding import store
 from experiments.models import CodingEdit, StudyMember
+from tests.support.browsers.visitor import note_problems
 from tests.support.media.photographs import keep
 from tests.support.people import person
 from tests.support.sessions import replays
@@ -50,7 +50,7 @@ SCHEME = {
 
 @pytest.fixture
 def visit():
-    """A minute that was driven in a study with a coding scheme."""
+    """A session of a minute, in a study with a coding scheme."""
     visit = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
     replays.record(visit, seconds=60)
     study = replays.study()
@@ -61,41 +61,37 @@ def visit():
 
 
 @pytest.fixture
-def context(browser, live_server):
+def coder():
     user = person("carl")
     StudyMember.objects.create(slug="cabin-study", user=user, role="coder")
-    client = Client()
-    client.force_login(user)
-    context = browser.new_context(
-        base_url=live_server.url, locale="en", viewport={"width": 1366, "height": 768}
-    )
-    context.add_cookies(
-        [{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}]
-    )
-    context.problems = []
-    yield context
-    context.close()
-    assert context.problems == []
+    return user
 
 
-def opened(context, visit, t: float = 0.0, without: str = ""):
-    """Open the page of a visit, whose requests to addresses like `without` reach nobody."""
-    page = context.new_page()
-    page.on("pageerror", lambda error: context.problems.append(str(error)))
-    if without:  # before it is loaded: the browser may let through what comes just after
-        page.route(without, lambda route: route.abort())
-    page.goto(reverse("code_session", args=[visit.pk]) + f"?t={t}")
-    expect(page.locator("#coding-codes button")).to_have_count(5)
-    page.evaluate(PAINTED)  # Chromium drops keys that are pressed before
-    return page
+@pytest.fixture
+def opened(open_page, coder, visit):
+    """Open pages of one browser, whose requests to addresses like `without` get lost."""
+    first, problems = open_page(coder, viewport={"width": 1366, "height": 768}), []
+
+    def open_it(t: float = 0.0, without: str = ""):
+        page = first.context.new_page()
+        note_problems(page, problems)
+        if without:  # before the page is loaded, whose requests might pass otherwise
+            page.route(without, lambda route: route.abort())
+        page.goto(reverse("code_session", args=[visit.pk]) + f"?t={t}")
+        expect(page.locator("#coding-codes button")).to_have_count(5)
+        page.evaluate(PAINTED)  # Chromium drops earlier keys
+        return page
+
+    yield open_it
+    assert problems == []
 
 
 def rows(page):
     return page.locator("#coding-events .coding__row")
 
 
-def test_keys_code_what_happens_and_it_is_saved(context, visit):
-    page = opened(context, visit, 10.0)
+def test_keys_add_events_which_are_saved(opened):
+    page = opened(10.0)
     page.keyboard.press("l")
     expect(page.get_by_role("button", name="Seems lost").first).to_have_attribute(
         "aria-pressed", "true"
@@ -123,8 +119,8 @@ def test_keys_code_what_happens_and_it_is_saved(context, visit):
     expect(page.get_by_role("button", name="Asks for help").first).to_be_disabled()
 
 
-def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
-    page = opened(context, visit, 10.0, without="**/save/*")
+def test_events_survive_a_lost_network_and_a_reload(opened):
+    page = opened(10.0, without="**/save/*")
     page.keyboard.press("h")
     expect(rows(page)).to_have_count(1)
     expect(page.locator("#coding-saved")).to_contain_text(KEPT)
@@ -133,7 +129,7 @@ def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
     expect(page.locator("#coding-saved")).to_contain_text(KEPT)
     page.route("**/*.js", lambda route: route.abort())
     page.reload()
-    assert page.locator("#coding-saved").inner_text() == "", "nobody has looked yet"
+    assert page.locator("#coding-saved").inner_text() == "", "no script has run"
     page.unroute("**/*.js")
     page.unroute("**/save/*")
     page.reload()
@@ -142,15 +138,15 @@ def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
     assert CodingEdit.objects.count() == 1
 
 
-def test_a_comment_that_is_being_typed_outlasts_answers_of_the_server(context, visit):
-    one = opened(context, visit, 10.0)
+def test_comment_being_typed_survives_answers_of_the_server(opened):
+    one = opened(10.0)
     saving = []
     one.route("**/save/*", lambda route: saving.append(route))
     one.keyboard.press("h")
     one.get_by_label("Comment").fill("waves")
     saving.pop().continue_()
     expect(one.locator("#coding-saved")).to_have_text(SAVED)
-    two = opened(context, visit, 10.0)
+    two = opened(10.0)
     rows(two).click()
     two.get_by_label("whom").select_option("a visitor")
     expect(rows(one).filter(has_text="a visitor")).to_have_count(1)
@@ -163,14 +159,14 @@ def test_a_comment_that_is_being_typed_outlasts_answers_of_the_server(context, v
     assert CodingEdit.objects.order_by("version").last().comment == "waves twice"
 
 
-def test_two_tabs_show_the_same_events_and_say_when_both_changed_one(context, visit):
-    one, two = opened(context, visit, 10.0), opened(context, visit, 20.0)
+def test_two_tabs_show_the_same_events_and_report_conflicts(opened):
+    one, two = opened(10.0), opened(20.0)
     one.keyboard.press("h")
     expect(rows(two)).to_have_count(1)
     two.keyboard.press("h")
     expect(rows(one)).to_have_count(2)
     expect(one.locator("#coding-saved")).to_have_text(SAVED)
-    # the first tab changes an event while the second one has not heard of it
+    # the first tab changes an event without the knowledge of the second one
     two.route("**/events.json*", lambda route: route.abort())
     one.get_by_label("Comment").fill("first")
     one.get_by_label("Comment").press("Enter")

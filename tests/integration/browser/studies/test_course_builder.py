@@ -1,12 +1,11 @@
-"""A course is drawn on the floor plan, in a real browser: with the mouse, with a finger, and with
-keys.
-"""
+"""A course is drawn on the floor plan in a real browser: with the mouse, a finger, and keys."""
 
 import pytest
 from playwright.sync_api import expect
 
-from telepresence_site.serving import APPLICATION, DAPHNE
-from tests.support.sessions.site import Site, wait_for
+from tests.support.browsers.first_time_user import drag_with_finger
+from tests.support.programs.server import web_alone
+from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.browser
 SETUP = """
@@ -23,26 +22,17 @@ print(publishing.store(shipped()['exploration'], timezone.now()).pk)
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The web server alone: nothing is driven here."""
-    site = Site(tmp_path_factory.mktemp("site"))
-    try:
-        site.prepare()
-        site.start("web", [*DAPHNE, "-b", site.bind, "-p", str(site.web_port), APPLICATION])
-        wait_for(lambda: site.listening(site.web_port), 60, "the web server")
+    with web_alone(tmp_path_factory.mktemp("site")) as site:
         yield site
-    finally:
-        site.stop_all()
 
 
 @pytest.fixture
 def course(site, visitor):
-    """Open the course of the shipped study for somebody who owns it."""
+    """Open the course of the shipped study as its owner."""
 
     def open_it(name: str, **context):
         site.sign_in(name)
-        study = site.django(
-            ";".join(line for line in SETUP.format(name=name).strip().splitlines())
-        ).strip()
+        study = site.django(SETUP.format(name=name)).strip()
         page = visitor(name, **context).page
         page.goto(f"/admin/experiments/study/{study}/build/courses/0/")
         return page
@@ -57,9 +47,7 @@ def place(page, n: int) -> tuple[float, float]:
 
 
 def middle(page, n: int) -> tuple[float, float]:
-    """Return where a checkpoint's handle is on the screen: of what stays when the map is drawn
-    anew, and once nothing moves the map any more.
-    """
+    """Return where a checkpoint's handle is on the screen, once the map does not move any more."""
     expect(page.locator("#course-check")).not_to_be_empty()
     handle = page.get_by_role("button", name=f"Checkpoint {n}: ")
     handle.scroll_into_view_if_needed()
@@ -68,7 +56,7 @@ def middle(page, n: int) -> tuple[float, float]:
 
 
 @pytest.mark.nightly
-def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_not_reached(course):
+def test_mouse_and_keys_move_a_checkpoint_and_the_server_checks_it(course):
     page = course("mina")
     assert place(page, 3) == (9.6, 4.4)
     x, y = middle(page, 3)
@@ -91,9 +79,9 @@ def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_no
     expect(page.locator(".is-unreachable")).to_have_count(1)
 
 
-def test_a_click_adds_a_checkpoint_and_a_point_of_the_path(course):
+def test_click_adds_a_checkpoint_and_a_point_of_the_path(course):
     page = course("mona")
-    # the map is drawn, and nothing moves it any more
+    # the map does not move any more
     expect(page.locator("#course-check")).not_to_be_empty()
     path = page.locator('[name="path"]')
     before = len(path.input_value().splitlines())
@@ -110,19 +98,10 @@ def test_a_click_adds_a_checkpoint_and_a_point_of_the_path(course):
     expect(page.get_by_role("group", name="Checkpoint 5", exact=True)).to_have_count(0)
 
 
-def test_a_finger_moves_a_checkpoint_on_a_phone(course):
+def test_finger_moves_a_checkpoint_on_a_phone(course):
     page = course("tina", viewport={"width": 390, "height": 844}, has_touch=True)
     x, y = middle(page, 3)
-    fingers = page.context.new_cdp_session(page)
-    fingers.send(
-        "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
-    )
-    for step in range(1, 6):
-        fingers.send(
-            "Input.dispatchTouchEvent",
-            {"type": "touchMove", "touchPoints": [{"x": x + 4 * step, "y": y}]},
-        )
-    fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    drag_with_finger(page, x, y, 20)
     wait_for(lambda: place(page, 3)[0] > 9.9, 5, "a checkpoint that was moved")
     moved = place(page, 3)
     assert moved[1] == pytest.approx(4.4, abs=0.1)

@@ -1,17 +1,18 @@
 """Participants without an account in a real Chromium: the code, the personal link, another device;
-and a researcher who walks through their pages.
+and the walk through their pages for researchers.
 """
 
+import functools
 import re
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
 from experiments.models import Participant
 from experiments.participation import links
+from tests.support.browsers.page_sizes import SIZES, check_at_all_sizes
 from tests.support.browsers.visitor import turn_leaf
 from tests.support.media.photographs import keep
 from tests.support.people import person
@@ -19,12 +20,6 @@ from tests.support.studies import participants as p
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 FRONT = "/studies/exploration/"
-SIZES = {
-    "desktop": (1366, 768),
-    "tablet": (820, 1180),
-    "phone": (390, 844),
-    "landscape": (844, 390),
-}
 
 
 @pytest.fixture
@@ -34,43 +29,15 @@ def study():
 
 
 @pytest.fixture
-def device(browser, live_server):
-    """Make browsers of their own; no page may have raised."""
-    made = []
-
-    def make(user=None, client=None):
-        page = browser.new_context(
-            base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844}
-        ).new_page()
-        page.problems = []
-        page.on("pageerror", lambda error: page.problems.append(str(error)))
-        made.append(page)
-        if user is not None:
-            client.force_login(user)
-            value = client.cookies["sessionid"].value
-            page.context.add_cookies(
-                [{"name": "sessionid", "value": value, "url": live_server.url}]
-            )
-        return page
-
-    yield make
-    for page in made:
-        page.context.close()
-    assert [problem for page in made for problem in page.problems] == []
+def device(open_page):
+    return functools.partial(open_page, viewport={"width": 390, "height": 844})
 
 
 def check(page, name: str) -> None:
-    """Keep the page at every size, and find what a reader with a screen reader, or a narrow screen,
-    would trip over.
-    """
-    for size, (width, height) in SIZES.items():
-        page.set_viewport_size({"width": width, "height": height})
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, f"{name} {size}"
-        keep(page, f"guests-{name}-{size}", whole=True)
-    assert Axe().run(page).response["violations"] == [], name
+    check_at_all_sizes(page, f"guests-{name}")
 
 
-def test_a_participant_takes_part_with_a_code_and_continues_on_another_device(study, device):
+def test_participant_with_a_code_continues_on_another_device(study, device):
     phone, laptop = device(), device()
     phone.goto(FRONT)
     check(phone, "front")
@@ -102,7 +69,7 @@ def test_a_participant_takes_part_with_a_code_and_continues_on_another_device(st
 
 
 @pytest.mark.nightly
-def test_a_personal_link_opens_the_study_on_every_device(study, device):
+def test_personal_link_opens_the_study_on_every_device(study, device):
     _row, token = links.make(study, now=timezone.now())
     phone, laptop = device(), device()
     phone.goto(reverse("study_link", args=[token]))
@@ -119,8 +86,8 @@ def test_a_personal_link_opens_the_study_on_every_device(study, device):
 
 
 @pytest.mark.nightly
-def test_a_researcher_walks_through_every_step_in_a_frame_as_wide_as_a_phone(study, device, client):
-    page = device(person("boss", is_staff=True, is_superuser=True), client)
+def test_researcher_walks_through_every_step_in_a_phone_wide_frame(study, device):
+    page = device(person("boss", is_staff=True, is_superuser=True))
     page.goto(reverse("admin:experiments_study_walk_through", args=[study.pk]))
     frame = page.frame_locator("iframe")
     expect(frame.get_by_text("the site saves nothing")).to_be_visible()

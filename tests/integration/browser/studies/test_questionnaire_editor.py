@@ -1,45 +1,25 @@
-"""A person writes a questionnaire in the administration of a real Chromium, from empty to a step of
-a study.
-"""
+"""A questionnaire is written in the administration with a real Chromium, and used in a study."""
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import Page, expect
 
 from experiments import publishing
 from experiments.models import Study
-from tests.support.media.photographs import keep
+from tests.support.browsers.page_sizes import check_at_all_sizes
 from tests.support.people import person
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
-SIZES = [(1366, 768), (820, 1180), (390, 844), (844, 390)]
 
 
 @pytest.fixture
-def page(browser, live_server, client):
-    client.force_login(person("ines", is_staff=True, is_superuser=True))
-    still = {"reduced_motion": "reduce", "locale": "en"}
-    context = browser.new_context(base_url=live_server.url, **still)
-    session = client.cookies["sessionid"].value
-    context.add_cookies([{"name": "sessionid", "value": session, "url": live_server.url}])
-    yield context.new_page()
-    context.close()
+def page(open_page):
+    return open_page(person("ines", is_staff=True, is_superuser=True), reduced_motion="reduce")
 
 
 def check(page: Page, name: str) -> None:
-    """No page is wider than its screen, or has what axe-core finds, at any size."""
-    for width, height in SIZES:
-        page.set_viewport_size({"width": width, "height": height})
-        keep(page, f"questionnaire-{name}-{width}x{height}", whole=True)
-        wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
-        assert wide <= 0, f"{name} scrolls sideways at {width}x{height}"
-        found = Axe().run(page).response["violations"]
-        assert not found, (
-            f"{name} {width}x{height}: {found[0]['id']} {found[0]['nodes'][0]['html']}"
-        )
-    page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
+    check_at_all_sizes(page, f"questionnaire-{name}", axe_at_each=True)
 
 
 def fill(page: Page, group: str, label: str, *texts: str) -> None:
@@ -54,7 +34,7 @@ def add(page: Page, kind: str) -> None:
     page.get_by_role("button", name=f"+ {kind}", exact=True).click()
 
 
-def test_a_questionnaire_is_written_previewed_and_used_in_a_study(page):
+def test_questionnaire_is_written_previewed_and_used_in_a_study(page):
     page.goto(reverse("admin:surveys_questionnaire_changelist"))
     page.get_by_role("link", name="Write a questionnaire").click()
     page.get_by_label("Title").fill("Doors and you")

@@ -1,5 +1,5 @@
-"""Questionnaires in a real Chromium: desktop and phone, network lost, a reload, conditions,
-sliders.
+"""Questionnaires in a real Chromium: desktop and phone, a lost network, reloads, conditions,
+sliders and rankings.
 """
 
 import pytest
@@ -11,6 +11,7 @@ from surveys.editor.labels import ready_points
 from surveys.models import Answer, Response
 from surveys.questionnaires import current, store
 from surveys.responses import Context, Respondent, begin
+from tests.support.browsers.first_time_user import Touch
 from tests.support.media.photographs import keep
 from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, defined, item, rows
@@ -34,54 +35,21 @@ RANKED = [
 
 
 @pytest.fixture
-def respondent(browser, live_server, client):
-    """Open a questionnaire as ada; no page may have raised."""
-    opened = []
+def respondent(open_page):
+    """Open a questionnaire as ada."""
 
     def open_(questionnaire, viewport=DESKTOP, language="en", **context):
         user = person()
-        client.force_login(user)
-        page = browser.new_context(
-            base_url=live_server.url, viewport=viewport, **{"locale": "en", **context}
-        ).new_page()
-        page.context.add_cookies(
-            [
-                {
-                    "name": "sessionid",
-                    "value": client.cookies["sessionid"].value,
-                    "url": live_server.url,
-                }
-            ]
-        )
-        page.problems = []
-        page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.on(
-            "console",
-            lambda message: (
-                page.problems.append(message.text)
-                if "Content Security Policy" in message.text
-                else None
-            ),
-        )
-        opened.append(page)
-        row = begin(
-            questionnaire,
-            Respondent(user=user),
-            Context(key="c", robot=("giraff",)),
-            language=language,
-            seed=1,
-            now=NOW,
-        )
+        page = open_page(user, viewport=viewport, **context)
+        asked = Context(key="c", robot=("giraff",))
+        row = begin(questionnaire, Respondent(user=user), asked, language=language, seed=1, now=NOW)
         page.goto(reverse("survey", args=[row.pk]))
         return page
 
-    yield open_
-    for page in opened:
-        page.context.close()
-    assert [problem for page in opened for problem in page.problems] == []
+    return open_
 
 
-# The words of labels that are on more than one line.
+# Words of labels that are broken into lines.
 BROKEN_WORDS = """[...document.querySelectorAll(".choice label")].flatMap((label) =>
   [...label.childNodes].filter((node) => node.nodeType === 3).flatMap((node) =>
     [...node.data.matchAll(/\\S+/g)].filter((word) => {
@@ -94,7 +62,7 @@ BROKEN_WORDS = """[...document.querySelectorAll(".choice label")].flatMap((label
 
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("width", [390, 820, 1280, 1366])
-def test_words_of_seven_points_of_agreement_are_not_broken(respondent, width, language):
+def test_labels_of_seven_points_break_no_words(respondent, width, language):
     words = ready_points("agreement_7", [language])
     points = [{**one, "label": {"en": one["label"][language]}} for one in words]
     asked = item("grid", "g", rows=rows("g1", "g2"), scale="agreement", prefer_not=True)
@@ -114,9 +82,7 @@ def stored(page) -> dict:
 
 @pytest.mark.parametrize("slug", ["ict", "experience", "sus", "tlx"])
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
-def test_no_page_is_wider_than_its_screen_and_every_choice_is_large_enough_for_a_thumb(
-    respondent, slug, viewport
-):
+def test_pages_fit_the_screen_and_choices_fit_a_thumb(respondent, slug, viewport):
     page = respondent(current(slug, NOW), viewport)
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     sizes = page.locator(
@@ -142,7 +108,7 @@ OVERLAPS = """() => {
 
 
 @pytest.mark.parametrize("width", [844, 1024, 1366])
-def test_no_choice_lies_over_another_where_its_words_are_long(respondent, width):
+def test_long_choices_do_not_overlap(respondent, width):
     page = respondent(
         current("experience", NOW), {"width": width, "height": 768}, language="es", locale="es"
     )
@@ -150,7 +116,7 @@ def test_no_choice_lies_over_another_where_its_words_are_long(respondent, width)
     assert page.evaluate(OVERLAPS) == []
 
 
-def test_every_answer_is_saved_when_it_is_given(respondent):
+def test_every_answer_is_saved_at_once(respondent):
     page = respondent(store(defined(KINDS), NOW))
     page.get_by_role("group", name="Row g1").get_by_label("Yes").check()
     assert stored(page) == {"g1": 1}
@@ -168,7 +134,7 @@ def test_every_answer_is_saved_when_it_is_given(respondent):
     expect(page.get_by_role("group", name="Row g1").get_by_label("Yes")).to_be_checked()
 
 
-def test_an_answer_brings_up_the_question_that_depends_on_it_and_clearing_takes_it_away(respondent):
+def test_answer_shows_the_dependent_question_and_clearing_hides_it(respondent):
     page = respondent(store(defined(KINDS), NOW))
     why = page.get_by_label("Text of why")
     expect(why).to_be_hidden()
@@ -180,7 +146,7 @@ def test_an_answer_brings_up_the_question_that_depends_on_it_and_clearing_takes_
     assert stored(page) == {"s": "skipped"}
 
 
-def test_a_slider_is_unanswered_until_it_is_touched_even_in_the_middle(respondent):
+def test_slider_is_unanswered_until_it_is_touched(respondent):
     page = respondent(store(defined(KINDS), NOW))
     number, rail = page.get_by_label("Text of x"), page.locator(".slider__range")
     expect(number).to_have_value("")
@@ -195,7 +161,7 @@ def test_a_slider_is_unanswered_until_it_is_touched_even_in_the_middle(responden
 
 
 def order_of(page) -> str:
-    """Return the options in the order in which they stand, each with its place."""
+    """Return the options in their order, each with its place."""
     return " ".join(
         page.locator(".ranking__row").evaluate_all(
             "all => all.map(row => row.querySelector('label').textContent"
@@ -209,7 +175,7 @@ def handle_of(page, option: str):
     return rows.locator(".ranking__handle")
 
 
-def test_an_order_is_given_with_the_keyboard_and_the_focus_stays_with_its_option(respondent):
+def test_ranking_by_keyboard_keeps_the_focus_on_its_option(respondent):
     page = respondent(store(defined(RANKED), NOW))
     assert order_of(page) == "A0 B0 C0"
     expect(page.get_by_label("Text of why")).to_be_hidden()
@@ -227,7 +193,7 @@ def test_an_order_is_given_with_the_keyboard_and_the_focus_stays_with_its_option
     assert order_of(page) == "C1 B2 A3"
 
 
-def test_an_order_can_be_declined_and_cleared_and_neither_leaves_places(respondent):
+def test_declined_or_cleared_ranking_has_no_places(respondent):
     page = respondent(store(defined(RANKED), NOW))
     page.get_by_label("B", exact=True).select_option("1")
     page.get_by_label("Prefer not to answer").check()
@@ -242,7 +208,7 @@ def test_an_order_can_be_declined_and_cleared_and_neither_leaves_places(responde
     assert stored(page) == {"r": "skipped"}
 
 
-def test_an_option_is_dragged_with_the_mouse_and_where_it_stands_is_an_answer_too(respondent):
+def test_option_is_dragged_with_the_mouse_and_the_first_order_counts(respondent):
     page = respondent(store(defined(RANKED), NOW))
     handle_of(page, "B").click()
     assert order_of(page) == "A1 B2 C3"
@@ -257,40 +223,31 @@ def test_an_option_is_dragged_with_the_mouse_and_where_it_stands_is_an_answer_to
     assert stored(page) == {"r": ["b", "c", "a"]}
 
 
-def test_an_option_is_dragged_with_a_finger_and_falls_back_when_the_finger_is_taken_away(
-    respondent,
-):
+def test_option_dragged_by_finger_returns_when_the_touch_is_cancelled(respondent):
     page = respondent(store(defined(RANKED), NOW), PHONE, has_touch=True)
     boxes = {name: handle_of(page, name).bounding_box() for name in "AC"}
-    finger = page.context.new_cdp_session(page)
-
-    def touch(kind, *points):
-        places = [{"x": x, "y": y} for x, y in points]
-        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
-
+    finger = Touch(page.context.new_cdp_session(page))
     x, y = boxes["C"]["x"] + 20, boxes["C"]["y"] + 20
-    touch("touchStart", (x, y))
+    finger.down(x, y)
     first = page.locator(".ranking__row").first
-    touch("touchMove", (x, (y + boxes["A"]["y"]) / 2))
-    touch("touchMove", (x, boxes["A"]["y"]))
+    finger.move(x, (y + boxes["A"]["y"]) / 2)
+    finger.move(x, boxes["A"]["y"])
     expect(first).to_contain_text("C")
     assert order_of(page) == "C0 A0 B0"
-    touch("touchCancel")
+    finger.cancel()
     expect(first).to_contain_text("A")
     assert order_of(page) == "A0 B0 C0"
-    touch("touchStart", (x, y))
-    touch("touchMove", (x, boxes["A"]["y"]))
+    finger.down(x, y)
+    finger.move(x, boxes["A"]["y"])
     expect(first).to_contain_text("C")
-    touch("touchEnd")
+    finger.up()
     expect(page.get_by_label("C", exact=True)).to_have_value("1.c")
     assert order_of(page) == "C1 A2 B3"
     assert stored(page) == {"r": ["c", "a", "b"]}
 
 
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
-def test_options_to_rank_fit_the_screen_and_the_thumb_and_anybody_can_read_them(
-    respondent, viewport
-):
+def test_ranking_fits_the_screen_and_the_thumb_and_is_accessible(respondent, viewport):
     long = [{"value": v, "label": {"en": f"{v} {'very long words ' * 6}"}} for v in "xyz"]
     asked = [*RANKED, item("ranking", "long", options=long)]
     page = respondent(store(defined(asked), NOW), viewport, reduced_motion="reduce")
@@ -306,7 +263,7 @@ def test_options_to_rank_fit_the_screen_and_the_thumb_and_anybody_can_read_them(
     assert Axe().run(page).response["violations"] == []
 
 
-def test_without_network_an_order_is_kept_over_a_reload(respondent):
+def test_ranking_without_network_survives_a_reload(respondent):
     page = respondent(store(defined(RANKED), NOW))
     page.route("**/answer/", lambda route: route.abort())
     page.get_by_label("C", exact=True).select_option("2")
@@ -317,7 +274,7 @@ def test_without_network_an_order_is_kept_over_a_reload(respondent):
     assert stored(page) == {"r": ["a", "c", "b"]}
 
 
-def test_without_javascript_an_order_is_given_by_the_lists_of_places(respondent):
+def test_ranking_without_javascript_uses_lists_of_places(respondent):
     page = respondent(store(defined(RANKED), NOW), PHONE, java_script_enabled=False)
     for option, place in (("A", "3"), ("B", "1"), ("C", "1")):
         page.get_by_label(option, exact=True).select_option(place)
@@ -331,7 +288,7 @@ def test_without_javascript_an_order_is_given_by_the_lists_of_places(respondent)
     assert Answer.objects.get(item="r").value == ["b", "c", "a"]
 
 
-def test_an_answer_out_of_range_is_told_where_it_stands(respondent):
+def test_answer_out_of_range_has_an_error_beside_it(respondent):
     page = respondent(store(defined(KINDS), NOW))
     page.get_by_label("Text of n").fill("9")
     page.get_by_label("Text of n").blur()
@@ -342,7 +299,7 @@ def test_an_answer_out_of_range_is_told_where_it_stands(respondent):
     assert stored(page) == {"n": 4.0}
 
 
-def test_what_is_answered_without_network_is_kept_over_a_reload_and_sent_later(respondent):
+def test_answer_without_network_survives_a_reload_and_is_sent_later(respondent):
     page = respondent(store(defined(KINDS), NOW))
     page.route("**/answer/", lambda route: route.abort())
     page.get_by_role("group", name="Row g2").get_by_label("No").check()
@@ -354,7 +311,7 @@ def test_what_is_answered_without_network_is_kept_over_a_reload_and_sent_later(r
     assert stored(page) == {"g2": -1}
 
 
-def test_without_network_the_page_is_not_lost_to_an_error_page(respondent):
+def test_page_without_network_is_not_replaced_by_an_error_page(respondent):
     page = respondent(store(defined(KINDS), NOW))
     page.context.set_offline(True)
     page.get_by_label("Text of t").fill("kept")
@@ -368,7 +325,7 @@ def test_without_network_the_page_is_not_lost_to_an_error_page(respondent):
     assert Response.objects.get().finished_at is not None
 
 
-def test_without_javascript_the_same_questionnaire_is_answered(respondent):
+def test_questionnaire_is_answered_without_javascript(respondent):
     page = respondent(store(defined(KINDS), NOW), PHONE, java_script_enabled=False)
     page.get_by_role("group", name="Text of s").get_by_label("C").check()
     page.get_by_label("Text of x").fill("65")
@@ -378,19 +335,11 @@ def test_without_javascript_the_same_questionnaire_is_answered(respondent):
     page.get_by_role("button", name="Send the answers").click()
     expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
     values = {row.item: row.missing or row.value for row in Answer.objects.all()}
-    assert values == {
-        "g1": "skipped",
-        "g2": "skipped",
-        "s": "c",
-        "why": "because",
-        "m": "skipped",
-        "x": 65,
-        "n": "skipped",
-        "t": "skipped",
-    }
+    skipped = dict.fromkeys(("g1", "g2", "m", "n", "t"), "skipped")
+    assert values == {**skipped, "s": "c", "why": "because", "x": 65}
 
 
-def test_whoever_was_signed_out_meanwhile_loses_no_answer(respondent):
+def test_logged_out_respondent_loses_no_answer(respondent):
     page = respondent(store(defined(KINDS), NOW))
     cookies = page.context.cookies()
     page.context.clear_cookies(name="sessionid")

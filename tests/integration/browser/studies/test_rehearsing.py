@@ -1,5 +1,5 @@
-"""A study is rehearsed from its page, by real processes: started, followed while the site is
-restarted, killed, ended and read.
+"""A study is rehearsed from its page, with real processes: the rehearsal is started, outlives a
+restart of the web server, is killed and ended, and its report is read.
 """
 
 from uuid import UUID
@@ -19,7 +19,7 @@ STUDY = "SELECT id FROM experiments_study WHERE slug = 'short'"
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """A web server and what runs rehearsals; no practice robot, and no broker of its own."""
+    """A web server and the process that runs rehearsals, without a broker."""
     site = Site(tmp_path_factory.mktemp("rehearsing"))
     try:
         site.prepare()
@@ -48,7 +48,7 @@ def study_page(site, visitor):
 
 
 def workers(site: Site) -> list[psutil.Process]:
-    """Everything that a rehearsal has started."""
+    """Return all processes of rehearsals."""
     return psutil.Process(site.processes["practice"].pid).children(recursive=True)
 
 
@@ -57,7 +57,7 @@ def nothing_is_left(site: Site, started: list[psutil.Process]) -> None:
     assert workers(site) == []
 
 
-def test_a_rehearsal_outlives_the_web_server_and_says_when_it_was_killed(site, study_page):
+def test_rehearsal_outlives_the_web_server_and_reports_its_death(site, study_page):
     page = study_page("/admin/experiments/study/{}/change/")
     page.get_by_role("button", name="Rehearse now").click()
     state = page.get_by_role("status")
@@ -76,7 +76,7 @@ def test_a_rehearsal_outlives_the_web_server_and_says_when_it_was_killed(site, s
     expect(page.get_by_role("button", name="Rehearse now")).to_be_visible()
 
 
-def test_a_researcher_ends_a_rehearsal_from_the_page_on_publishing(site, study_page):
+def test_researcher_ends_a_rehearsal_from_the_publish_page(site, study_page):
     page = study_page("/admin/experiments/study/{}/publish/")
     page.get_by_role("button", name="Rehearse now").click()
     state = page.get_by_role("status")
@@ -89,7 +89,7 @@ def test_a_researcher_ends_a_rehearsal_from_the_page_on_publishing(site, study_p
 
 
 @pytest.mark.soak
-def test_a_researcher_reads_the_report_of_bots_that_took_part(site, study_page):
+def test_researcher_reads_the_report_of_a_rehearsal(site, study_page):
     page = study_page("/admin/experiments/study/{}/change/")
     page.get_by_role("button", name="Rehearse now").click()
     expect(page.get_by_role("status")).to_contain_text("Passed.", timeout=patient(400) * 1000)

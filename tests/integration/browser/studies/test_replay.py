@@ -1,5 +1,5 @@
-"""Replay and live view in a real Chromium: the marker is where the states say, by slider, strip,
-key, finger and play.
+"""Replay and live view in a real Chromium: the marker is where the states are, whether by slider,
+strip, key, finger or playing.
 """
 
 import datetime
@@ -7,7 +7,6 @@ import math
 import re
 
 import pytest
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
@@ -26,35 +25,11 @@ ANYTHING = re.compile(".")
 
 
 @pytest.fixture(params=SIZES)
-def page(browser, live_server, request):
-    client = Client()
-    client.force_login(person("owner", is_superuser=True, is_staff=True))
-    touch = request.param == "phone"
-    context = browser.new_context(
-        base_url=live_server.url,
-        locale="en",
-        viewport=SIZES[request.param],
-        has_touch=touch,
-        is_mobile=touch,
-    )
-    context.add_cookies(
-        [{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}]
-    )
-    page = context.new_page()
+def page(open_page, request):
+    owner, touch = person("owner", is_superuser=True, is_staff=True), request.param == "phone"
+    page = open_page(owner, viewport=SIZES[request.param], has_touch=touch, is_mobile=touch)
     page.size = request.param
-    page.problems = []
-    page.on("pageerror", lambda error: page.problems.append(str(error)))
-    page.on(
-        "console",
-        lambda message: (
-            page.problems.append(message.text)
-            if "Content Security Policy" in message.text
-            else None
-        ),
-    )
-    yield page
-    context.close()
-    assert page.problems == []
+    return page
 
 
 def made(seconds: int = 60):
@@ -71,29 +46,22 @@ def made(seconds: int = 60):
 
 
 def marker(page) -> tuple[float, float, float]:
-    """Where the map's canvas says the robot was drawn, in CSS pixels, and for which moment, as soon
-    as it is drawn at all.
-    """
+    """Return where the map has drawn the robot, in CSS pixels, and the moment of that pose."""
     expect(page.locator("#replay-map")).to_have_attribute("data-marker-t", ANYTHING)
     data = page.evaluate("({...document.getElementById('replay-map').dataset})")
     return float(data["markerX"]), float(data["markerY"]), float(data["markerT"])
 
 
 def assert_is_where_it_was(page, t: float, within: float = 0.05) -> None:
-    """A moment is drawn with the browser's next frame."""
     wait_for(lambda: abs(marker(page)[2] - t) <= within, 5, f"the moment {t}")
     assert_is_where_it_says(page)
 
 
 def assert_is_where_it_says(page) -> None:
-    """The cabin is fitted into the canvas as view/map/transform.js does it; the robot drives a
-    circle.
-    """
+    """The robot drives a circle in the cabin, which fits the canvas (view/map/transform.js)."""
     x, y, at = marker(page)
-    box = page.evaluate(
-        "(({clientWidth, clientHeight}) => [clientWidth,"
-        " clientHeight])(document.getElementById('replay-map'))"
-    )
+    size = "map => [map.clientWidth, map.clientHeight]"
+    box = page.locator("#replay-map").evaluate(size)
     scale = min((box[0] - 24) / 8.0, (box[1] - 24) / 4.0)
     true_x, true_y, _ = replays.place(at)
     assert (x, y) == pytest.approx(
@@ -106,7 +74,7 @@ def shot(page, name: str) -> None:
 
 
 @pytest.mark.nightly
-def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
+def test_robot_is_shown_where_the_states_are_however_one_seeks(page):
     visit = made()
     page.goto(reverse("replay", args=[visit.pk]) + "?t=12.5")
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
@@ -130,7 +98,7 @@ def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
-def test_the_record_is_asked_for_once_and_what_was_preloaded_is_used(page, monkeypatch):
+def test_record_is_requested_once_and_preloads_are_used(page, monkeypatch):
     made_of = []
     monkeypatch.setattr(
         "experiments.research.views.replay", lambda *given: made_of.append(given) or replay(*given)
@@ -145,10 +113,7 @@ def test_the_record_is_asked_for_once_and_what_was_preloaded_is_used(page, monke
     assert not [text for text in said if "preload" in text]
 
 
-def test_it_plays_at_its_speed_to_the_end_and_again(page):
-    """What is clicked while it plays has a minute for it; only the end is waited for at four times
-    its speed.
-    """
+def test_replay_plays_to_the_end_and_again(page):
     visit = made(60)
     page.goto(reverse("replay", args=[visit.pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
@@ -169,7 +134,7 @@ def test_it_plays_at_its_speed_to_the_end_and_again(page):
     assert_is_where_it_says(page)
 
 
-def test_events_are_filtered_by_who_tells_them(page):
+def test_events_are_filtered_by_source(page):
     page.goto(reverse("replay", args=[made().pk]))
     expect(page.get_by_role("button", name="collision")).to_be_visible()
     page.get_by_label("robot", exact=True).uncheck()
@@ -177,7 +142,7 @@ def test_events_are_filtered_by_who_tells_them(page):
     expect(page.get_by_role("button", name="checkpoint")).to_be_visible()
 
 
-def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page):
+def test_session_without_states_or_not_loadable_says_so(page):
     visit = made()
     StateChunk.objects.all().delete()
     page.goto(reverse("replay", args=[visit.pk]))
@@ -188,15 +153,11 @@ def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page
 
 
 @pytest.mark.nightly
-def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
-    report = {
-        "stamp": 5.0,
-        "pose": {"x": 1.0, "y": 2.0, "theta": 0.0},
-        "battery": {"charge": 0.7},
-        "docked": True,
-    }
-    heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any page takes to load
-    robot = replays.cabin_robot(connection="ONLINE", last_seen_at=heard, report=report)
+def test_live_view_follows_the_robot_and_reports_a_lost_server(page):
+    pose = {"x": 1.0, "y": 2.0, "theta": 0.0}
+    report = {"stamp": 5.0, "pose": pose, "battery": {"charge": 0.7}, "docked": True}
+    later = timezone.now() + datetime.timedelta(hours=1)  # online for longer than a page loads
+    robot = replays.cabin_robot(connection="ONLINE", last_seen_at=later, report=report)
     study = replays.study()
     page.goto(reverse("study_live", args=[study.slug]))
     card = page.locator("[data-robot=giraff]")
@@ -213,20 +174,17 @@ def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     expect(card).to_contain_text("next: go to checkpoint 1")
     canvas = card.locator("canvas")
     expect(canvas).to_have_attribute("data-stops", "1:next 2:later 0:later")
-    expect(canvas).to_have_attribute("data-trail", str(visit.pk))  # what was driven before
+    expect(canvas).to_have_attribute("data-trail", str(visit.pk))  # of the past
     x, _y, _ = replays.place(7.75)
 
     def is_drawn_there() -> bool:
         marker, width, height = card.locator("canvas").evaluate(
             "canvas => [Number(canvas.dataset.markerX), canvas.clientWidth, canvas.clientHeight]"
         )
-        return math.isclose(
-            marker,
-            width / 2 + (x - 4.0) * min((width - 24) / 8.0, (height - 24) / 4.0),
-            abs_tol=1.5,
-        )
+        scale = min((width - 24) / 8.0, (height - 24) / 4.0)
+        return math.isclose(marker, width / 2 + (x - 4.0) * scale, abs_tol=1.5)
 
-    # the words come first, and may change the map's size
+    # the text is shown first, and may change the map's size
     wait_for(is_drawn_there, 5, "the marker where the robot is")
     shot(page, "live")
     card.get_by_label("Message or reason").fill("a new carpet")

@@ -1,8 +1,7 @@
-"""A study for real, from the link to the thanks: newcomers in Chromium, a simulated robot, a real
-broker, and nobody who helps.
+"""A whole study from the link to the thanks: newcomers in Chromium, a simulated robot, a broker.
 
-A short course at the size of a desktop; a phone, and the paper's whole course whatever door is
-closed, are a matter of endurance.
+A short course at the size of a desktop; the phone and the paper's whole course, with either door
+closed, run in the soak test.
 """
 
 import json
@@ -13,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from experiments.definition.shipped import shipped
-from tests.support.browsers.first_time_user import Finger, FirstTimeUser, Keys
+from tests.support.browsers.first_time_user import FirstTimeUser, Keys, Thumb, Touch
 from tests.support.browsers.visitor import turn_leaf
 from tests.support.sessions.site import PRESENCE, Site, running_site, wait_for
 
@@ -44,28 +43,19 @@ def site(tmp_path_factory):
 @pytest.fixture(scope="module")
 def giraff(site):
     robot = site.start_robot("giraff", "--start", "dock", "--seed", "3")
-    wait_for(
-        lambda: site.rows(f"SELECT 1 {PRESENCE} WHERE name = 'giraff' AND factsheet IS NOT NULL"),
-        20,
-        "the factsheet",
-    )
+    stored = f"SELECT 1 {PRESENCE} WHERE name = 'giraff' AND factsheet IS NOT NULL"
+    wait_for(lambda: site.rows(stored), 20, "the factsheet")
     return robot
 
 
 def publish(site: Site, condition: str, *, short: bool) -> str:
-    """Publish the paper's study with one of its conditions, and return what its address is called;
-    `short` leaves checkpoints out.
-    """
+    """Publish the paper's study with one condition; return its slug. `short` omits checkpoints."""
     study = msgspec.to_builtins(shipped()["exploration"])
     course = next(one for one in study["courses"] if one["robot"] == "giraff")
     if short:
         home, *_, mirror = course["checkpoints"]
-        near = home | {
-            "number": 1,
-            "x": 2.6,
-            "y": 5.6,
-            "title": {"en": "In the laboratory", "es": "En el laboratorio"},
-        }
+        title = {"en": "In the laboratory", "es": "En el laboratorio"}
+        near = home | {"number": 1, "x": 2.6, "y": 5.6, "title": title}
         course |= {
             "checkpoints": [home, near, mirror | {"number": 2}],
             "path": [],
@@ -97,9 +87,7 @@ def come_and_agree(page: Page, name: str) -> None:
 
 
 def answer_all(page: Page) -> int:
-    """Answer every question that is asked, page by page, until the questionnaire is over; return
-    how many there were.
-    """
+    """Answer all questions page by page; return their number."""
     answered, send = 0, page.get_by_role("button", name=re.compile("^(Send the answers|Next)$"))
     expect(send).to_be_visible()
     while send.is_visible():
@@ -134,20 +122,20 @@ def take_the_robot(visitor) -> None:
     ).to_be_visible(timeout=20_000)
 
 
-def hands_for(page: Page, size: str) -> Keys | Finger:
-    return Finger(page, page.context.new_cdp_session(page)) if size == "phone" else Keys(page)
+def hands_for(page: Page, size: str) -> Keys | Thumb:
+    if size != "phone":
+        return Keys(page)
+    return Thumb(page, Touch(page.context.new_cdp_session(page)))
 
 
-# longer than a newcomer is waited for, so that it says how far one came
+# longer than the limit of FirstTimeUser, whose error says how far the drive came
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("giraff")
 @pytest.mark.parametrize(
     ("size", "condition", "short"),
     [*SHORT, *(pytest.param(*one, marks=pytest.mark.soak) for one in ENDURANCE)],
 )
-def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
-    site, visitor, size, condition, short
-):
+def test_newcomer_completes_the_study_and_takes_part_again(site, visitor, size, condition, short):
     slug = publish(site, condition, short=short)
     nora = visitor(**SIZES[size])
     page, name = nora.page, slug.replace("-", "")
@@ -159,18 +147,15 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
     cues = FirstTimeUser(page, hands_for(page, size)).drive(within=100 if short else 420)
     assert cues[0] == "leave_station", cues
     assert cues[-1] == "completed", cues
-    assert {"go_to_checkpoint", "photo_ready", "photo_review", "return_home", "dock_now"} <= set(
-        cues
-    ), cues
+    between = {"go_to_checkpoint", "photo_ready", "photo_review", "return_home", "dock_now"}
+    assert between <= set(cues), cues
 
     page.get_by_role("button", name="Continue").click()
     assert answer_all(page) == 8
     expect(page.get_by_role("heading", name="Thanks")).to_be_visible()
     code = page.locator("#code").inner_text()
-    mine = (
-        "FROM experiments_participant WHERE user_id = (SELECT id FROM accounts_user WHERE username"
-        " = ?)"
-    )
+    user = "SELECT id FROM accounts_user WHERE username = ?"
+    mine = f"FROM experiments_participant WHERE user_id = ({user})"
     rows = site.rows(f"SELECT status, completion, completion_code, recruitment, visit {mine}", name)
     assert rows == [("finished", "done", code, json.dumps({"source": "5f3a"}), 1)]
     assert [row[3] for row in site.sessions() if row[1] == name] == ["completed"]
@@ -178,9 +163,8 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
         "SELECT count(*) FROM experiments_taskevent e JOIN experiments_drive d ON d.id = e.drive_id"
         " WHERE e.type = 'checkpoint'"
     )
-    assert site.rows(f"{checkpoints} AND d.participant_id = (SELECT id {mine})", name) == [
-        (2 if short else 4,)
-    ]
+    passed = site.rows(f"{checkpoints} AND d.participant_id = (SELECT id {mine})", name)
+    assert passed == [(2 if short else 4,)]
 
     page.get_by_role("button", name="Take part again").click()
     read_instructions(page)
@@ -189,9 +173,6 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
     leave.first.click()
     expect(page.get_by_role("heading", name="Leave the task?")).to_be_visible()
     leave.last.click()
-    wait_for(
-        lambda: [row[2] for row in site.sessions() if row[1] == name] == ["ended", "ended"],
-        20,
-        "the end of the second session",
-    )
+    states = lambda: [row[2] for row in site.sessions() if row[1] == name]
+    wait_for(lambda: states() == ["ended", "ended"], 20, "the end of the second session")
     assert site.rows(f"SELECT visit, status {mine}", name) == [(2, "active")]

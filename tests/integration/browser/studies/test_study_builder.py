@@ -1,54 +1,46 @@
-"""A researcher builds a study of two factors in a real Chromium, from empty to published, with the
-pages alone.
+"""A researcher builds a study of two factors in a real Chromium and publishes it, with the pages
+alone.
 """
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from django.urls import reverse
 from playwright.sync_api import Locator, Page, expect
 
 from experiments.models import Study
 from robots.models import Robot
-from tests.support.media.photographs import keep
+from tests.support.browsers.page_sizes import check_at_all_sizes
 from tests.support.people import person
 from tests.support.studies.study_site import cabin_with_giraff
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True), pytest.mark.nightly]
-SIZES = [(1440, 900), (820, 1180), (390, 844), (844, 390)]
-MOST_CLICKS = 70  # ticks and choices among them
+MOST_CLICKS = 70  # with ticks and choices
 
 
 class Researcher:
-    """Somebody who builds a study and counts what it takes."""
+    """Builds a study, and counts clicks and fields."""
 
     def __init__(self, page: Page) -> None:
         self.page, self.clicks, self.fields = page, 0, 0
 
     def press(self, name: str) -> None:
-        """Press a button."""
         self.click(self.page.get_by_role("button", name=name, exact=True).first)
 
     def save(self) -> None:
-        """Save, and see that it was."""
         self.press("Save")
         expect(self.page.get_by_text("Saved.")).to_be_visible()
 
     def follow(self, name: str) -> None:
-        """Follow a link."""
         self.click(self.page.get_by_role("link", name=name).first)
 
     def click(self, what: Locator) -> None:
-        """Click, and count it."""
         what.click()
         self.clicks += 1
 
     def write(self, name: str, text: str) -> None:
-        """Write into the field with a name."""
         self.page.locator(f'[name="{name}"]').last.fill(text)
         self.fields += 1
 
     def choose(self, name: str, label: str) -> None:
-        """Choose from a list."""
         self.page.locator(f'[name="{name}"]').select_option(label=label)
         self.clicks += 1
 
@@ -61,29 +53,17 @@ class Researcher:
 
 
 @pytest.fixture
-def ines(browser, live_server, client):
-    client.force_login(person("ines", is_staff=True, is_superuser=True))
+def ines(open_page):
+    user = person("ines", is_staff=True, is_superuser=True)
     cabin_with_giraff()
     presence = Robot.objects.get(name="giraff").presence
     presence.factsheet["capabilities"] += ["network_lab"]
     presence.save()
-    context = browser.new_context(base_url=live_server.url, reduced_motion="reduce", locale="en")
-    session = client.cookies["sessionid"].value
-    context.add_cookies([{"name": "sessionid", "value": session, "url": live_server.url}])
-    yield Researcher(context.new_page())
-    context.close()
+    return Researcher(open_page(user, reduced_motion="reduce"))
 
 
 def check(page: Page, name: str) -> None:
-    """No page is wider than its screen, or has what axe-core finds, at any size."""
-    for width, height in SIZES:
-        page.set_viewport_size({"width": width, "height": height})
-        keep(page, f"builder-{name}-{width}x{height}", whole=True)
-        wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
-        assert wide <= 0, f"{name} scrolls sideways at {width}x{height}"
-        found = Axe().run(page).response["violations"]
-        assert not found, f"{name}: {found[0]['id']} {found[0]['nodes'][0]['html']}"
-    page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
+    check_at_all_sizes(page, f"builder-{name}", axe_at_each=True)
 
 
 def begin(ines: Researcher) -> None:

@@ -1,5 +1,5 @@
-"""A study's drive begins at its station: the page waits while the robot is elsewhere, says why, and
-goes on by itself.
+"""A study's drive begins at the charging station: the page waits while the robot is elsewhere, says
+why, and continues by itself.
 """
 
 import signal
@@ -19,13 +19,13 @@ DOCK, CORRIDOR = CarryTo(0.5, 6.3, 3.14159), CarryTo(8.6, 4.4, 1.57)
 
 @pytest.fixture(scope="module")
 def hands(site):
-    """Somebody at the robot, who may carry it."""
+    """A person beside the robot, who can carry it."""
     giraff = site.start_robot("giraff", "--start", "corridor-centre", "--seed", "3")
     return SimulatorOperator(giraff.port)
 
 
 def join(site: Site, name: str) -> None:
-    """Put a visitor on the task of the study that is there."""
+    """Make a visitor a participant of the stored study, at its task."""
     site.django(
         "from django.utils import timezone; from accounts.models import User;"
         "from experiments.participation import progress; from experiments.models import Study;"
@@ -36,17 +36,12 @@ def join(site: Site, name: str) -> None:
 
 
 def called(site: Site) -> int:
-    """How often staff were called."""
-    return int(
-        site.rows(
-            "SELECT count(*) FROM telepresence_sessions_sessionevent WHERE type = 'staff_called'"
-        )[0][0]
-    )
+    """Return how often staff were called."""
+    calls = "SELECT count(*) FROM telepresence_sessions_sessionevent WHERE type = 'staff_called'"
+    return int(site.rows(calls)[0][0])
 
 
-def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restarts_meanwhile(
-    site, visitor, hands
-):
+def test_two_participants_wait_until_the_robot_is_back_in_its_station(site, visitor, hands):
     begin_short_study(site, "ana")
     join(site, "ben")
     for number, name in enumerate(("ana", "ben"), 1):
@@ -67,13 +62,13 @@ def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restart
 
         assert hands.wish(DOCK) == ""
         guest.wait_for("phase", "turn", 60)
-        assert called(site) == number, "the one that was started anew called nobody again"
+        assert called(site) == number, "the restarted session manager did not call again"
         page.locator("#card-main").click()
         guest.wait_for_picture(40)
         expect(page.locator("#task-cue")).to_have_text(
             "Drive backwards out of the charging station.", timeout=20_000
         )
-        assert hands.wish(CORRIDOR) == "", "the drive ends badly: somebody carries the robot away"
+        assert hands.wish(CORRIDOR) == "", "the robot is carried away during the drive"
         page.get_by_role("button", name="Leave", exact=True).first.click()
         page.locator("#card-main").click()
         guest.wait_for("phase", "ended", 20)

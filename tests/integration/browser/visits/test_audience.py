@@ -1,13 +1,12 @@
-"""Hands and questions on the real pages: two who watch, who drives, and the robot's screen."""
+"""Hands and questions on real pages: of two observers, the driver and the robot's screen."""
 
-import os
 import re
-from pathlib import Path
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
+from tests.support.media.photographs import keep_at_all_sizes
 from tests.support.patience import patient
 from tests.support.sessions.site import wait_for
 
@@ -18,7 +17,6 @@ from robots.models import Robot
 from robots.screens import make_screen_key
 print(make_screen_key(Robot.objects.get(name="giraff"), timezone.now()))
 """
-SIZES = {"laptop": (1366, 768), "tablet": (820, 1180), "phone": (390, 844), "low": (844, 390)}
 ASKED = "What is <b>behind</b> the door, and who has been there since this morning?"
 FOCUS = "document.activeElement.id"
 
@@ -29,15 +27,8 @@ def giraff(site):
 
 
 def photograph(pages) -> None:
-    """Keep the pages at the sizes that people have, where that is asked for."""
-    if not (folder := os.environ.get("SCREENSHOTS")):
-        return
     for name, page in pages.items():
-        for size, (width, height) in SIZES.items():
-            page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_timeout(700)
-            page.screenshot(path=Path(folder) / f"audience-{name}-{size}.png")
-        page.set_viewport_size({"width": 1280, "height": 800})
+        keep_at_all_sizes(page, f"audience-{name}")
 
 
 def watches(person):
@@ -54,7 +45,7 @@ def asks(page, text) -> None:
     expect(page.get_by_label("Your question")).to_have_value("", timeout=patient(10) * 1000)
 
 
-def test_an_audience_asks_and_who_drives_answers_without_losing_the_keys(site, visitor, giraff):
+def test_driver_answers_the_audience_without_losing_the_keys(site, visitor, giraff):
     expect.set_options(timeout=patient(15) * 1000)
     carl = visitor("carl").drive()
     driver = carl.page

@@ -1,5 +1,5 @@
-"""What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help
-near obstacles, a lost robot, the way home.
+"""Visitors and a robot that drives by itself: the dock, a point on the map, assistance, a lost
+robot, the return to the station.
 """
 
 import math
@@ -15,7 +15,7 @@ from tests.support.media.photographs import keep_at_all_sizes
 from tests.support.patience import patient
 from tests.support.sessions.site import wait_for
 
-# what the robot does and what the page shows of it have quicker tests, apart from each other
+# robot and page have quicker tests, each by itself
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 TRAIL = """() => {
   const canvas = document.getElementById('map');
@@ -43,10 +43,8 @@ def operator(giraff):
 def on_the_map(visitor, x, y):
     """Return where a point of the world is on the page, in CSS pixels."""
     view, box = visitor.marker(), visitor.page.locator("#map").bounding_box()
-    left, top = (
-        box["width"] / 2 + (x - view["viewX"]) * view["viewScale"],
-        box["height"] / 2 - (y - view["viewY"]) * view["viewScale"],
-    )
+    left = box["width"] / 2 + (x - view["viewX"]) * view["viewScale"]
+    top = box["height"] / 2 - (y - view["viewY"]) * view["viewScale"]
     return box["x"] + left, box["y"] + top
 
 
@@ -55,7 +53,7 @@ def tap(visitor, x, y):
 
 
 def show_place(visitor, truth):
-    """Press on the map where the robot is, and drag to where it looks."""
+    """Press on the map where the robot is, and drag in the direction of its heading."""
     x, y = on_the_map(visitor, truth.x, truth.y)
     visitor.page.mouse.move(x, y)
     visitor.page.mouse.down()
@@ -74,9 +72,9 @@ def offer(visitor, word, within=15.0):
 
 
 def in_the_room(visitor, giraff):
-    """Return somebody who drives, once the robot has left its station for them, if it was there."""
+    """Let a visitor take the robot, and wait until it has left its station."""
     driver = visitor.drive()
-    wait_for(lambda: not giraff.truth().docked, 30, "a robot that leaves its station")
+    wait_for(lambda: not giraff.truth().docked, 30, "the robot to leave its station")
     expect(driver.page.locator("#offer")).not_to_have_attribute(
         "data-word", "task.undock", timeout=patient(30) * 1000
     )
@@ -91,9 +89,7 @@ def newest_state(site):
     return (site.states(site.sessions()[-1][0]) or [{}])[-1]
 
 
-def test_a_visitor_arrives_facing_the_room_and_a_reload_sends_nobody_out_of_the_station(
-    visitor, giraff
-):
+def test_robot_leaves_its_station_for_a_visitor_but_not_on_a_reload(visitor, giraff):
     zoe = visitor("zoe").drive()
     docked = giraff.truth()
     offer(zoe, "task.undock")
@@ -101,7 +97,7 @@ def test_a_visitor_arrives_facing_the_room_and_a_reload_sends_nobody_out_of_the_
     offer(zoe, "task.done.undock", within=30)
     truth = giraff.truth()
     assert not truth.docked
-    assert abs(wrap_angle(truth.theta - docked.theta - math.pi)) < 0.2, "it looks into the room"
+    assert abs(wrap_angle(truth.theta - docked.theta - math.pi)) < 0.2, "it faces the room"
     assert truth.contacts == docked.contacts
     press(zoe, "Go to…")
     press(zoe, "Return to station")
@@ -111,12 +107,10 @@ def test_a_visitor_arrives_facing_the_room_and_a_reload_sends_nobody_out_of_the_
     offer(zoe, "dock.here")
     zoe.page.wait_for_timeout(2000)
     offer(zoe, "dock.here")
-    assert giraff.truth().docked, "who drove into the station stays there"
+    assert giraff.truth().docked, "a robot that was driven into the station stays there"
 
 
-def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
-    visitor, giraff
-):
+def test_button_leaves_the_dock_and_pressing_forward_there_explains_why(visitor, giraff):
     anna = visitor("anna").drive()
     offer(anna, "task.undock")
     press(anna, "Cancel drive")
@@ -131,7 +125,7 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
     assert not giraff.truth().docked
 
 
-def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
+def test_robot_goes_where_the_map_was_tapped(site, visitor, giraff):
     ben = in_the_room(visitor("ben"), giraff)
     goal = (2.6, 4.2)
     tap(ben, *goal)
@@ -146,14 +140,11 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
     truth = giraff.truth()
     assert math.hypot(truth.x - goal[0], truth.y - goal[1]) <= 0.3
     assert truth.contacts == 0
-    wait_for(
-        lambda: "goto" in {state.get("mode") for state in site.states(site.sessions()[-1][0])},
-        5,
-        "the record of it",
-    )
+    modes = lambda: {state.get("mode") for state in site.states(site.sessions()[-1][0])}
+    wait_for(lambda: "goto" in modes(), 5, "the record of it")
 
 
-def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
+def test_key_overrides_a_drive_to_a_place_of_the_menu(visitor, giraff):
     cora = in_the_room(visitor("cora"), giraff)
     press(cora, "Go to…")
     keep_at_all_sizes(cora.page, "menu")
@@ -165,16 +156,12 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
     cora.page.keyboard.down("ArrowLeft")
     offer(cora, "task.yours")
     before = giraff.truth().theta
-    cora.hold(
-        "ArrowLeft",
-        lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2,
-        10,
-        "a turn to the left",
-    )
+    turned = lambda: math.remainder(giraff.truth().theta - before, math.tau)
+    cora.hold("ArrowLeft", lambda: turned() > 0.2, 10, "a turn to the left")
     cora.page.keyboard.up("ArrowLeft")
 
 
-def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
+def test_robot_without_a_path_says_why_and_offers_a_next_step(visitor, giraff):
     dan = in_the_room(visitor("dan"), giraff)
     tap(dan, 6.0, -1.0)  # below the southernmost wall
     press(dan, "Go here")
@@ -188,32 +175,25 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
     assert dan.page.evaluate("document.activeElement.id") == "viewport"
 
 
-def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
+def test_chosen_assistance_is_applied_and_explains_itself(site, visitor, giraff):
     eva = in_the_room(visitor("eva"), giraff)
     press(eva, "Steers around them")
     expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
-    wait_for(
-        lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record"
-    )
+    level = lambda: newest_state(site).get("assist")
+    wait_for(lambda: level() == "steer", 10, "the level in the robot's record")
     contacts = giraff.truth().contacts
-    eva.hold(
-        "ArrowUp",
-        lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)),
-        20,
-        "why it holds back",
-    )
+    explained = lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva))
+    eva.hold("ArrowUp", explained, 20, "why it slows down")
     keep_at_all_sizes(eva.page, "assisted")
     eva.page.keyboard.up("ArrowUp")
     assert giraff.truth().contacts == contacts
 
 
-def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
+def test_lost_robot_is_placed_on_the_map(visitor, giraff, operator):
     fay = in_the_room(visitor("fay"), giraff)
     assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
-    fay.hold(
-        "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
-    )
-    press(fay, "Set it")  # at once: it looks for itself all the while
+    fay.hold("ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a lost robot")
+    press(fay, "Set it")  # at once, before it finds its pose by itself
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())
     keep_at_all_sizes(fay.page, "placing")
@@ -222,9 +202,7 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     expect(fay.page.locator("#alert")).to_be_hidden()
 
 
-def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
-    site, visitor, giraff, operator
-):
+def test_robot_returns_to_its_station_before_the_next_visitor(site, visitor, giraff, operator):
     gil = in_the_room(visitor("gil"), giraff)
     hans, stranger = visitor("hans").open(go=True), visitor()
     assert operator.wish(CarryTo(1.9, 5.2, 0.0)) == ""
@@ -235,7 +213,7 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     offer(gil, "task.done.relocalize", within=20)
     hans.wait_for("phase", "queued")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")
-    stranger.page.goto("/")  # before it sets out: its way is short
+    stranger.page.goto("/")  # before it starts, as the path is short
     gil.leave()
     expect(hans.page.locator("#card")).to_have_attribute(
         "data-card", "queued.returning", timeout=40_000
@@ -245,9 +223,9 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     hans.wait_for("phase", "turn", within=60)
     assert giraff.truth().docked
     seen = hans.page.evaluate(TRAIL)
-    assert seen > 30, "he saw where it drove while he waited"
+    assert seen > 30, "the path was shown while he waited"
     hans.page.locator("#card-main").click()
     hans.wait_for_picture()
-    wait_for(lambda: hans.page.evaluate(TRAIL) < seen / 2, 5, "a map without what others drove")
+    wait_for(lambda: hans.page.evaluate(TRAIL) < seen / 2, 5, "a map without the paths of others")
     offer(hans, "task.undock")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=False)")

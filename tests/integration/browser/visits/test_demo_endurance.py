@@ -1,5 +1,5 @@
-"""Ten practices in a row, and every process of the demo killed in turn while somebody drives: it
-goes on, and says what died.
+"""Ten practices in a row, and every process of the demo killed in turn during a drive, which goes
+on.
 """
 
 import contextlib
@@ -28,13 +28,13 @@ def practice_robot(people: People) -> psutil.Process | None:
 def child_of(process: psutil.Process, program: str) -> psutil.Process | None:
     """Return the living child that runs a program."""
     for child in process.children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):  # or a zombie, which psutil takes for one
+        with contextlib.suppress(psutil.NoSuchProcess):  # or a zombie
             if any(program in word for word in child.cmdline()):
                 return child
     return None
 
 
-def test_one_practises_ten_times_in_a_row_each_time_with_a_robot_that_was_started_anew(people):
+def test_ten_practices_in_a_row_each_get_a_new_robot(people):
     robots = set()
     for _ in range(10):
         people.cy_begins_to_practise()
@@ -49,14 +49,14 @@ def test_one_practises_ten_times_in_a_row_each_time_with_a_robot_that_was_starte
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_every_part_that_is_killed_is_named_and_comes_back_and_the_visitor_drives_on(people, part):
+def test_killed_part_is_named_and_restarted_and_the_drive_goes_on(people, part):
     (death,) = people.kill(part)
     assert "SIGKILL" in death
     assert ".log)" in death
     people.ana_drives()
 
 
-def test_a_part_that_loses_what_it_lives_by_is_named_with_its_own_words(people):
+def test_part_that_loses_its_child_is_named_with_its_own_message(people):
     mosquitto = child_of(people.demo.member("run_broker"), "mosquitto")
     assert mosquitto is not None
     (death,) = people.kill_members({"broker": mosquitto})
@@ -65,7 +65,7 @@ def test_a_part_that_loses_what_it_lives_by_is_named_with_its_own_words(people):
 
 
 @pytest.mark.parametrize("program", ["robots.agent.simulator", "robots.agent.autonomy"])
-def test_a_robot_that_loses_its_simulator_or_its_navigation_has_another_soon(people, program):
+def test_robot_restarts_its_simulator_and_its_navigation(people, program):
     robot = people.demo.member("run_robot", "giraff")
     first = child_of(robot, program)
     assert first is not None
@@ -74,7 +74,7 @@ def test_a_robot_that_loses_its_simulator_or_its_navigation_has_another_soon(peo
     people.ana_drives()
 
 
-def test_a_practice_robot_that_is_killed_is_there_again_for_whoever_practises(people):
+def test_killed_practice_robot_is_restarted_for_its_visitor(people):
     people.cy_begins_to_practise()
     robot = practice_robot(people)
     assert robot is not None
@@ -85,9 +85,7 @@ def test_a_practice_robot_that_is_killed_is_there_again_for_whoever_practises(pe
     people.ana_drives()
 
 
-def test_a_practice_supervisor_that_is_killed_leaves_no_robot_behind_and_its_successor_goes_on(
-    people,
-):
+def test_killed_practice_supervisor_leaves_no_robot_and_is_replaced(people):
     people.cy_begins_to_practise()
     robot = practice_robot(people)
     assert robot is not None

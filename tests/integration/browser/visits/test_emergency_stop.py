@@ -1,5 +1,5 @@
-"""An emergency stop that was pressed beside the robot, seen by who drives it, and released from
-afar by somebody who operates it.
+"""An emergency stop pressed beside the robot, shown to the driver, and released by a remote
+operator.
 """
 
 import pytest
@@ -31,7 +31,7 @@ def button(page):
     return page.get_by_role("button", name=RELEASE, exact=True)
 
 
-def test_an_operator_releases_it_and_whoever_drives_goes_on(site, visitor, giraff):
+def test_operator_releases_the_stop_and_the_driver_goes_on(site, visitor, giraff):
     expect.set_options(timeout=patient(15) * 1000)
     key = site.django(SET_UP).strip()
     carl = visitor("carl").drive()

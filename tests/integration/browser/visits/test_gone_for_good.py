@@ -1,4 +1,4 @@
-"""How a visit ends when somebody is gone for good: the robot's agent, or the visitor's network."""
+"""How a session ends when the robot's agent or the visitor's network does not come back."""
 
 import signal
 
@@ -24,7 +24,7 @@ def ended(site) -> str:
 
 
 @pytest.mark.usefixtures("giraff")
-def test_an_agent_that_stays_away_ends_the_visit_as_the_robots_fault(site, visitor):
+def test_lost_agent_ends_the_session_as_robot_fault(site, visitor):
     anna = visitor("anna").drive()
     anna.wait_for("link", "live")
     site.stop("giraff", signal.SIGKILL)
@@ -33,7 +33,7 @@ def test_an_agent_that_stays_away_ends_the_visit_as_the_robots_fault(site, visit
 
 
 @pytest.mark.usefixtures("giraff")
-def test_a_cable_that_stays_pulled_ends_the_visit_as_a_lost_connection(tmp_path, playwright, site):
+def test_unplugged_visitor_ends_the_session_as_connection_lost(tmp_path, playwright, site):
     with (
         namespace() as network,
         chromium(playwright, str(network.wrapper(tmp_path, CHROMIUM))) as browser,

@@ -1,6 +1,4 @@
-"""A firewall that lets no datagram through on either side, and a relay outside of it that is
-reached by TCP.
-"""
+"""A firewall that drops all datagrams on either side, and a relay outside of it, reached by TCP."""
 
 import shutil
 import tempfile
@@ -38,11 +36,10 @@ def relay(computer):
 
 @pytest.fixture(scope="module")
 def site(relay, tmp_path_factory):
-    # Where no datagram passes, a page cannot tell which region is near, and tries both.
+    # Without datagrams a page cannot find the nearest region, and tries both.
     here = [f"here={url}" for url in relay.server("udp", "tcp").urls]
     turn = ",".join([*here, f"away=turn:{relay.address}:9?transport=tcp"])
-    # An address server that nobody hears here is on every site with a relay: neither side may wait
-    # for it.
+    # Every site with a relay has an address server, which cannot be reached here.
     stun = f"stun:{relay.address}:{relay.port}"
     with running_site(
         tmp_path_factory.mktemp("site"), STUN_URLS=stun, TURN_URLS=turn, TURN_SECRET=SECRET
@@ -50,9 +47,7 @@ def site(relay, tmp_path_factory):
         yield site
 
 
-def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(
-    computer, site, playwright
-):
+def test_video_and_driving_use_the_relay_where_no_datagram_passes(computer, site, playwright):
     giraff = site.start_robot("giraff", "--start", "corridor-centre")
     with chromium(playwright) as browser:
         anna = Visitor(browser, site, "anna").open(go=True)
@@ -63,15 +58,13 @@ def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(
         before = giraff.truth()
         anna.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
         anna.page.keyboard.up("ArrowLeft")
-        wait_for(lambda: path_of(site) == "relay/tcp", 15, "a record of the way that packets took")
+        wait_for(lambda: path_of(site) == "relay/tcp", 15, "a record of the path of packets")
         anna.leave()
         assert anna.problems == []
         anna.close()
 
 
 def path_of(site) -> str:
-    rows = site.rows(
-        "SELECT json_extract(data, '$.path') FROM telepresence_sessions_networksample ORDER BY"
-        " received_at DESC LIMIT 1"
-    )
+    newest = "FROM telepresence_sessions_networksample ORDER BY received_at DESC LIMIT 1"
+    rows = site.rows(f"SELECT json_extract(data, '$.path') {newest}")
     return rows[0][0] if rows else ""

@@ -1,5 +1,5 @@
-"""With no network interface but lo no WebRTC path exists: the picture comes through the server, and
-the robot is driven all the same.
+"""With no network interface but lo there is no WebRTC path: the robot is driven with single
+pictures that come through the server.
 """
 
 import json
@@ -21,7 +21,7 @@ from tests.support.sessions.site import LOOPBACK, running_site, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 ARROW_LEFT = "\ue012"
-# How many pictures the canvas has shown, by its pixels: each one that differs from the one before.
+# How many different pictures the canvas has shown, by its pixels.
 COUNT = """() => {
   const canvas = document.getElementById('slow'), seen = new Set();
   window.pictures = () => seen.size;
@@ -52,7 +52,7 @@ def computer():
 
 @pytest.fixture(scope="module")
 def site(computer, tmp_path_factory):
-    # for as long a web server may be away that is started again on a busy computer
+    # longer than the restart of a web server on a busy computer
     with running_site(tmp_path_factory.mktemp("site"), GRACE_SECONDS="150") as site:
         yield site
 
@@ -62,14 +62,20 @@ def giraff(site):
     return site.start_robot("giraff", "--start", "lab-before-door", "--seed", "3", "--fps", "10")
 
 
+def slow_seconds(site, where: str, *values) -> list[dict]:
+    """Return the network samples of seconds with single pictures."""
+    sql = f"SELECT data FROM telepresence_sessions_networksample WHERE {where}"
+    samples = [json.loads(data) for (data,) in site.rows(sql, *values)]
+    return [sample for sample in samples if sample.get("path") == "server/jpeg"]
+
+
 def wait_for_slow_picture(visitor):
     visitor.wait_for("slow", "", within=20)
-    wait_for(
-        lambda: not visitor.page.locator("#slow").is_hidden(), 10, "a picture through the server"
-    )
+    picture = visitor.page.locator("#slow")
+    wait_for(lambda: not picture.is_hidden(), 10, "a picture through the server")
 
 
-def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(site, visitor, giraff):
+def test_visitor_without_a_direct_path_drives_with_single_pictures(site, visitor, giraff):
     anna = visitor("anna").open(go=True)
     wait_for_slow_picture(anna)
     anna.page.evaluate(COUNT)
@@ -79,16 +85,12 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     expect(anna.page.locator("#sound")).to_be_hidden()
     assert anna.page_data("transport") == "mqtt"
     before = giraff.truth()
-    anna.hold(
-        "ArrowUp",
-        lambda: math.hypot(giraff.truth().x - before.x, giraff.truth().y - before.y) > 0.8,
-        20,
-        "a drive",
-    )
+    gone = lambda now: math.hypot(now.x - before.x, now.y - before.y)
+    anna.hold("ArrowUp", lambda: gone(giraff.truth()) > 0.8, 20, "a drive")
     wait_for(lambda: anna.page.evaluate("window.pictures()") > 15, 10, "pictures that move")
     keep(anna.page, "slow-desktop")
     anna.page.keyboard.up("ArrowUp")
-    wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a standing robot")
+    wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a robot at rest")
     anna.page.set_viewport_size({"width": 390, "height": 844})
     anna.page.wait_for_timeout(500)
     keep(anna.page, "slow-phone")
@@ -102,49 +104,31 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     assert {command["way"] for command in applied} == {"mqtt"}
     assert max(command["age"] for command in applied) < 1.0
     wait_for(lambda: site.sessions()[0][2:] == ("ended", "completed"), 10, "the outcome")
-    seconds = [
-        json.loads(data)
-        for (data,) in site.rows(
-            "SELECT data FROM telepresence_sessions_networksample WHERE session_id = ?", session
-        )
-    ]
-    slow = [second for second in seconds if second.get("path") == "server/jpeg"]
+    slow = slow_seconds(site, "session_id = ?", session)
     assert len(slow) >= 2
     assert max(second["fps"] for second in slow) > 2
 
 
 @pytest.mark.soak
-def test_firefox_without_a_direct_way_drives_by_the_slow_picture_as_well(site, giraff):
+def test_firefox_without_a_direct_path_drives_with_single_pictures(site, giraff):
     with firefox() as browser:
         browser.set_cookie("sessionid", site.sign_in("fiona"), LOOPBACK)
         browser.goto(f"{site.url}/robots/giraff/?go=1")
-        wait_for(
-            lambda: not browser.evaluate("document.getElementById('slow').hidden"),
-            40,
-            "a picture through the server in Firefox",
-        )
+        hidden = "document.getElementById('slow').hidden"
+        wait_for(lambda: not browser.evaluate(hidden), 40, "a picture through the server")
         assert browser.evaluate(f"({SPREAD})()") > 8
         before = giraff.truth()
-        browser.hold(
-            ARROW_LEFT, lambda: abs(giraff.truth().theta - before.theta) > 0.2, 20, "a turn"
-        )
+        turned = lambda: abs(giraff.truth().theta - before.theta)
+        browser.hold(ARROW_LEFT, lambda: turned() > 0.2, 20, "a turn")
         browser.evaluate("document.getElementById('leave').click()")
-        wait_for(
-            lambda: browser.evaluate("!document.getElementById('card').hidden"),
-            10,
-            "the question whether to leave",
-        )
+        shown = "!document.getElementById('card').hidden"
+        wait_for(lambda: browser.evaluate(shown), 10, "the question whether to leave")
         browser.evaluate("document.getElementById('card-main').click()")
-        wait_for(
-            lambda: (
-                browser.evaluate("document.getElementById('drive-page').dataset.phase") == "ended"
-            ),
-            10,
-            "the end of the visit",
-        )
+        phase = "document.getElementById('drive-page').dataset.phase"
+        wait_for(lambda: browser.evaluate(phase) == "ended", 10, "the end of the session")
 
 
-def test_whoever_watches_sees_it_too_and_whoever_does_not_gets_nothing(site, visitor, giraff):
+def test_observers_get_single_pictures_and_others_get_none(site, visitor, giraff):
     ben = visitor("ben").open(go=True)
     wait_for_slow_picture(ben)
     otto = visitor("otto").open()
@@ -177,76 +161,51 @@ def test_whoever_watches_sees_it_too_and_whoever_does_not_gets_nothing(site, vis
     ben.leave()
 
 
-def test_on_a_narrow_network_the_picture_becomes_smaller_instead_of_older(site, browser, giraff):
-    with Narrow(site.web_port) as way:
-        dan = Visitor(browser, replace(site, web_port=way.port), "dan").open(go=True)
+def test_pictures_get_smaller_instead_of_older_on_a_slow_network(site, browser, giraff):
+    with Narrow(site.web_port) as narrow:
+        dan = Visitor(browser, replace(site, web_port=narrow.port), "dan").open(go=True)
         wait_for_slow_picture(dan)
-        way.rate = 50_000.0
-        dan.page.wait_for_timeout(3000)  # the ladder takes some pictures to find its rung
+        narrow.rate = 50_000.0
+        dan.page.wait_for_timeout(3000)  # some pictures until the size has adapted
         begun, before = time.time(), giraff.truth()
         dan.hold("ArrowRight", lambda: abs(giraff.truth().theta - before.theta) > 1.0, 20, "a turn")
         dan.page.keyboard.up("ArrowRight")
         session = site.sessions()[-1][0]
         dan.page.wait_for_timeout(4000)
-        ended, way.rate = time.time(), None
+        ended, narrow.rate = time.time(), None
         dan.leave()
         dan.close()
-    # Each sample is of the second before its stamp, and here all clocks are one. In one of them the
-    # computer may have been busy.
+    # A sample is of the second before its stamp; all processes share one clock. Medians, as the
+    # computer may have been busy for a second.
     within = "session_id = ? AND stamp BETWEEN ? AND ?"
-    samples = site.rows(
-        f"SELECT data FROM telepresence_sessions_networksample WHERE {within}",
-        session,
-        begun + 1.0,
-        ended,
-    )
-    slow = [
-        second for (data,) in samples if (second := json.loads(data)).get("path") == "server/jpeg"
-    ]
-    assert len(slow) >= 3, samples
+    slow = slow_seconds(site, within, session, begun + 1.0, ended)
+    assert len(slow) >= 3, slow
     assert median(second["frameAge"] for second in slow) < 0.8, slow
     assert median(second["fps"] for second in slow) >= 1, slow
     assert median(second["bitrate"] for second in slow) < 8 * 60_000, slow
 
 
-def test_a_restart_of_the_web_server_stands_the_robot_still_and_the_picture_comes_back(
-    site, visitor, giraff
-):
+def test_restart_of_the_web_server_stops_the_robot_and_pictures_return(site, visitor, giraff):
     eva = visitor("eva").open(go=True)
     wait_for_slow_picture(eva)
     eva.page.keyboard.down("ArrowLeft")
     wait_for(lambda: abs(giraff.truth().angular) > 0.1, 10, "a turn")
     site.stop("web")
-    wait_for(lambda: abs(giraff.truth().angular) < 0.01, 5, "a standing robot")
-    wait_for(
-        lambda: eva.page.locator("#drive-page[data-frozen]").count(),
-        10,
-        "a picture that is marked as old",
-    )
+    wait_for(lambda: abs(giraff.truth().angular) < 0.01, 5, "a robot at rest")
+    frozen = eva.page.locator("#drive-page[data-frozen]")
+    wait_for(frozen.count, 10, "a picture that is marked as old")
     eva.page.keyboard.up("ArrowLeft")
     site.start("web")
     wait_for(site.web_answers, 40, "the web server")
-    wait_for(
-        lambda: eva.page.locator("#drive-page[data-slow][data-playing]").count(),
-        30,
-        "a picture of the present",
-    )
-    wait_for(lambda: turned_by(eva, giraff), 40, "a turn")
+    playing = eva.page.locator("#drive-page[data-slow][data-playing]")
+    wait_for(playing.count, 30, "a new picture")
+    before = giraff.truth()
+    eva.hold("ArrowRight", lambda: abs(giraff.truth().theta - before.theta) > 0.2, 40, "a turn")
+    eva.page.keyboard.up("ArrowRight")
     eva.leave()
 
 
-def turned_by(someone, giraff):
-    """Hold a key for some seconds: a picture that was old for a moment lets go of it, and people
-    press again.
-    """
-    before = giraff.truth()
-    someone.page.keyboard.down("ArrowRight")
-    someone.page.wait_for_timeout(4000)
-    someone.page.keyboard.up("ArrowRight")
-    return abs(giraff.truth().theta - before.theta) > 0.2
-
-
-def test_behind_a_firewall_the_slow_picture_lasts_until_a_direct_way_opens(
+def test_single_pictures_behind_a_firewall_last_until_a_path_opens(
     computer, site, playwright, giraff
 ):
     computer.plug()

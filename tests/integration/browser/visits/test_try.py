@@ -1,5 +1,5 @@
-"""Somebody without an account tries a simulated robot, from the first page of a demo to the
-invitation to sign up; and again.
+"""A visitor without an account tries a simulated robot twice, from the demo's first page to the
+invitation to sign up.
 """
 
 import re
@@ -14,17 +14,13 @@ from tests.support.patience import patient
 from tests.support.sessions.site import Site, free_port, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
-STARTED = 60_000  # ms until a practice robot is there on a busy computer
+STARTED = 60_000  # ms until a practice robot runs on a busy computer
 TURN = 15.0  # s; the default is a minute
 
 
-def test_a_stranger_drives_within_seconds_and_is_invited_to_sign_up_and_then_tries_again(
-    tmp_path, browser
-):
-    port = free_port()
-    with demo(
-        tmp_path / "var", "--port", str(port), PRACTICE_ROBOTS="1", TRIAL_SECONDS=str(TURN)
-    ) as running:
+def test_stranger_tries_a_robot_twice_and_is_invited_to_sign_up(tmp_path, browser):
+    port, settings = free_port(), {"PRACTICE_ROBOTS": "1", "TRIAL_SECONDS": str(TURN)}
+    with demo(tmp_path / "var", "--port", str(port), **settings) as running:
         running.link()
         stranger = Visitor(browser, Site(tmp_path / "var", web_port=port))
         page = stranger.page
@@ -44,9 +40,7 @@ def test_a_stranger_drives_within_seconds_and_is_invited_to_sign_up_and_then_tri
         expect(page).to_have_url(re.compile("/accounts/signup/"))
 
 
-def test_with_an_account_one_tries_and_drives_again_after_the_simulated_robot_has_ended(
-    tmp_path, browser
-):
+def test_user_tries_a_robot_again_after_the_simulated_one_has_ended(tmp_path, browser):
     port = free_port()
     with demo(tmp_path / "var", "--port", str(port), PRACTICE_ROBOTS="1") as running:
         running.link()
@@ -60,13 +54,10 @@ def test_with_an_account_one_tries_and_drives_again_after_the_simulated_robot_ha
             ana.leave()
             with page.expect_request("**/try/"):
                 page.get_by_role("button", name="Drive again").click()
-        # as its page is opened anew later, from the history or a bookmark
+        # later its page is opened again from a bookmark
         page.goto("/about/")
-        wait_for(
-            lambda: not running.find("run_robot", "practice-1"),
-            2 * LINGER,
-            "the end of the practice robot",
-        )
+        robot = lambda: running.find("run_robot", "practice-1")
+        wait_for(lambda: not robot(), 2 * LINGER, "the end of the practice robot")
         page.goto("/practice/practice-1/")
         with page.expect_request("**/try/"):
             page.get_by_role("button", name="Try again").click(timeout=STARTED)

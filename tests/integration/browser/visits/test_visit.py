@@ -1,5 +1,5 @@
-"""The whole path for real: sign-up, page, video, drive, map, record; then a queue, and somebody who
-only watches.
+"""A whole visit with real parts: sign-up, page, video, drive, map, record; then the queue, and an
+observer.
 """
 
 import math
@@ -41,9 +41,7 @@ def giraff(site):
 
 
 def marker_on_the_map(visitor) -> tuple[float, float, float]:
-    """Return (x, y, stamp) of the arrow: the middle of its coloured pixels, taken back through the
-    map's transform.
-    """
+    """Return (x, y, stamp) of the arrow: the centre of its pixels, through the map's transform."""
     seen = visitor.page.evaluate(CENTROID)
     assert seen["n"] > 30, "no arrow was drawn"
     scale = float(seen["viewScale"])
@@ -53,7 +51,7 @@ def marker_on_the_map(visitor) -> tuple[float, float, float]:
 
 
 def keeps_a_picture_of_the_drive(page) -> None:
-    """Its map shows the path that was driven, in the colour that paths have on the page's map."""
+    """The downloaded picture shows the driven path in the colour of the page's map."""
     with page.expect_download() as download:
         page.get_by_role("button", name="Keep a picture of your drive").click()
     assert download.value.suggested_filename == "giraff.png"
@@ -64,9 +62,7 @@ def keeps_a_picture_of_the_drive(page) -> None:
         assert sum(pixel == trail for pixel in picture.convert("RGB").getdata()) > 100
 
 
-def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
-    site, visitor, giraff
-):
+def test_newcomer_signs_up_drives_through_a_door_and_leaves(site, visitor, giraff):
     anna = visitor()
     page = anna.page
     page.goto("/")
@@ -89,20 +85,14 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
     truth = giraff.at(stamp)
     assert math.hypot(x - truth.x, y - truth.y) <= 0.15
     assert giraff.truth().contacts == 0
-    wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a standing robot")
+    wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a robot at rest")
 
     page.get_by_role("button", name="Leave").click()
     page.locator("#card-main").click()
     anna.wait_for("phase", "ended")
-    wait_for(
-        lambda: (
-            [(name, state, outcome) for _, name, state, outcome in site.sessions()]
-            == [("anna", "ended", "completed")]
-        ),
-        10,
-        "the outcome",
-    )
-    for _ in range(2):  # it can be had again
+    ended = lambda: [tuple(row[1:]) for row in site.sessions()]
+    wait_for(lambda: ended() == [("anna", "ended", "completed")], 10, "the outcome")
+    for _ in range(2):
         keeps_a_picture_of_the_drive(page)
     session = site.sessions()[0][0]
     states = wait_for(
@@ -112,13 +102,13 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     applied = [command for state in states for command in state.get("applied", [])]
     assert {command["method"] for command in applied} == {"keyboard"}
-    # A page that was held up for half a second has meanwhile driven by the other way, as it should.
-    ways = [command["way"] for command in applied]
-    assert ways.count("datachannel") > len(ways) / 2
+    # A page that was delayed by half a second used the other transport for a while.
+    transports = [command["way"] for command in applied]
+    assert transports.count("datachannel") > len(transports) / 2
 
 
 @pytest.mark.nightly
-def test_the_marker_stays_on_the_robot_while_it_turns_and_drives_back(visitor, giraff):
+def test_marker_follows_the_robot_while_it_turns_and_reverses(visitor, giraff):
     ben = visitor("ben").drive()
     for key in ("ArrowLeft", "ArrowUp", "ArrowRight", "ArrowDown"):
         ben.page.keyboard.down(key)
@@ -131,9 +121,7 @@ def test_the_marker_stays_on_the_robot_while_it_turns_and_drives_back(visitor, g
 
 
 @pytest.mark.nightly
-def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
-    site, visitor, giraff
-):
+def test_second_visitor_waits_in_the_queue_and_then_gets_the_robot(site, visitor, giraff):
     carl = visitor("carl").drive()
     dora = visitor("dora", viewport={"width": 390, "height": 844}).open(go=True)
     dora.wait_for("phase", "queued")
@@ -145,7 +133,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
     dora.page.locator("#card-main").click()
     dora.wait_for_picture()
     dora.wait_for("role", "driver")
-    dora.wait_for("link", "live")  # a link that is replaced lets go of every key
+    dora.wait_for("link", "live")  # a page whose link is replaced releases all keys
     before = giraff.truth()
     dora.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
     dora.page.keyboard.up("ArrowLeft")
@@ -153,7 +141,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
 
 
 @pytest.mark.nightly
-def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_press(visitor, giraff):
+def test_free_robot_is_granted_by_the_first_press(visitor, giraff):
     carl = visitor("carl").drive()
     eve = visitor("eve").open()
     eve.wait_for("phase", "lobby")
@@ -164,12 +152,10 @@ def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_pres
 
 
 @pytest.mark.nightly
-def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_server_and_at_the_robot(
-    site, visitor, giraff
-):
+def test_forged_commands_of_an_observer_are_refused_by_server_and_robot(site, visitor, giraff):
     eve = visitor("eve").drive()
     otto = visitor("otto")
-    # The page keeps its connections to itself, so the forger brings its own handle on them.
+    # The page hides its connections, so the forger keeps them in variables of its own.
     otto.context.add_init_script("""
       const { WebSocket: Socket, RTCPeerConnection: Connection } = window;
       window.sockets = []; window.channels = []; window.denied = [];
@@ -206,11 +192,8 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     )[0]
     session = f"{session[:8]}-{session[8:12]}-{session[12:16]}-{session[16:20]}-{session[20:]}"
     before = giraff.truth()
-    wait_for(
-        lambda: otto.page.evaluate("window.channels.some((c) => c.readyState === 'open')"),
-        10,
-        "an open data channel",
-    )
+    is_open = "window.channels.some((c) => c.readyState === 'open')"
+    wait_for(lambda: otto.page.evaluate(is_open), 10, "an open data channel")
     otto.page.evaluate(
         """([session, epoch]) => {
           for (let n = 0; n < 40; n += 1) {
@@ -225,15 +208,9 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
         }""",
         [session, epoch],
     )
-    # Told once a second at most; that none got through is what the robot's count and its standing
-    # still show.
-    wait_for(
-        lambda: otto.page.evaluate(
-            "window.denied.filter((d) => d.suffix === 'command/velocity').length"
-        ),
-        5,
-        "the server's refusal",
-    )
+    # Denials are sent at most once a second; the robot's count and pose show that none passed.
+    denied = "window.denied.filter((d) => d.suffix === 'command/velocity').length"
+    wait_for(lambda: otto.page.evaluate(denied), 5, "the server's refusal")
 
     def refused_at_the_robot() -> int:
         return sum(sum(state.get("refused", {}).values()) for state in site.states(session))
@@ -243,14 +220,13 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     assert math.hypot(after.x - before.x, after.y - before.y) < 0.01
     assert abs(after.theta - before.theta) < 0.01
     # The driver is not disturbed.
-    eve.hold(
-        "ArrowRight", lambda: abs(giraff.truth().theta - after.theta) > 0.1, 10, "the driver's turn"
-    )
+    turned = lambda: abs(giraff.truth().theta - after.theta)
+    eve.hold("ArrowRight", lambda: turned() > 0.1, 10, "the driver's turn")
     eve.page.keyboard.up("ArrowRight")
     eve.leave()
 
 
-def test_who_drives_already_reads_where_and_is_asked_before_that_drive_ends(visitor, giraff):
+def test_second_page_of_a_driver_asks_before_it_ends_the_first_drive(visitor, giraff):
     here, there = visitor("fay").drive(), visitor("fay")
     tab = here.new_page()
     tab.goto("/robots/giraff/?go=1")

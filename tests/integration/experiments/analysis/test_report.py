@@ -101,7 +101,7 @@ def test_tables_are_made_with_and_without_excluded_sessions():
     assert dataset.sessions[0].id not in {one.session.id for one in without.measured}
 
 
-def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figure_is_in_its_file(
+def test_each_number_names_its_sessions_and_each_figure_file_is_complete(
     written,
 ):
     dataset, folder = written

@@ -146,7 +146,7 @@ def about_to(server, ending):
 MIDWAY = protocol.Task(session="s1", stamp=1.0, passed=(1, 2))
 
 
-async def under_way(drive):
+async def midway(drive):
     await drive.cockpit.connect()
     drive.cockpit.take()
     assert await drive.cockpit.until(lambda: drive.view.granted and drive.view.frames, patient(5.0))
@@ -168,7 +168,7 @@ async def test_a_bot_without_a_connection_sends_no_heartbeat_and_no_image_reques
 @pytest.mark.parametrize("ending", [Ending.RELOADS_PAGE, Ending.OPENS_SECOND_PAGE])
 async def test_another_page_takes_over_the_session_by_its_id_alone(ending):
     async with RobotSocket() as server:
-        drive = await under_way(about_to(server, ending))
+        drive = await midway(about_to(server, ending))
         first = drive.cockpit
         assert not await drive._act_out_ending()
         assert server.connections == 2
@@ -184,7 +184,7 @@ async def test_another_page_takes_over_the_session_by_its_id_alone(ending):
 async def test_a_bot_that_presses_stop_sends_no_velocity_after_it(monkeypatch):
     monkeypatch.setattr("experiments.bots.drive.SURPRISE", 0.3)
     async with RobotSocket() as server:
-        drive = await under_way(about_to(server, Ending.PRESSES_STOP))
+        drive = await midway(about_to(server, Ending.PRESSES_STOP))
         drive.cockpit.steer(SpeedSetting(0.4, 0.0))
         await server.until(lambda: len(server.all("command/velocity")) >= 2)
         assert not await drive._act_out_ending()
@@ -200,24 +200,20 @@ async def test_a_bot_that_presses_stop_sends_no_velocity_after_it(monkeypatch):
 
 async def test_a_bot_that_retakes_a_photo_keeps_the_second_one():
     async with RobotSocket() as server:
-        drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
+        drive = await midway(about_to(server, Ending.TAKES_PHOTO_AGAIN))
         driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)
         for photo in ("one", "one", "two"):
             drive.view.task = protocol.Task(
                 session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo
             )
             drive._answer("keep", driver)
-        await server.until(
-            lambda: (
-                len([one for one in server.all("page/event") if one["type"] == "photo_answer"]) >= 2
-            )
-        )
-        told = [
-            (one["data"]["id"], one["data"]["choice"])
-            for one in server.all("page/event")
-            if one["type"] == "photo_answer"
-        ]
-        assert told == [("one", "again"), ("two", "keep")]
+
+        def answers():
+            events = (one for one in server.all("page/event") if one["type"] == "photo_answer")
+            return [(one["data"]["id"], one["data"]["choice"]) for one in events]
+
+        await server.until(lambda: len(answers()) >= 2)
+        assert answers() == [("one", "again"), ("two", "keep")]
         await drive.cockpit.close()
 
 

@@ -23,7 +23,7 @@ from tests.support.studies.questionnaires import defined, item
 from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_pages import form_of
 from tests.support.studies.study_site import cabin_with_giraff
-from tests.support.studies.wizard_study import WIZARD, wizard_document
+from tests.support.studies.wizard_study import wizard_document
 
 pytestmark = pytest.mark.django_db
 SECTIONS = (
@@ -63,6 +63,17 @@ def send(client, address: str, do: str = "save", **changes):
     return client.post(address, dict(data.lists()))
 
 
+def untick(client, address: str, box: str) -> None:
+    form = form_of(client.get(address))
+    del form[box]
+    client.post(address, dict(form.lists()) | {"do": "save"})
+
+
+def press(client, row: Study, name: str, do: str, **more):
+    """Press a button of a list, such as `add:` or `remove:0`."""
+    return client.post(section(row, name), {"do": do, "sha256": Study.objects.get().sha256}, **more)
+
+
 def stored():
     return Study.objects.get().as_definition()
 
@@ -74,7 +85,7 @@ def wrong():
 # --- building -------------------------------------------------------------------------------------
 
 
-def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(client, boss):
+def test_a_whole_study_without_problems_is_built_without_json(client, boss):
     cabin_with_giraff()
     row = publishing.begin_empty("mine", "My study", ["en"], NOW)
     texts = {"consent": {"text__en": "You will drive."}, "debrief": {"text__en": "Thanks."}}
@@ -83,25 +94,18 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
     send(client, section(row, "steps", 2), "add:leaves")
     send(client, section(row, "steps", 2), leaves__0__text__en="Drive with the arrow keys.")
     for n, closed in enumerate(([], ["door"])):
-        answer = client.post(
-            section(row, "conditions"), {"do": "add:", "sha256": Study.objects.get().sha256}
-        )
+        answer = press(client, row, "conditions", "add:")
         assert answer.headers["Location"] == section(row, "conditions", n)
         send(client, section(row, "conditions", n), title__en=f"Number {n}", doors_closed=closed)
-    client.post(section(row, "courses"), {"do": "add:", "sha256": Study.objects.get().sha256})
-    assert [(one.number, one.x, one.y) for one in stored().courses[0].checkpoints] == [
-        (0, 0.5, 2.0)
-    ]
+    press(client, row, "courses", "add:")
+    (first,) = stored().courses[0].checkpoints
+    assert (first.number, first.x, first.y) == (0, 0.5, 2.0)
     send(client, section(row, "courses", 0), "add:checkpoints", at="3 1")
     send(client, section(row, "courses", 0), "add:checkpoints", at="7 2")
     assert wrong() == []
     condition = stored().conditions[1]
-    assert (condition.key, condition.robot, condition.site, condition.doors_closed) == (
-        "condition_2",
-        "giraff",
-        "cabin",
-        ("door",),
-    )
+    found = (condition.key, condition.robot, condition.site, condition.doors_closed)
+    assert found == ("condition_2", "giraff", "cabin", ("door",))
 
 
 def designed(client, row: Study, *kinds: str) -> str:
@@ -150,7 +154,7 @@ def test_design_page_makes_the_conditions_of_two_factors(client, boss):
 
 def test_renaming_a_level_renames_it_wherever_it_is_used(client, study):
     page = designed(client, study, "assist")
-    add_to(client, study, "analyses")
+    press(client, study, "analyses", "add:")
     analysis = section(study, "analyses", 0)
     send(client, page, factors__0__design="within")
     send(client, analysis, test="mixed", measures=["task_time"], effects=["assist"])
@@ -202,9 +206,7 @@ def test_design_without_factors_is_chosen_with_the_assignment(client, study):
 def test_questionnaire_asked_once_in_a_within_study_must_be_confirmed(client, study):
     send(client, section(study, "design"), allocation__design="within")
     asked = section(study, "steps", 1)
-    form = form_of(client.get(asked))
-    del form["repeat"]
-    client.post(asked, dict(form.lists()) | {"do": "save"})
+    untick(client, asked, "repeat")
     publish = reverse("admin:experiments_study_publish", args=[study.pk])
     reason = {"reason": "A pilot has shown that it works."}
     refused = client.post(publish, reason)
@@ -214,7 +216,7 @@ def test_questionnaire_asked_once_in_a_within_study_must_be_confirmed(client, st
     assert Study.objects.get().status == Study.Status.PUBLISHED
 
 
-def test_assignment_is_balanced_by_factors_that_are_known_before_the_first_drive(client, study):
+def test_assignment_is_balanced_by_answers_known_before_the_first_drive(client, study):
     design = section(study, "design")
     send(client, design, "add:allocation.balance", allocation__best_probability="0.9")
     send(
@@ -266,9 +268,7 @@ def test_recruitment_screening_and_appointments_are_built_without_json(client, s
     assert stored().screening == ()
 
 
-def test_a_speed_above_the_robots_own_is_not_saved_and_the_field_says_what_it_reaches(
-    client, study
-):
+def test_speed_above_the_top_speed_is_refused_with_the_top_speed(client, study):
     page = section(study, "conditions", 0)
     answer = send(client, page, speed__linear="9")
     assert answer.status_code == 422
@@ -282,14 +282,14 @@ def test_lists_call_questionnaires_by_their_titles(client, study):
     assert f"{title}, version 1" in read(client.get(section(study, "steps"))).text
 
 
-def test_the_builder_says_where_a_task_ends_and_what_happens_otherwise(client, study):
+def test_the_builder_states_where_a_task_ends_and_the_alternative(client, study):
     text = read(client.get(section(study, "steps", 0))).text
     assert "docked the robot at the charging station. Otherwise the drive ends" in text
     course = read(client.get(section(study, "courses", 0))).text
     assert "begins and ends at checkpoint 0" in course
 
 
-def test_a_second_question_on_the_age_is_told_on_both_pages_with_the_way_to_the_other(client, boss):
+def test_two_questions_on_the_age_are_reported_on_both_pages_with_links(client, boss):
     cabin_with_giraff()
     questionnaires.store(defined([item("number", "years", text={"en": "How old are you?"})]), NOW)
     title = {"en": "You"}
@@ -311,9 +311,8 @@ def test_a_second_question_on_the_age_is_told_on_both_pages_with_the_way_to_the_
     assert twice not in read(client.get(section(row, "steps", 1))).text
 
 
-def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(client, study):
-    sent = {"do": "add:instructions", "sha256": study.sha256}
-    address = client.post(section(study, "steps"), sent).headers["Location"]
+def test_a_page_of_the_instructions_is_limited_to_ticked_conditions(client, study):
+    address = press(client, study, "steps", "add:instructions").headers["Location"]
     send(client, address, "add:leaves", title__en="Read")
     send(client, address, leaves__0__text__en="Mind the door.", leaves__0__conditions=["shut"])
     assert stored().steps[-1].leaves[0].conditions == ("shut",)
@@ -321,7 +320,7 @@ def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(
 
 
 def test_an_analysis_is_declared_without_json(client, study):
-    client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
+    press(client, study, "analyses", "add:")
     page = section(study, "analyses", 0)
     send(client, page, key="doors", title__en="Doors", measures=["task_time", "experience.q1"])
     send(client, page, "add:contrasts")
@@ -340,7 +339,7 @@ def test_an_analysis_is_declared_without_json(client, study):
 
 
 def test_a_plan_is_declared_without_json(client, study):
-    client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
+    press(client, study, "analyses", "add:")
     send(client, section(study, "analyses", 0), key="doors", title__en="Doors", measures=["stops"])
     page = section(study, "plan")
     send(client, page)
@@ -361,15 +360,11 @@ def test_a_plan_is_declared_without_json(client, study):
     assert wrong() == []
 
 
-def add_to(client, row: Study, name: str) -> None:
-    client.post(section(row, name), {"do": "add:", "sha256": Study.objects.get().sha256})
-
-
 @pytest.mark.nightly
 def test_a_script_is_written_without_json(client, study):
     send(client, section(study, "wizard"), wizard__on="on", wizard__conditions=["shut"])
     assert stored().wizard.conditions == ("shut",)
-    add_to(client, study, "stages")
+    press(client, study, "stages", "add:")
     page = section(study, "stages", 0)
     for kind in ("", "place", "dock", "undock", "tilt", "turn", "drive"):
         send(client, page, f"add:steps:{kind}")
@@ -389,18 +384,16 @@ def test_a_script_is_written_without_json(client, study):
     assert send(client, section(study, "wizard"), wizard__blind="on").status_code == 302
     assert (stored().wizard.blind, len(stored().wizard.stages[0].steps)) == (True, 6)
     assert read(client.get(section(study, "wizard"))).text.count("6 steps") == 1
-    client.post(section(study, "stages"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
+    press(client, study, "stages", "copy:0")
     assert not [text for text in wrong() if "stands" in text]
-    form = form_of(client.get(section(study, "wizard")))
-    del form["wizard.on"]
-    client.post(section(study, "wizard"), dict(form.lists()) | {"do": "save"})
+    untick(client, section(study, "wizard"), "wizard.on")
     assert stored().wizard is None
 
 
 def test_a_coding_scheme_is_written_without_json(client, study):
     send(client, section(study, "coding"), coding__on="on", coding__bin="0.5")
     assert wrong() == ["The coding scheme has no codes."]
-    add_to(client, study, "codes")
+    press(client, study, "codes", "add:")
     page = section(study, "codes", 0)
     send(client, page, "add:modifiers", code="help", name="Asks for help", key="h")
     values = {"modifiers__0__name": "whom", "modifiers__0__values": "the robot, a visitor"}
@@ -410,7 +403,7 @@ def test_a_coding_scheme_is_written_without_json(client, study):
     assert code.modifiers[0].values == ("the robot", "a visitor")
     assert stored().coding.bin == 0.5
     assert wrong() == []
-    client.post(section(study, "codes"), {"do": "copy:0", "sha256": Study.objects.get().sha256})
+    press(client, study, "codes", "copy:0")
     assert [one.code for one in stored().coding.codes] == ["help", "help_2"]
     assert wrong() == ["Name “asks for help” appears 2 times."]
     shown = read(client.get(section(study, "coding"))).text
@@ -420,8 +413,7 @@ def test_a_coding_scheme_is_written_without_json(client, study):
 
 def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
     whole = {**wizard_document(), "languages": ["en", "es"]}
-    document = msgspec.convert(whole, StudyDefinition)
-    row = publishing.save_draft(study, document)
+    row = publishing.save_draft(study, msgspec.convert(whole, StudyDefinition))
     shown = read(client.get(section(row, "stages", 0))).text
     assert "Greet · Line (Spanish) is missing." in shown
 
@@ -454,11 +446,9 @@ def test_invalid_input_is_an_error_of_its_field_and_no_input_is_lost(client, stu
     assert stored() == small_study()
 
 
-def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(client, study):
-    assert (
-        send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code
-        == 302
-    )
+def test_an_unfinished_part_is_saved_with_its_problems_above_the_form(client, study):
+    answer = send(client, section(study, "conditions", 0), title__en="", controllers=[])
+    assert answer.status_code == 302
     found = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
     assert (
         "Condition all_open: there is no controller and no action that sends the robot (places, map"
@@ -467,7 +457,7 @@ def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(cli
     assert "all_open · Title (English) is missing." in found
 
 
-def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_page(client, boss):
+def test_a_text_missing_in_several_languages_is_one_problem_with_labels_of_the_page(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
     found = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
     assert found.count("Thanks · Text (English, Spanish) is missing.") == 1
@@ -508,28 +498,19 @@ def test_a_study_keeps_one_language_at_least(client, study):
 
 
 def test_parts_are_added_copied_moved_and_removed(client, study):
-    def press(do: str):
-        return client.post(
-            section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256}
-        )
+    def do(what: str):
+        return press(client, study, "conditions", what)
 
-    assert press("copy:0").headers["Location"] == section(study, "conditions", 1)
+    assert do("copy:0").headers["Location"] == section(study, "conditions", 1)
     assert [one.key for one in stored().conditions] == ["all_open", "all_open_2", "shut"]
-    press("down:0")
+    do("down:0")
     assert [one.key for one in stored().conditions] == ["all_open_2", "all_open", "shut"]
-    press("remove:0")
-    press("up:1")
+    do("remove:0")
+    do("up:1")
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
-    for nonsense in (
-        "remove:7",
-        "remove:x",
-        "burn:0",
-        "",
-        "up:0",
-        "remove:-1",
-        "remove:99999999999999999999",
-    ):
-        press(nonsense)
+    large = "remove:99999999999999999999"
+    for nonsense in ("remove:7", "remove:x", "burn:0", "", "up:0", "remove:-1", large):
+        do(nonsense)
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
 
 
@@ -545,9 +526,7 @@ def test_a_list_of_another_page_is_not_changed_by_a_hand_made_button(client, stu
     "kind", ["consent", "form", "instructions", "practice", "questionnaire", "debrief"]
 )
 def test_a_step_of_every_kind_is_added_and_shown(client, study, kind):
-    answer = client.post(
-        section(study, "steps"), {"do": f"add:{kind}", "sha256": study.sha256}, follow=True
-    )
+    answer = press(client, study, "steps", f"add:{kind}", follow=True)
     assert answer.status_code == 200
     added = [one for one in stored().steps if one.key not in {"task", "experience"}]
     assert [one.kind for one in added] == [kind]
@@ -555,8 +534,7 @@ def test_a_step_of_every_kind_is_added_and_shown(client, study, kind):
 
 def test_new_steps_are_placed_where_they_belong_and_offered_only_if_allowed(client, study):
     for kind in ("debrief", "consent", "instructions"):
-        add = {"do": f"add:{kind}", "sha256": Study.objects.get().sha256}
-        assert client.post(section(study, "steps"), add).status_code == 302
+        assert press(client, study, "steps", f"add:{kind}").status_code == 302
     kinds = [one.kind for one in stored().steps]
     assert kinds == ["consent", "task", "questionnaire", "instructions", "debrief"]
     buttons = {
@@ -564,13 +542,11 @@ def test_new_steps_are_placed_where_they_belong_and_offered_only_if_allowed(clie
     }
     assert not {"add:debrief", "add:consent", "add:task"} & buttons
     assert "add:practice" in buttons
-    add = {"do": "add:task", "sha256": Study.objects.get().sha256}
-    assert client.post(section(study, "steps"), add).status_code == 404
+    assert press(client, study, "steps", "add:task").status_code == 404
 
 
 def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
-    add = {"do": "add:instructions", "sha256": study.sha256}
-    address = client.post(section(study, "steps"), add).headers["Location"]
+    address = press(client, study, "steps", "add:instructions").headers["Location"]
     send(client, address, "add:leaves", title__en="Read")
     png = b"\x89PNG\r\n\x1a\n" + bytes(50)
     send(client, address, leaves__0__picture__file=SimpleUploadedFile("lab.png", png))
@@ -587,7 +563,7 @@ def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
 
 
 def test_leaves_are_moved_with_what_was_typed_in_them(client, study):
-    client.post(section(study, "steps"), {"do": "add:instructions", "sha256": study.sha256})
+    press(client, study, "steps", "add:instructions")
     address = section(study, "steps", 2)
     send(client, address, "add:leaves")
     send(client, address, "add:leaves", leaves__0__text__en="first")
@@ -597,7 +573,7 @@ def test_leaves_are_moved_with_what_was_typed_in_them(client, study):
     assert [leaf.text["en"] for leaf in stored().steps[2].leaves] == ["first"]
 
 
-def test_leaving_a_language_takes_its_texts_and_adding_one_asks_for_them(client, boss):
+def test_removing_a_language_removes_its_texts_and_adding_one_asks_for_them(client, boss):
     row = publishing.store(shipped()["assistance"], NOW)
     send(client, section(row, "about"), languages="en")
     assert list(publishing.problems(stored())) == []
@@ -608,7 +584,7 @@ def test_leaving_a_language_takes_its_texts_and_adding_one_asks_for_them(client,
     assert any("has no text in fr" in text for text in sentences(publishing.problems(stored())))
 
 
-def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
+def test_of_two_simultaneous_edits_the_second_sees_both(client, study):
     mine = form_of(client.get(section(study, "about")))
     send(client, section(study, "steps", 0), minutes="7")
     mine["title.en"] = "Hut"
@@ -621,7 +597,7 @@ def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
     assert (stored().title, stored().task.minutes) == ({"en": "Hut"}, 7.0)
 
 
-def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study):
+def test_a_list_that_someone_else_has_changed_is_not_changed(client, study):
     answer = client.post(
         section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True
     )
@@ -629,23 +605,12 @@ def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study)
     assert stored() == small_study()
 
 
-def test_pages_of_nothing_are_not_there(client, study):
-    for address in (
-        section(study, "nonsense"),
-        section(study, "steps", 9),
-        section(study, "about", 0),
-        section(study, "nonsense", 0),
-    ):
-        assert (
-            client.get(address).status_code,
-            client.post(address, {"do": "save"}).status_code,
-        ) == (404, 404)
-    assert (
-        client.post(
-            section(study, "steps"), {"do": "add:nonsense", "sha256": study.sha256}
-        ).status_code
-        == 404
-    )
+def test_pages_of_unknown_parts_are_not_found(client, study):
+    parts = (("nonsense", None), ("steps", 9), ("about", 0), ("nonsense", 0))
+    for address in (section(study, *part) for part in parts):
+        assert client.get(address).status_code == 404
+        assert client.post(address, {"do": "save"}).status_code == 404
+    assert press(client, study, "steps", "add:nonsense").status_code == 404
 
 
 @pytest.mark.parametrize(
@@ -660,15 +625,12 @@ def test_name_version_and_other_parts_cannot_be_slipped_in(client, study, forged
 
 
 def check(client, row: Study, **changes):
-    data = form_of(client.get(section(row, "courses", 0)))
-    for name, value in changes.items():
-        data[name.replace("__", ".")] = value
-    return client.post(
-        reverse("admin:experiments_study_check", args=[row.pk, "courses", 0]), dict(data.lists())
-    )
+    data = form_of(client.get(section(row, "courses", 0))).dict()
+    data |= {name.replace("__", "."): value for name, value in changes.items()}
+    return client.post(reverse("admin:experiments_study_check", args=[row.pk, "courses", 0]), data)
 
 
-def test_the_course_page_has_the_ground_and_the_way_to_the_check(client, study):
+def test_the_course_page_shows_the_floor_plan(client, study):
     page = read(client.get(section(study, "courses", 0)))
     ground = next(e for e in page.all("script") if e.attributes.get("id") == "course-ground")
     assert '"mapId": "cabin"' in ground.text
@@ -688,14 +650,10 @@ def test_unreachable_checkpoints_are_shown_before_saving(client, study):
     assert stored() == small_study()
 
 
-def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
-    plan = {"passages": []}
-    row = publishing.FloorPlan.objects.get()
-    row.plan = {
-        **row.plan,
-        **plan,
-        "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
-    }
+def test_the_course_is_checked_with_the_doors_of_each_condition(client, study):
+    row = FloorPlan.objects.get()
+    wall = {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}
+    row.plan |= {"passages": [], "walls": [*row.plan["walls"], wall]}
     row.save()
     found = check(client, study).json()
     assert found["checkpoints"] == [2]
@@ -705,7 +663,7 @@ def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
     )
 
 
-def test_checkpoints_are_numbered_as_they_stand_and_the_photo_goes_along(client, study):
+def test_moved_checkpoints_are_renumbered_and_the_photo_keeps_its_checkpoint(client, study):
     send(client, section(study, "courses", 0), "up:checkpoints:2")
     course = stored().courses[0]
     assert [(one.number, one.x) for one in course.checkpoints] == [(0, 0.5), (1, 7.0), (2, 3.0)]
@@ -742,7 +700,7 @@ def test_every_page_of_the_small_study_is_reached_from_the_others(client, study)
     assert len(STUDY["steps"]) == len(stored().steps)
 
 
-def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
+def test_a_draft_with_participants_proposes_a_new_version(client, study):
     words = "Create a new version to keep it separate"
     assert words not in read(client.get(section(study, "steps"))).text
     comer(study, person("pilot"), kind=ParticipantKind.PILOT)
@@ -779,7 +737,7 @@ def test_page_of_a_study_starts_with_tasks_before_publishing(client, boss):
     assert text.index("To do before publishing") < text.index("Link (draft")
 
 
-def test_the_consent_of_a_study_that_lets_others_watch_is_advised_to_say_so(client, boss):
+def test_consent_of_a_study_with_observers_should_mention_them(client, boss):
     study = publishing.begin_empty("mine", "My study", ["en"], NOW)
     consent, advised = section(study, "steps", 0), "The consent should say that others can see"
     assert advised not in read(client.get(consent)).text
@@ -826,9 +784,8 @@ def test_invalid_angle_stays_as_typed_and_limits_are_in_degrees(client, study):
         if one.attributes.get("name") == "start.heading" and one.attributes.get("type") != "hidden"
     ]
     assert typed == "fast"
-    assert (
-        "Write a number of at most 183.3." in read(send(client, rules, start__heading="200")).text
-    )
+    refused = send(client, rules, start__heading="200")
+    assert "Write a number of at most 183.3." in read(refused).text
 
 
 # --- a whole study --------------------------------------------------------------------------------
@@ -859,20 +816,18 @@ def test_problems_of_the_study_and_of_this_site_are_listed_at_once(client, study
 def test_questionnaire_asked_once_is_no_measure_of_a_within_study(client, study):
     designed(client, study, "assist")
     send(client, section(study, "design"), factors__0__design="within")
-    add_to(client, study, "analyses")
+    press(client, study, "analyses", "add:")
     analysis = section(study, "analyses", 0)
     send(client, analysis, title__en="Main", measures=["experience.q1"])
     asked = section(study, "steps", 1)
-    form = form_of(client.get(asked))
-    del form["repeat"]
-    client.post(asked, dict(form.lists()) | {"do": "save"})
+    untick(client, asked, "repeat")
     assert any("experience is asked only once, so it cannot be compared" in one for one in wrong())
 
 
 def test_expectations_are_sentences_about_levels_and_about_contrasts(client, study):
     designed(client, study, "video_delay")
     send(client, section(study, "design"), factors__0__levels__1__sets__video_delay="0.3")
-    add_to(client, study, "analyses")
+    press(client, study, "analyses", "add:")
     analysis = section(study, "analyses", 0)
     send(client, analysis, "add:contrasts", title__en="Doors", measures=["task_time"])
     first, second = (one.key for one in stored().conditions)

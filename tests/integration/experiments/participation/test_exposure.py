@@ -55,7 +55,7 @@ def test_participant_who_saw_video_and_never_moved_keeps_the_condition(robot):
     assert Draw.objects.count() == 1
 
 
-def test_participant_whose_page_showed_nothing_is_drawn_again_and_both_draws_are_kept(robot):
+def test_participant_without_video_is_drawn_again_and_both_draws_are_stored(robot):
     study = p.published(small_study(allocation={"best_probability": 1.0}))
     drive = begin(robot, "ada", study)
     at = timezone.now().timestamp()

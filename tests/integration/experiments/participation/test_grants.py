@@ -10,7 +10,7 @@ from django.utils import timezone
 from experiments.definition.course import CourseTrack
 from experiments.definition.schema import digest, from_stored
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
-from experiments.participation import advance, grants, progress
+from experiments.participation import advance, grants
 from experiments.participation.grants import StudyTerms
 from experiments.tasks.stored_records import track_of
 from robots.access import may_drive, may_observe
@@ -28,8 +28,8 @@ pytestmark = pytest.mark.django_db
 SURE = {"best_probability": 1.0}  # always the cell with the fewest
 
 
-def heard_of() -> None:
-    """The robots are online, for longer than any test takes."""
+def keep_online() -> None:
+    """Mark the robots as online for longer than any test takes."""
     RobotPresence.objects.update(
         connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1)
     )
@@ -38,7 +38,7 @@ def heard_of() -> None:
 @pytest.fixture
 def robot():
     cabin_with_giraff()
-    heard_of()
+    keep_online()
     return Robot.objects.get(name="giraff")
 
 
@@ -267,7 +267,7 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     assert isinstance(take(robot, participant.user), store.TakeGranted)
 
 
-def test_a_drive_of_a_study_is_private_to_participant_and_staff_unless_the_study_says_else(robot):
+def test_study_drives_are_private_unless_the_study_allows_observers(robot):
     participant = p.comer(p.published(small_study()), person("ada"))
     granted = take(robot, participant.user)
     assert (granted.terms.private, granted.lease.private) == (True, True)
@@ -357,7 +357,7 @@ def test_a_draft_is_for_pilots_and_bots(robot, study):
 
 def test_another_series_of_robots_is_none_of_the_studys(robot, study):
     rhodon = robot_at(robot.floor_plan, "rhodon", "rhodon")
-    heard_of()
+    keep_online()
     participant = p.comer(study, person("ada"))
     assert take(rhodon, participant.user).terms == terms.FREE
 

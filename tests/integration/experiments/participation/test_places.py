@@ -41,9 +41,7 @@ def stages(study, now=None):
     return sorted((one.cell, one.stage) for one in found)
 
 
-def test_a_participant_who_is_silent_after_the_first_round_has_left_until_they_come_back(
-    study, robot
-):
+def test_participant_silent_after_the_first_round_has_left_until_they_return(study, robot):
     participant_of(study, robot, "ada", ORDERS[0], 1)
     participant_of(study, robot, "ben", ORDERS[1], 2)
     assert stages(study) == [("alone-assisted", "filled"), ("assisted-alone", "filled")]

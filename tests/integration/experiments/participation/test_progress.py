@@ -6,6 +6,7 @@ from django.utils import timezone
 from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
 from tests.support.people import person
@@ -31,9 +32,7 @@ def answer(participant: Participant) -> None:
         participant,
         progress.place(participant),
         step,
-        robot=(),
-        outcome="",
-        return_to="",
+        drive=DriveStatus(),
         now=timezone.now(),
     )
     type(given).objects.filter(pk=given.pk).update(finished_at=timezone.now())
@@ -153,7 +152,7 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     ) == context_key(participant, JourneyPlace(1, 0, "about_you"), steps["about_you"])
 
 
-def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_one_succeeds(
+def test_a_drive_with_motion_counts_and_a_failed_one_is_technical_until_one_succeeds(
     study,
 ):
     robot = p.site("office")
@@ -203,9 +202,7 @@ def test_a_draft_is_nobodys_but_its_researchers():
     assert progress.study_for(person("root", is_superuser=True), "exploration") == draft
 
 
-def test_the_home_page_shows_what_is_published_and_open_to_all_and_when_closed_studies_open(
-    study, twice
-):
+def test_home_page_lists_open_studies_and_when_closed_studies_open(study, twice):
     now = datetime.datetime(2026, 3, 7, 12, 0, tzinfo=datetime.UTC)  # a Saturday
     assert {one.slug for one in progress.visible_studies(now)} == {"exploration", "assistance"}
     Study.objects.filter(pk=study.pk).update(

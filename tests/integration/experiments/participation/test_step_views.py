@@ -80,9 +80,7 @@ def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_nothing_twice(
-    walk, name
-):
+def test_reload_back_second_tab_and_other_device_neither_lose_nor_repeat_a_step(walk, name):
     walker, other = walk(name), None
     past: list[dict[str, str]] = []
     route = progress.route_of(walker.participant)
@@ -112,7 +110,7 @@ def titles(page) -> str:
     return page.all("title")[0].text.strip()
 
 
-def test_every_page_of_a_participant_names_the_study_and_the_step_also_of_repeated_conditions(
+def test_every_page_of_a_participant_names_the_study_and_the_step(
     walk,
 ):
     walker = walk("assistance")
@@ -258,9 +256,7 @@ def test_agreement_to_publishing_is_a_tick_of_its_own_that_nobody_has_to_set(
         {"age": "17", "agree": "on", "guardian": "\u202ex"},
     ],
 )
-def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_is_stored(
-    walk, fields
-):
+def test_an_invalid_consent_is_asked_again_and_not_stored(walk, fields):
     walker = walk()
     response = walker.send(**fields)
     assert response.status_code == 422
@@ -349,7 +345,7 @@ def read_by_condition(*keys: str) -> list[dict]:
     ]
 
 
-def test_a_page_for_some_conditions_is_read_by_those_alone_who_are_assigned_when_they_come(robot):
+def test_a_page_for_some_conditions_is_shown_only_to_participants_assigned_to_them(robot):
     keys = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
     even = {"best_probability": 1.0}
     study = p.published(p.of("exploration", steps=read_by_condition(*keys), allocation=even))
@@ -472,9 +468,7 @@ def test_the_drive_page_is_told_of_the_study(at_task, robot):
         "connection_lost",
     ],
 )
-def test_after_a_drive_that_moved_the_questions_follow_by_themselves_whatever_its_outcome(
-    at_task, robot, outcome
-):
+def test_questions_follow_a_drive_with_motion_whatever_its_outcome(at_task, robot, outcome):
     walker = at_task()
     walker.drive(outcome)
     response = walker.client.get(walker.url())
@@ -600,7 +594,7 @@ def test_a_freed_participant_answers_when_all_other_places_are_taken(
     assert walker.participant.step == "experience"
 
 
-def test_outside_of_the_opening_hours_nobody_drives_and_the_page_says_when_by_the_studys_own_clock(
+def test_outside_of_the_opening_hours_the_page_shows_when_the_study_opens(
     at_task,
 ):
     walker = at_task()

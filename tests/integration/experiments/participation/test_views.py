@@ -60,9 +60,7 @@ def test_a_stranger_reads_what_the_study_is_and_signs_up_on_the_way(client, stud
     assert buttons(read(client.get(FRONT))) == ["Take part"] if language == "en" else ["Participar"]
 
 
-def test_parameters_of_the_recruiting_site_survive_the_sign_up_and_are_kept_within_bounds(
-    client, study
-):
+def test_recruitment_parameters_survive_the_sign_up_and_are_limited(client, study):
     client.get(
         FRONT, {"PROLIFIC_PID": "5f", "STUDY_ID": "s" * 300, **{f"x{n}": "1" for n in range(20)}}
     )
@@ -135,7 +133,7 @@ def test_the_hours_are_read_as_days_of_the_week(client, study):
     assert "Europe/Madrid" in text
 
 
-def test_a_draft_is_shown_to_its_researchers_clearly_marked_and_they_take_part_as_pilots(client):
+def test_researchers_see_a_marked_draft_and_take_part_as_pilots(client):
     draft = p.publishing.store(p.of("exploration"), timezone.now())
     assert client.get(FRONT).status_code == 404
     user = signed_in(client)
@@ -345,7 +343,7 @@ def test_a_withdrawal_before_the_robot_moved_frees_the_place(study):
     assert (left.stage, left.cell) == ("freed", "giraff_open")
 
 
-def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_was_told(study):
+def test_withdrawal_ends_a_live_drive_and_deletes_it_after_all_notices(study):
     robot = p.site()
     participant = p.assign(p.comer(study, person()), "giraff_open")
     drive = p.drive_of(robot, participant, moved=True)

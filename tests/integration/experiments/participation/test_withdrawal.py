@@ -6,7 +6,6 @@ import datetime
 import hashlib
 import io
 import logging
-import re
 from pathlib import Path
 
 import pytest
@@ -30,7 +29,6 @@ from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer, Response
 from telepresence_site.ops.log_lines import key_value_lines
-from tests.support.browsers.html_page import faults, read
 from tests.support.media.jpegs import with_metadata
 from tests.support.people import person
 from tests.support.sessions import replays

@@ -11,9 +11,11 @@ from django.utils import timezone
 from experiments.models import Participant, StudyKey, StudyMember
 from experiments.participation import completion
 from experiments.recruitment import api
+from experiments.resources import obstacles_here
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
+from tests.support.studies.members import member, signed_in
 
 pytestmark = pytest.mark.django_db
 API = "/api/v1/studies/exploration/participants/"
@@ -31,13 +33,6 @@ def ada(study):
     return p.comer(study, person("ada"), recruitment=given)
 
 
-def member(client, study, role="researcher", name="rita"):
-    user = person(name, is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role=role)
-    client.force_login(user)
-    return user
-
-
 def found(client, words: str) -> list[str]:
     page = read(client.get(LIST, {"q": words}))
     codes = set(Participant.objects.values_list("code", flat=True))
@@ -46,11 +41,11 @@ def found(client, words: str) -> list[str]:
 
 def test_researchers_find_a_participant_by_id_and_viewers_do_not(client, study, ada):
     p.comer(study, person("bob"), recruitment={"PROLIFIC_PID": "b0b"})
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     assert found(client, "5f0c") == [ada.code]
     assert found(client, ada.code) == [ada.code]
     assert "5f0c" in client.get(LIST).content.decode()
-    member(client, study, "viewer", "vic")
+    signed_in(client, "viewer", study.slug, "vic")
     assert found(client, "5f0c") == []
     assert found(client, ada.code) == [ada.code]
     assert "5f0c" not in client.get(LIST).content.decode()
@@ -63,18 +58,18 @@ def test_the_participants_page_shows_id_and_flags_to_researchers(client, study, 
     begun = drive.granted_at.timestamp() - 60
     p.Drive.objects.update(result={"started": begun})
     url = reverse("admin:experiments_participant_change", args=[ada.pk])
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     page = read(client.get(url))
     assert "never moved the robot" in page.text
     assert "5f0c" in page.text
-    member(client, study, "viewer", "vic")
+    signed_in(client, "viewer", study.slug, "vic")
     page = client.get(url).content.decode()
     assert "never moved" not in page
     assert "5f0c" not in page
 
 
 def test_the_recruitment_page_has_link_codes_and_return_addresses(client, study):
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     page = read(client.get(reverse("admin:experiments_study_recruitment", args=[study.pk])))
     assert faults(page) == []
     assert any(
@@ -85,7 +80,7 @@ def test_the_recruitment_page_has_link_codes_and_return_addresses(client, study)
     )
     for code in completion.codes(study).values():
         assert f"submissions/complete?cc={code}" in page.text
-    member(client, study, "viewer", "vic")
+    signed_in(client, "viewer", study.slug, "vic")
     for name in ("recruitment", "payments"):
         url = reverse(f"admin:experiments_study_{name}", args=[study.pk])
         assert client.get(url).status_code == 404
@@ -94,7 +89,7 @@ def test_the_recruitment_page_has_link_codes_and_return_addresses(client, study)
 def test_the_payment_table_has_a_line_for_each_participant(client, study, ada):
     completion.conclude(ada, ada.created_at + p.datetime.timedelta(minutes=30))
     p.comer(study, person("pilot"), kind="pilot", recruitment={"PROLIFIC_PID": "x"})
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     text = client.get(reverse("admin:experiments_study_payments", args=[study.pk])).content.decode()
     rows = list(csv.DictReader(io.StringIO(text)))
     assert len(rows) == 1
@@ -106,7 +101,7 @@ def test_the_payment_table_has_a_line_for_each_participant(client, study, ada):
 
 def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client, study):
     p.comer(study, person("eve"), recruitment={"PROLIFIC_PID": '=HYPERLINK("x")'})
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     text = client.get(reverse("admin:experiments_study_payments", args=[study.pk])).content.decode()
     assert "'=HYPERLINK" in text
 
@@ -118,7 +113,7 @@ def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study
         ({"item": "gender", "at_least": 3}, ""),
     ):
         definition = p.of("exploration", screening=[{"questionnaire": "ict", **rule}])
-        found = [one.sentence(str) for one in p.publishing.obstacles_here(definition)]
+        found = [one.sentence(str) for one in obstacles_here(definition)]
         shown = [one for one in found if "ict.gend" in one]
         assert len(shown) == bool(words), shown
         assert all(words in one for one in shown)
@@ -130,8 +125,7 @@ def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study
 @pytest.fixture
 def key(study):
     cache.clear()
-    user = person("rita", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role="researcher")
+    user = member("researcher", study.slug, is_staff=True)
     return api.make_key(study.slug, "pay", user, timezone.now())
 
 
@@ -212,7 +206,7 @@ def test_wrong_keys_and_many_requests_are_limited(client, study, key, monkeypatc
 
 
 def test_a_key_is_shown_once_and_can_be_revoked(client, study):
-    member(client, study)
+    signed_in(client, "researcher", study.slug)
     url = reverse("admin:experiments_study_recruitment", args=[study.pk])
     page = read(client.post(url, {"label": "payments"}))
     shown = next(one.text for one in page.elements if one.attributes.get("id") == "new-key")

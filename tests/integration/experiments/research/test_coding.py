@@ -20,6 +20,7 @@ from robots.files.limited_process import ChildLimits
 from tests.support.browsers.html_page import read
 from tests.support.people import person
 from tests.support.sessions import replays
+from tests.support.studies.members import member
 
 pytestmark = pytest.mark.django_db
 SCHEME = {
@@ -52,9 +53,7 @@ def drive():
 
 
 def coder(name: str, role: str = "coder"):
-    user = person(name)
-    StudyMember.objects.create(slug="cabin-study", user=user, role=role)
-    return user
+    return member(role, name=name)
 
 
 def edit(code: str, begin: float, end: float | None = None, **more) -> dict:

@@ -6,7 +6,6 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from experiments.models import StudyMember
 from experiments.research import interventions, live
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
@@ -17,6 +16,7 @@ from tests.support.people import person
 from tests.support.robots import create_robot
 from tests.support.sessions import replays
 from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.studies.members import member
 from tests.support.studies.studies import STUDY
 
 pytestmark = pytest.mark.django_db
@@ -48,12 +48,6 @@ def bridge():
     mqtt_bridge.use(MemoryBridge())
     yield mqtt_bridge._Process.bridge
     mqtt_bridge.use(None)
-
-
-def member(role: str, slug: str = "cabin-study"):
-    user = person(f"{role}-{slug}")
-    StudyMember.objects.create(slug=slug, user=user, role=role)
-    return user
 
 
 def seen(now: datetime.datetime | None = None):

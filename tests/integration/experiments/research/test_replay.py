@@ -10,7 +10,7 @@ import pytest
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
-from experiments.models import Participant, StudyMember
+from experiments.models import Participant
 from experiments.research.event_text import in_words
 from experiments.research.replay import replay
 from experiments.tasks.progress import EventType
@@ -21,6 +21,7 @@ from tests.support.browsers.html_page import read
 from tests.support.paths import ROOT
 from tests.support.people import person
 from tests.support.sessions import replays
+from tests.support.studies.members import member
 
 pytestmark = pytest.mark.django_db
 
@@ -33,12 +34,6 @@ def drive():
     visit = replays.session(replays.cabin_robot(), ada, seconds=60)
     replays.record(visit)
     return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
-
-
-def member(role: str, slug: str = "cabin-study"):
-    user = person(f"{role}-{slug}")
-    StudyMember.objects.create(slug=slug, user=user, role=role)
-    return user
 
 
 def data_of(client, visit, **headers):

@@ -6,12 +6,13 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments import publishing
-from experiments.models import Draw, Drive, Participant, Rehearsal, StudyMember
+from experiments.models import Draw, Drive, Participant, Rehearsal
 from robots.models import Robot
 from sessions.models import Session
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
@@ -52,13 +53,6 @@ def drive():
         moved=True,
         mismatches=["assist"],
     )
-
-
-def signed_in(client, role: str, slug: str = "cabin-study"):
-    user = person("rosa", is_staff=True)
-    StudyMember.objects.create(slug=slug, user=user, role=role)
-    client.force_login(user)
-    return user
 
 
 def change(row) -> str:

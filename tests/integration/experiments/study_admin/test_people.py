@@ -17,6 +17,7 @@ from experiments.study_admin import opening_hours
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
@@ -29,10 +30,7 @@ def study():
 
 @pytest.fixture
 def owner(client, study):
-    user = person("olga", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role="owner")
-    client.force_login(user)
-    return user
+    return signed_in(client, "owner", name="olga")
 
 
 def at(name: str, row: Study) -> str:
@@ -305,9 +303,7 @@ def test_invitations_end_with_their_study(client, study, owner):
 
 
 def test_only_owners_invite(client, study, owner):
-    viewer = person("vera", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
-    client.force_login(viewer)
+    signed_in(client, "viewer")
     sent = {"add": "1", "person": "nora@example.org", "role": "owner"}
     assert client.post(at("members", study), sent).status_code == 404
     assert not mail_box.outbox

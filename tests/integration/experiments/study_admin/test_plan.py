@@ -16,7 +16,7 @@ from tests.integration.experiments.test_publishing import NOW
 from tests.support.analysis.planned import PLAN, planned_study
 from tests.support.browsers.html_page import read
 from tests.support.patience import patient
-from tests.support.people import person
+from tests.support.studies.members import signed_in
 
 pytestmark = pytest.mark.django_db
 DAY = datetime.timedelta(days=1)
@@ -31,13 +31,6 @@ def study():
     return publishing.store(planned_study(PLAN), NOW)
 
 
-def researcher(client, study, role="researcher"):
-    user = person("rosa", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role=role)
-    client.force_login(user)
-    return user
-
-
 def published(study, at=NOW):
     Study.objects.filter(pk=study.pk).update(status="published", published_at=at)
     return Study.objects.get(pk=study.pk)
@@ -48,7 +41,7 @@ def joined(study, at):
 
 
 def test_the_preregistration_is_read_and_downloaded(client, study):
-    researcher(client, study, "viewer")
+    signed_in(client, "viewer")
     shown = read(client.get(page(study)))
     assert "A closed door takes time." in shown.text
     actions = {form.attributes.get("action") for form in shown.all("form")}
@@ -75,7 +68,7 @@ def test_a_version_knows_whether_it_was_frozen_before_its_data(study):
 
 
 def test_the_page_says_in_its_language_whether_there_were_data(client, study):
-    researcher(client, study, "viewer")
+    signed_in(client, "viewer")
     frozen = published(study)
     joined(frozen, NOW + DAY)
     second = published(publishing.new_version(frozen, NOW), NOW + 2 * DAY)
@@ -89,7 +82,7 @@ def test_the_page_says_in_its_language_whether_there_were_data(client, study):
 
 
 def test_owners_state_deviations_after_publishing_and_others_do_not(client, study):
-    researcher(client, study, "owner")
+    signed_in(client, "owner")
     frozen = published(study)
     told = {"deviations": "We stopped a week early."}
     assert client.post(page(study, "deviations"), told).status_code == 302
@@ -101,7 +94,7 @@ def test_owners_state_deviations_after_publishing_and_others_do_not(client, stud
 
 
 def test_numbers_of_participants_are_checked(client, study):
-    researcher(client, study)
+    signed_in(client, "researcher")
     for numbers in ("", "many", "0", "1001", "1 2 3 4 5 6 7 8 9"):
         assert client.post(page(study, "power"), {"participants": numbers}).status_code == 422
 
@@ -111,7 +104,7 @@ def test_numbers_of_participants_are_checked(client, study):
 def test_the_power_is_simulated_on_the_page(client, study, monkeypatch):
     monkeypatch.setattr("experiments.study_admin.plan.STUDIES", 40)
     monkeypatch.setattr("experiments.study_admin.plan.SECONDS", patient(60.0))
-    researcher(client, study)
+    signed_in(client, "researcher")
     shown = read(client.post(page(study, "power"), {"participants": "20, 40"}))
     assert {"20", "40"} < {head.text for head in shown.all("th")}
     cells = [cell.text for cell in shown.all("td")]

@@ -11,10 +11,11 @@ from django.urls import reverse
 
 from experiments import publishing
 from experiments.definition.publication import from_stored
-from experiments.models import Study, StudyMember
+from experiments.models import Study
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.browsers.html_page import read
 from tests.support.people import person
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
@@ -43,9 +44,7 @@ def study():
 
 @pytest.fixture
 def page(client, study):
-    user = person("olga", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role="owner")
-    client.force_login(user)
+    signed_in(client, "owner", study.slug)
     return reverse("admin:experiments_study_publication", args=[study.pk])
 
 
@@ -95,9 +94,7 @@ def test_an_export_lists_missing_publication_details(client, study, page, tmp_pa
 
 
 def test_viewers_see_publication_details_and_cannot_change_them(client, study, page):
-    viewer = person("vera", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
-    client.force_login(viewer)
+    signed_in(client, "viewer", study.slug, "vera")
     assert client.get(page).status_code == 200
     assert client.post(page, FILLED).status_code == 404
     client.force_login(person("otto", is_staff=True))

@@ -9,11 +9,11 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments import publishing
-from experiments.models import Rehearsal, StudyMember
+from experiments.models import Rehearsal
 from experiments.rehearsal import runs
 from experiments.rehearsal.report import ConditionReport, Issue, RehearsalReport, StepReport
 from tests.support.browsers.html_page import faults, read
-from tests.support.people import person
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import small_study
 from tests.support.studies.study_site import cabin_with_giraff
 from tests.support.studies.wizard_study import wizard_document
@@ -48,13 +48,6 @@ def owner(client, study):
     return signed_in(client, "owner")
 
 
-def signed_in(client, role: str, username: str = "rosa"):
-    user = person(username, is_staff=True)
-    StudyMember.objects.create(slug="cabin-study", user=user, role=role)
-    client.force_login(user)
-    return user
-
-
 def running(study, **changes) -> Rehearsal:
     row = runs.begin(study, "lab", timezone.now())
     Rehearsal.objects.filter(pk=row.pk).update(**changes)
@@ -75,7 +68,7 @@ def test_an_owner_starts_a_rehearsal_and_a_second_request_leads_to_it(client, ow
     first = client.post(at("rehearsal_start", study))
     (row,) = Rehearsal.objects.all()
     assert (row.status, row.sha256) == (runs.Status.WAITING, study.sha256)
-    signed_in(client, "owner", "olga")
+    signed_in(client, "owner", name="olga")
     second = client.post(at("rehearsal_start", study))
     assert first.url == second.url == at("rehearsal_change", row)
     assert Rehearsal.objects.count() == 1

@@ -7,12 +7,12 @@ from django.utils import timezone
 
 from experiments import publishing
 from experiments.definition.shipped import shipped
-from experiments.models import StudyMember
 from experiments.participation import journey
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
+from tests.support.studies.members import signed_in
 from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
@@ -25,12 +25,6 @@ def rows() -> dict[str, int]:
         for model in apps.get_models()
         if model.__name__ != "Session" or hasattr(model, "visitor")
     }
-
-
-def researcher(client, study, role="viewer"):
-    user = person("rosa", is_staff=True)
-    StudyMember.objects.create(slug=study.slug, user=user, role=role)
-    client.force_login(user)
 
 
 def frame(study, **query) -> str:
@@ -46,7 +40,7 @@ def step(study, number: int, language: str = "en") -> str:
 @pytest.mark.parametrize("language", ["en", "es"])
 def test_every_step_is_seen_in_every_language_and_nothing_is_saved(client, name, language):
     study = publishing.store(p.of(name), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     definition = study.as_definition()
     way = journey.route(definition, journey.rounds(definition, "open"), 1)
     before = rows()
@@ -66,7 +60,7 @@ def test_every_step_is_seen_in_every_language_and_nothing_is_saved(client, name,
 
 def test_the_frame_offers_every_language_and_the_width_of_a_phone(client):
     study = publishing.store(p.of("exploration"), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     page = read(client.get(frame(study)))
     screen = page.all("iframe")[0].attributes
     assert (screen["width"], screen["src"]) == ("390", step(study, 1))
@@ -82,7 +76,7 @@ def test_the_frame_offers_every_language_and_the_width_of_a_phone(client):
 
 def test_the_builder_links_to_the_walk_through(client):
     study = publishing.store(p.of("exploration"), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     whole = reverse("admin:experiments_study_walk_through", args=[study.pk])
     built = reverse("admin:experiments_study_part", args=[study.pk, "steps", 2])
     overview = reverse("admin:experiments_study_change", args=[study.pk])
@@ -97,7 +91,7 @@ def test_a_walk_through_of_one_condition_stays_in_it(client):
     pages = next(one for one in steps if one["kind"] == "instructions")["leaves"]
     pages[0]["conditions"] = ["giraff_open"]
     study = publishing.store(p.of("exploration", steps=steps), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     before = rows()
 
     def seen(condition: str) -> str:
@@ -116,7 +110,7 @@ def test_a_walk_through_of_one_condition_stays_in_it(client):
 
 def test_questions_look_as_participants_see_them_and_save_nothing(client):
     study = publishing.store(p.of("assistance"), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     scripts = [e.attributes.get("src", "") for e in read(client.get(step(study, 6))).all("script")]
     assert any("survey/look" in one for one in scripts)
     assert not any("survey/page" in one for one in scripts)
@@ -124,7 +118,7 @@ def test_questions_look_as_participants_see_them_and_save_nothing(client):
 
 def test_its_pages_are_shown_in_a_frame_of_this_site_and_of_no_other(client):
     study = publishing.store(p.of("exploration"), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     answer = client.get(step(study, 1))
     assert answer["X-Frame-Options"] == "SAMEORIGIN"
     assert "frame-ancestors 'self'" in answer["Content-Security-Policy"]
@@ -132,7 +126,7 @@ def test_its_pages_are_shown_in_a_frame_of_this_site_and_of_no_other(client):
 
 def test_a_questionnaire_of_several_pages_leads_from_one_to_the_next(client):
     study = publishing.store(p.of("exploration"), timezone.now())
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     page = read(client.get(step(study, 5) + "?page=99"))
     assert faults(page) == []
     following = [e.attributes.get("href") for e in page.all("a")]
@@ -142,7 +136,7 @@ def test_a_questionnaire_of_several_pages_leads_from_one_to_the_next(client):
 
 def test_an_unfinished_draft_can_be_walked_through_as_far_as_it_goes(client):
     study = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     before = rows()
     for number in range(1, 7):
         answer = client.get(step(study, number))
@@ -156,7 +150,7 @@ def test_an_unfinished_draft_can_be_walked_through_as_far_as_it_goes(client):
 @pytest.mark.parametrize(("number", "language"), [(0, "en"), (99, "en"), (1, "xx")])
 def test_steps_and_languages_that_a_study_lacks_are_not_found(client, number, language):
     study = publishing.store(small_study(), NOW)
-    researcher(client, study)
+    signed_in(client, "viewer", study.slug)
     assert client.get(step(study, number, language)).status_code == 404
 
 

@@ -19,7 +19,7 @@ from experiments.tasks.finalization import Settler, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.stored_records import stored, track_of
 from robots.api import messages as m
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions import system_log
 from sessions.leases import store, terms
 from sessions.leases.absences import note_manager_absence, note_page_closed
@@ -101,7 +101,7 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
     assert drive.participant.stage == "filled"
 
 
-def test_the_same_engine_fed_with_what_is_stored_twice_and_in_any_order_gives_the_stored_events(
+def test_stored_records_repeated_in_any_order_give_the_stored_events(
     robot,
 ):
     drive = begin(robot)
@@ -276,7 +276,7 @@ def test_lost_states_count_as_motion_of_the_robot(robot):
     assert (drive.moved, drive.participant.stage) == (True, "filled")
 
 
-def test_a_technical_failure_is_given_to_another_only_as_often_as_the_frozen_rule_says(robot):
+def test_a_place_of_a_technical_failure_is_refilled_as_often_as_the_rule_allows(robot):
     study = p.published(
         small_study(
             conditions=[small_conditions()[0]], refill={"outcomes": ["robot_fault"], "most": 1}
@@ -376,7 +376,7 @@ def test_a_drive_as_assigned_differs_in_nothing(robot):
     assert drive.applied["robot"] == "giraff"
 
 
-def driven_over(robot, *, reported: bool) -> Drive:
+def drive_over_network(robot, *, reported: bool) -> Drive:
     """A drive in a condition with a network, which the robot did put on the visitor's commands, or
     did not.
     """
@@ -403,10 +403,10 @@ def driven_over(robot, *, reported: bool) -> Drive:
     return settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
 
 
-def test_a_network_that_the_robot_put_on_is_in_force_stored_and_exported_beside_the_assigned_one(
+def test_the_network_that_the_robot_applied_is_stored_beside_the_assigned_one(
     robot,
 ):
-    drive = driven_over(robot, reported=True)
+    drive = drive_over_network(robot, reported=True)
     assert drive.mismatches == []
     report = msgspec.convert(drive.applied["control_network"], m.LabReport)
     assert report == m.LabReport(
@@ -418,7 +418,7 @@ def test_a_network_that_the_robot_put_on_is_in_force_stored_and_exported_beside_
 
 
 def test_a_network_that_the_robot_has_not_put_on_flags_the_drive(robot):
-    drive = driven_over(robot, reported=False)
+    drive = drive_over_network(robot, reported=False)
     assert drive.mismatches == ["network"]
     session = dataset_of(drive.participant.study).sessions[0]
     assert (session.mismatch, session.control_network, session.control_applied) == (

@@ -5,7 +5,6 @@ missed by no page.
 import datetime
 from contextlib import suppress
 
-import msgspec
 import pytest
 from django.db import OperationalError
 from django.db.models import QuerySet
@@ -15,10 +14,8 @@ from experiments.models import Drive, TaskEvent
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.runner import PATIENCE, Runner
-from robots.api import messages as m
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions import protocol
-from sessions.consumers import relay
 from sessions.leases import store
 from sessions.manager import notices
 from sessions.models import Session
@@ -216,7 +213,7 @@ def test_the_time_left_is_published_in_the_last_minutes_and_repeated(robot):
     assert seconds[0] == pytest.approx(120.0, abs=1.5)
 
 
-def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_goes_on(robot):
+def test_another_session_manager_continues_the_task_of_a_killed_one(robot):
     drive, first = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
     half = len(records) // 2 - 4  # on the way to the second checkpoint
@@ -252,7 +249,7 @@ def test_messages_that_a_killed_process_lost_count_when_they_are_sent_again(
     assert Session.objects.get().outcome == "completed"
 
 
-def test_a_time_limit_that_passed_while_no_session_manager_ran_is_applied_by_the_next(robot):
+def test_a_time_limit_that_passed_without_a_session_manager_is_applied_later(robot):
     drive = begin(robot)
     start = timezone.now().timestamp()
     write(drive, started_drive(start).go(FIRST).records)

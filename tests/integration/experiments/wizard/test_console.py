@@ -141,7 +141,7 @@ async def test_the_operator_drives_and_speaks_and_the_participant_does_not_drive
 
 
 @sockets
-async def test_who_operates_is_recorded_with_every_step_deviation_and_latency(
+async def test_the_operator_is_recorded_with_every_step_deviation_and_latency(
     bridge, operator, participant
 ):
     async with Page("giraff", participant.user) as page, Console("giraff", operator) as console:
@@ -229,7 +229,7 @@ async def test_of_two_operators_one_drives(bridge, operator, participant, study)
 
 
 @sockets
-async def test_nothing_tells_a_blind_operator_the_condition(bridge, operator, participant, client):
+async def test_a_blind_operator_cannot_see_the_condition(bridge, operator, participant, client):
     state = words.state(boot="b1", assist="steer", mode="assisted")
     async with Page("giraff", participant.user) as page, Console("giraff", operator) as console:
         await page.take()
@@ -250,7 +250,7 @@ async def test_nothing_tells_a_blind_operator_the_condition(bridge, operator, pa
 
 
 @pytest.mark.parametrize("role", [None, StudyMember.Role.VIEWER])
-def test_nobody_but_an_operator_opens_the_page(client, study, role):
+def test_only_operators_open_the_page(client, study, role):
     user = person("somebody")
     if role is not None:
         StudyMember.objects.create(slug=study.slug, user=user, role=role)
@@ -259,7 +259,7 @@ def test_nobody_but_an_operator_opens_the_page(client, study, role):
 
 
 @sockets
-async def test_nobody_but_an_operator_opens_the_socket(bridge, study, participant):
+async def test_only_operators_open_the_socket(bridge, study, participant):
     console = Console("giraff", participant.user)
     await console.open()
     assert await console.closed() == pages.NOT_ALLOWED

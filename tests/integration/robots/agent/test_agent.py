@@ -176,9 +176,7 @@ def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, t
 
 
 def drive_forwards(ear, *, command_age=None, until=None):
-    """Give a lease, make the clocks known, and drive until the robot moves (or `until`), as a page
-    on the MQTT way does.
-    """
+    """Give a lease, make the clocks known, and drive over MQTT until the robot moves."""
     until = until or (lambda: any(s.velocity.linear > 0.1 for s in ear.all("state")[-3:]))
     limits = m.LeaseLimits(command_age=command_age)
     deadline = time.monotonic() + patient(16.0)

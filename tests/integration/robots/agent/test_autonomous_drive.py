@@ -1,6 +1,4 @@
-"""The whole agent's control with a simulated robot that finds its way: actions in, wheels and words
-out.
-"""
+"""The agent's control with a simulated robot that navigates by itself."""
 
 import time
 

@@ -1,6 +1,4 @@
-"""Everything bad that can be said on a real data channel: refused with a reason, counted, and
-nothing moves; stops always pass.
-"""
+"""Bad input on a real data channel is refused and counted, and stops always pass."""
 
 import asyncio
 import json
@@ -46,9 +44,7 @@ async def rig(tmp_path, exchange):
 
 
 def velocity(rig, **fields):
-    """A command of the driver with something wrong in it, as text, so that it may hold what no
-    message can.
-    """
+    """A driver's command as text, so that it may contain what no message can."""
     rig.seq += 1
     good = {
         "session": "s1",

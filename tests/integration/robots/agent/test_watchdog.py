@@ -1,6 +1,4 @@
-"""An agent whose control thread hangs, or whose terminal takes no lines, in its own process; and
-what its service manager receives.
-"""
+"""An agent whose control thread hangs, or whose terminal takes no lines, in a process."""
 
 import contextlib
 import fcntl

@@ -11,7 +11,7 @@ from paho.mqtt.client import Client
 
 from robots.api import messages as m
 from robots.bridge.bridge import Bridge
-from robots.bridge.quick_writing import MOST_WAITING, QuickWriter, writer_of
+from robots.bridge.quick_writing import MAX_PENDING, QuickWriter, writer_of
 from tests.support.architectures.mqtt_ear import Ear
 from tests.support.patience import patient
 from tests.support.sessions.recorder_rig import running_mosquitto
@@ -59,7 +59,7 @@ def test_a_slow_broker_gets_every_byte_in_order_and_one_that_takes_nothing_is_no
     writer = QuickWriter(paho, ours)
     while writer.publish("t", written.to_bytes(2, "big") * 5000):
         written += 1
-    assert len(paho._out_packet) == MOST_WAITING
+    assert len(paho._out_packet) == MAX_PENDING
     arrived = drained(theirs)
     while paho._out_packet:  # as paho does it when the socket has room
         rest = paho._out_packet.popleft()

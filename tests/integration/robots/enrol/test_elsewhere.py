@@ -1,4 +1,4 @@
-"""Robots that other sites serve: pages lead there, and agents are told."""
+"""Robots that other sites serve: pages redirect there, and agents get the address."""
 
 import pytest
 from django.contrib.auth import get_user_model
@@ -33,9 +33,7 @@ def test_the_page_of_a_robot_leads_to_the_site_that_serves_it(client, is_signed_
 
 
 @pytest.mark.parametrize("page", ["account_login", "account_signup"])
-def test_whoever_comes_from_another_site_is_told_that_this_one_has_accounts_of_its_own(
-    client, page
-):
+def test_a_visitor_from_another_site_reads_that_accounts_are_separate(client, page):
     Robot.objects.create(name="rhodon", title="Rhodon")
     sent = client.get("/robots/rhodon/?from_site=robots.south.example.org").url
     asked = client.get(f"{reverse(page)}?{sent.partition('?')[2]}").content.decode()
@@ -78,7 +76,7 @@ def test_an_agent_with_credentials_of_another_site_is_told_which(client, path):
     assert answer.json()["detail"].startswith(f"giraff is served by {NORTH}. Start the agent with")
 
 
-def test_whoever_guesses_tokens_of_a_robot_elsewhere_has_to_wait_as_well(client):
+def test_guesses_for_a_robot_at_another_site_are_limited_too(client):
     def tried() -> int:
         asked = {"robot": "giraff", "token": "guessed"}
         return client.post(

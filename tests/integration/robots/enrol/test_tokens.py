@@ -99,7 +99,7 @@ def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
     assert list(users_of("giraff", robot.credentials, now + GRACE)) == [new.user]
 
 
-def test_both_users_at_the_broker_are_the_same_robot_and_nobody_else(robot):
+def test_both_users_at_the_broker_have_the_permissions_of_one_robot(robot):
     new = rotate(robot, make_credentials(robot, timezone.now()).token, timezone.now())
     old_user, new_user = sorted(robots_at_the_broker(), key=lambda user: len(user.name))
     assert (old_user.name, new_user.name) == ("giraff", new.user)
@@ -107,7 +107,7 @@ def test_both_users_at_the_broker_are_the_same_robot_and_nobody_else(robot):
     assert not may_publish(new_user.permissions, "telepresence/v1/rhodon/state")
 
 
-def test_the_broker_hears_when_the_old_credentials_have_run_out(robot, monkeypatch):
+def test_the_broker_loses_the_old_user_when_it_expires(robot, monkeypatch):
     now = timezone.now()
     new = rotate(robot, make_credentials(robot, now).token, now)
     assert set(at_the_broker()) == {"giraff", new.user}
@@ -135,7 +135,7 @@ def test_an_agent_that_lost_the_answer_asks_again_with_what_it_has(robot):
     assert {robot_of("giraff", one.token) for one in (old, again)} == {robot}
 
 
-def test_whoever_has_only_the_former_credentials_cannot_make_them_last(robot):
+def test_former_credentials_cannot_be_prolonged(robot):
     now = timezone.now()
     old = make_credentials(robot, now)
     rotate(robot, old.token, now)
@@ -159,14 +159,11 @@ def test_new_credentials_by_hand_end_everything_before(robot):
     assert [robot_of("giraff", one.token) for one in (old, new, newest)] == [None, None, robot]
 
 
-def test_no_user_at_the_broker_comes_back_so_that_whoever_holds_an_old_connection_loses_it(robot):
-    """Mosquitto parts with a client whose user is gone, not with one whose password is another."""
+def test_new_credentials_never_reuse_a_user_of_the_broker(robot):
+    """Mosquitto disconnects clients whose user was deleted, not those with an old password."""
     users = [make_credentials(robot, timezone.now()).user or "giraff"]
     revoke(robot)
-    users += [
-        make_credentials(robot, timezone.now()).user,
-        make_credentials(robot, timezone.now()).user,
-    ]
+    users += [make_credentials(robot, timezone.now()).user for _ in range(2)]
     assert len(set(users)) == 3
 
 
@@ -210,7 +207,7 @@ def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
 def server(client, monkeypatch):
     """The site, as the agent reaches it."""
 
-    def answer(url, content, headers, _ca):
+    def answer(url, headers, _ca, _reasons, content):
         found = client.post(
             url.removeprefix("https://site.example"),
             json.dumps(content),
@@ -221,7 +218,7 @@ def server(client, monkeypatch):
             raise ConfigError(f"the server refused the request: {found.json()['detail']}")
         return found.json()
 
-    monkeypatch.setattr(agent_side, "_post", answer)
+    monkeypatch.setattr(agent_side, "request_json", answer)
     return "https://site.example"
 
 
@@ -256,7 +253,7 @@ def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot,
         ({"viewers": "all"}, "--viewers"),
     ],
 )
-def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(
+def test_a_token_is_used_only_by_an_agent_with_valid_arguments(
     robot, server, tmp_path, wrong, sentence
 ):
     token = make_token(robot, timezone.now())
@@ -276,7 +273,7 @@ def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(
 @pytest.mark.parametrize("broken", ["a folder stands there", "a file is in the way"])
 def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(agent_side, "_post", lambda *_: asked.append(1))
+    monkeypatch.setattr(agent_side, "request_json", lambda *_: asked.append(1))
     path = tmp_path / "here" / "giraff.toml"
     if broken == "a folder stands there":
         path.mkdir(parents=True)
@@ -288,57 +285,43 @@ def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_pa
     assert not list(tmp_path.rglob("*.new"))
 
 
-def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(
-    tmp_path, monkeypatch
-):
+def test_enrolment_uses_the_certificates_named_in_the_environment(tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(
-        agent_side,
-        "_post",
-        lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"},
-    )
-    environment = {
-        "TELEPRESENCE_CA": "/ca.pem",
-        "TELEPRESENCE_ADAPTER": "moos",
-        "TELEPRESENCE_ENROL": "token",
-    }
-    agent_side.enrol_if_asked(
-        {"robot": "giraff", "server": "https://site.example", "var": tmp_path}, environment
-    )
+    answer = {"robot": "giraff", "token": "t"}
+    monkeypatch.setattr(agent_side, "request_json", lambda *sent: asked.append(sent[2]) or answer)
+    given = {"CA": "/ca.pem", "ADAPTER": "moos", "ENROL": "token"}
+    environment = {f"TELEPRESENCE_{name}": value for name, value in given.items()}
+    arguments = {"robot": "giraff", "server": "https://site.example", "var": tmp_path}
+    agent_side.enrol_if_asked(arguments, environment)
     assert asked == ["/ca.pem"]
 
 
-@pytest.mark.parametrize("said", ["command line", "environment", "nothing"])
-def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(
-    said, settings, tmp_path, monkeypatch
+@pytest.mark.parametrize("given", ["command line", "environment", "nothing"])
+def test_run_robot_stores_files_in_the_given_folder_or_in_var_dir(
+    given, settings, tmp_path, monkeypatch
 ):
-    settings.VAR_DIR, told = tmp_path / "site", tmp_path / "told"
+    settings.VAR_DIR, folder = tmp_path / "site", tmp_path / "folder"
     # the command names its robot for all lines of the process, here that of all tests
     monkeypatch.setattr(log_ids, "_process", {})
     kept = []
-    monkeypatch.setattr(
-        run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"]))
-    )
+    monkeypatch.setattr(run_robot, "agent_of", lambda given: kept.append(Path(given["var"])))
     monkeypatch.setattr(run_robot, "run_until_signalled", lambda _agent: None)
-    if said == "environment":
-        monkeypatch.setenv("TELEPRESENCE_VAR", str(told))
-    call_command("run_robot", "giraff", **({"var": told} if said == "command line" else {}))
-    assert kept == [settings.VAR_DIR if said == "nothing" else told]
+    if given == "environment":
+        monkeypatch.setenv("TELEPRESENCE_VAR", str(folder))
+    call_command("run_robot", "giraff", **({"var": folder} if given == "command line" else {}))
+    assert kept == [settings.VAR_DIR if given == "nothing" else folder]
 
 
-def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(
-    robot, server, tmp_path
-):
+def test_an_agent_changes_only_the_credentials_in_its_file(robot, server, tmp_path):
     file = tmp_path / "giraff.toml"
-    file.write_text(
-        make_credentials(robot, timezone.now()).toml(server=server)
-        + '# mine\n[options]\nuser = "camera"\n'
-    )
-    config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
+    content = make_credentials(robot, timezone.now()).toml(server=server)
+    file.write_text(content + '# mine\n[options]\nuser = "camera"\n')
+    given = {"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}
+    config = load(given, {})
     assert agent_side.renew(config) is None
     ask_for_renewal(robot, timezone.now())
     fresh = agent_side.renew(config)
-    again = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
+    again = load(given, {})
     assert (again.token, again.user, again.server) == (fresh["token"], fresh["user"], server)
     assert again.options == {"user": "camera"}
     assert "# mine" in file.read_text()
@@ -346,7 +329,7 @@ def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(
     assert set(at_the_broker()) == {"giraff", again.user}
 
 
-def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lose(
+def test_an_agent_whose_file_is_read_only_requests_no_credentials(
     robot, server, tmp_path, monkeypatch
 ):
     file = tmp_path / "giraff.toml"
@@ -358,9 +341,7 @@ def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lo
     assert robot_of("giraff", config.token).credentials.renewal_asked_at is not None
 
 
-def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(
-    robot, tmp_path, monkeypatch
-):
+def test_an_agent_repeats_its_request_until_it_has_new_credentials(robot, tmp_path, monkeypatch):
     config = load(
         {"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path},
         {"TELEPRESENCE_TOKEN": "t"},
@@ -371,7 +352,7 @@ def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(
         None,
         {"robot": "giraff", "user": "giraff.1", "token": "new"},
     ]
-    told, pauses = [], []
+    renewed, pauses = [], []
 
     def renew(_config):
         answer = answers.pop(0)
@@ -384,45 +365,36 @@ def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(
         return False
 
     monkeypatch.setattr(agent_side, "renew", renew)
-    agent_side.keep_renewing(config, told.append, pause)
-    assert told == [{"robot": "giraff", "user": "giraff.1", "token": "new"}]
+    agent_side.keep_renewing(config, renewed.append, pause)
+    assert renewed == [{"robot": "giraff", "user": "giraff.1", "token": "new"}]
     assert len(pauses) == 4
-    agent_side.keep_renewing(config, told.append, lambda _seconds: True)
-    assert len(told) == 1
+    agent_side.keep_renewing(config, renewed.append, lambda _seconds: True)
+    assert len(renewed) == 1
 
 
 @pytest.mark.parametrize(
     "server",
-    [
-        "http://robots.example",
-        "ftp://robots.example",
-        "http://localhost.evil.example",
-        "http://10.0.0.1:8000",
-    ],
+    [f"http://{name}" for name in ("robots.example", "localhost.evil.example", "10.0.0.1:8000")],
 )
 def test_no_token_crosses_a_network_in_the_clear(server, tmp_path):
-    with pytest.raises(ConfigError, match="https"):
-        agent_side.enrol("giraff", server, "token", tmp_path / "giraff.toml")
+    for address in (server, "ftp://robots.example"):
+        with pytest.raises(ConfigError, match="https"):
+            agent_side.enrol("giraff", address, "token", tmp_path / "giraff.toml")
 
 
 @pytest.mark.parametrize(
     "server",
-    [
-        "http://127.0.0.1:8000",
-        "http://localhost:8000",
-        "http://[::1]:8000",
-        "https://robots.example",
-    ],
+    [f"http://{name}:8000" for name in ("127.0.0.1", "localhost", "[::1]")],
 )
-def test_to_this_very_machine_plain_http_will_do(server):
+def test_plain_http_is_accepted_on_this_machine(server):
     agent_side.check_private(server)
+    agent_side.check_private("https://robots.example")
 
 
-def test_a_token_without_a_server_is_told(tmp_path):
+def test_a_token_without_a_server_is_refused(tmp_path):
+    arguments = {"robot": "giraff", "var": tmp_path}
     with pytest.raises(ConfigError, match="--server"):
-        agent_side.enrol_if_asked(
-            {"robot": "giraff", "var": tmp_path}, {"TELEPRESENCE_ENROL": "token"}
-        )
+        agent_side.enrol_if_asked(arguments, {"TELEPRESENCE_ENROL": "token"})
 
 
 # --- commands and administration ------------------------------------------------------------------
@@ -467,14 +439,11 @@ def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administratio
     page = client.post(address).content.decode()
     token = page.partition("--enrol ")[2].partition("<")[0].strip()
     assert redeem("giraff", token, timezone.now()) is not None
-    client.post(
-        "/admin/robots/robot/", {"action": "rotate_credentials", "_selected_action": [robot.pk]}
-    )
+    action = {"action": "rotate_credentials", "_selected_action": [robot.pk]}
+    client.post("/admin/robots/robot/", action)
     assert Robot.objects.get().credentials.renewal_asked_at is not None
-    assert set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True)) >= {
-        "enrolment_made",
-        "rotation_asked",
-    }
+    acts = set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True))
+    assert acts >= {"enrolment_made", "rotation_asked"}
     assert token not in str(list(AuditEntry.objects.values()))
 
 
@@ -486,12 +455,12 @@ def test_of_two_renewals_that_overlap_one_is_refused_and_the_other_holds(
     ask_for_renewal(robot, timezone.now())
     new_user, answers = credentials._new_user, []
 
-    def meanwhile(robot):
+    def renewing_first(robot):
         monkeypatch.setattr(credentials, "_new_user", new_user)
         answers.append(client.post(RENEW, headers=bearer))
         return new_user(robot)
 
-    monkeypatch.setattr(credentials, "_new_user", meanwhile)
+    monkeypatch.setattr(credentials, "_new_user", renewing_first)
     answers.append(client.post(RENEW, headers=bearer))
     assert [answer.status_code for answer in answers] == [200, 409]
     taken = answers[0].json()

@@ -21,13 +21,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
-def robot(db):
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
-    )
-
-
-@pytest.fixture
 def people(db):
     create = get_user_model().objects.create_user
     return [create(name, display_name=name.title(), password="x") for name in ("ada", "bob", "eve")]
@@ -38,13 +31,8 @@ def quick(monkeypatch):
     monkeypatch.setattr(audiences, "PAUSE_SECONDS", 0.01)
 
 
-async def observe(page):
-    await page.say("session/observe", protocol.Observe())
-    await page.expect("session/observing")
-
-
 async def watch(page):
-    await observe(page)
+    await page.observe()
     await page.expect("audience", lambda audience: audience.open)
 
 
@@ -169,7 +157,7 @@ async def test_while_the_database_is_away_there_are_no_questions_and_afterwards_
         with monkeypatch.context() as patched:
             patched.setattr(audiences.store, "is_study", away)
             await driver.take()
-            await observe(page)
+            await page.observe()
             await until(lambda: "audience_closed" in caplog.text)
             await ask(page)
             assert (await page.expect("denied")).reason == "closed"
@@ -181,7 +169,7 @@ async def test_while_the_database_is_away_there_are_no_questions_and_afterwards_
 async def test_pages_are_limited_to_their_role(bridge, robot, people):
     ada, bob, eve = people
     async with Page("giraff", ada) as driver, Page("giraff", bob) as page, Page("giraff", eve) as g:
-        await observe(page)
+        await page.observe()
         await ask(page)
         assert (await page.expect("denied")).reason == "closed"
         await driver.take()
@@ -273,7 +261,7 @@ async def test_in_a_study_there_is_no_box(bridge, robot, people):
         fixed.terms = Terms(study={"slug": "office"})
         async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
             session = (await driver.take()).session
-            await observe(page)
+            await page.observe()
             await until(lambda: audiences.audience_of("giraff", bridge)._begun == session)
             await ask(page)
             assert (await page.expect("denied")).reason == "closed"

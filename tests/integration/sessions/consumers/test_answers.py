@@ -36,16 +36,6 @@ AWAY, OURS = OperationalError("database is locked"), msgspec.ValidationError("te
 ESTOP = m.Safety(estop=True, estop_source="screen:Giraff")
 
 
-@pytest.fixture
-def ada(db):
-    return get_user_model().objects.create_user("ada", password="x")
-
-
-@pytest.fixture
-def bob(db):
-    return get_user_model().objects.create_user("bob", password="x")
-
-
 @pytest.fixture(autouse=True)
 def robot(db, ada):
     return create_robot(
@@ -116,7 +106,7 @@ async def test_a_request_that_was_done_is_not_denied_when_the_queue_cannot_be_re
 ):
     async with Page("giraff", ada) as page:
         await page.expect("hello")
-        monkeypatch.setattr(queries, "between_visits_at", raising(AWAY))
+        monkeypatch.setattr(queries, "queue_at", raising(AWAY))
         granted = await page.take()
         await page.say("session/leave", protocol.Leave(session=granted.session))
         await page.expect("session/ended")
@@ -129,8 +119,7 @@ async def test_a_request_that_was_done_is_not_denied_when_the_queue_cannot_be_re
 async def test_an_operators_request_that_fails_is_denied(bridge, ada, monkeypatch, error):
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as page:
-        await page.say("session/observe", protocol.Observe())
-        await page.expect("session/observing")
+        await page.observe()
         monkeypatch.setattr(queries, "welcome", raising(error))
         await page.say("command/action", clear)
         denied = await page.expect("denied")
@@ -147,8 +136,7 @@ async def test_words_to_a_stopped_robot_that_fail_are_denied(bridge, robot, bob,
     await stop(robot)
     async with Page("giraff", bob) as page:
         bridge.say("giraff", "state", words.state(safety=ESTOP))
-        await page.say("session/take", protocol.Take())
-        await page.expect("session/queued")
+        await page.queue()
         monkeypatch.setattr(waiting_chat, "first_waiting", raising(OperationalError("away")))
         await page.say("command/action", m.Say(action_id="a1", stamp=1.0, text="Hello?"))
         denied = await page.expect("denied")
@@ -242,8 +230,7 @@ async def test_a_slow_query_of_one_page_does_not_hold_the_others(bridge, ada, bo
         assert await asyncio.to_thread(called.wait, patient(10))
         async with Page("giraff", bob) as other:
             await other.expect("hello")
-            await other.say("session/observe", protocol.Observe())
-            await other.expect("session/observing")
+            await other.observe()
         may_go_on.set()
         await page.expect("session/granted")
 
@@ -300,8 +287,7 @@ async def test_an_offer_of_an_old_page_has_credentials_that_are_valid(
     async with page:
         await page.expect("wizard/hello" if kind == "console" else "hello")
         if kind == "page":
-            await page.say("session/observe", protocol.Observe())
-            await page.expect("session/observing")
+            await page.observe()
         monkeypatch.setattr(ice.time, "time", lambda: now + 7 * 3600)
         await page.say("signal", m.SdpOffer(sdp="v=0"))
 
@@ -315,8 +301,7 @@ async def test_an_offer_of_an_old_page_has_credentials_that_are_valid(
 
 async def test_more_offers_than_a_page_needs_are_refused(bridge, ada):
     async with Page("giraff", ada) as page:
-        await page.say("session/observe", protocol.Observe())
-        await page.expect("session/observing")
+        await page.observe()
         for _ in range(40):
             await page.say("signal", m.SdpOffer(sdp="v=0"))
         denied = await page.expect("denied")

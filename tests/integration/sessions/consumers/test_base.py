@@ -1,4 +1,4 @@
-"""Frames of a page do not wait for the database, whoever keeps it busy."""
+"""Frames of a page do not wait for the database, whichever page keeps it busy."""
 
 import asyncio
 import threading
@@ -30,7 +30,7 @@ async def busy_database():
     await waiting
 
 
-# the consumer looks after the connections of its thread, whoever opened them
+# the consumer closes all connections of its thread, also those of the test
 @pytest.mark.django_db
 async def test_a_frame_is_taken_while_a_query_of_somebody_else_takes_its_time(busy_database):
     page = WebsocketCommunicator(CheckConsumer.as_asgi(), "/")

@@ -46,11 +46,6 @@ def ada(db):
     return get_user_model().objects.create_user("ada", display_name="Ada L.", password="x")
 
 
-@pytest.fixture
-def bob(db):
-    return get_user_model().objects.create_user("bob", password="x")
-
-
 def rows(query):
     return sync_to_async(lambda: list(query.all()))()
 
@@ -75,7 +70,7 @@ async def test_a_visitor_is_greeted_with_a_peer_of_the_servers_making(bridge, ro
     assert len(hello.peer) >= 16
 
 
-async def test_nobody_comes_in_without_signing_in(bridge, robot):
+async def test_page_without_login_is_refused(bridge, robot):
     page = Page("giraff")
     assert await page.open()
     assert await page.closed() == protocol.SIGNED_OUT
@@ -180,8 +175,7 @@ async def test_a_drivers_commands_reach_the_robot_under_the_servers_stamps(bridg
 async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
         granted = await driver.take()
-        await observer.say("session/observe", protocol.Observe())
-        await observer.expect("session/observing")
+        await observer.observe()
         await observer.say(
             "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
         )
@@ -218,8 +212,7 @@ async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, rob
 async def test_a_stop_passes_from_an_observer_and_from_who_waits(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
-        await other.say("session/take", protocol.Take())
-        await other.expect("session/queued")
+        await other.queue()
         await other.say("command/action", STOP)
         await until(lambda: bridge.stops)
     assert bridge.stops[0][1].role == "observer"
@@ -272,8 +265,7 @@ async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
 ):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as next_one:
         granted = await driver.take()
-        await next_one.say("session/take", protocol.Take())
-        queued = await next_one.expect("session/queued")
+        queued = await next_one.queue()
         assert queued.place == 1
         await driver.say("session/leave", protocol.Leave())
         assert (await driver.expect("session/ended")).outcome == "cancelled"
@@ -287,13 +279,12 @@ async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
 async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as waiting:
         granted = await driver.take()
-        await waiting.say("session/take", protocol.Take())
-        session = (await waiting.expect("session/queued")).session
+        session = (await waiting.queue()).session
         bridge.notify(protocol.Queued(session=session, place=1, minutes=3.5))
         bridge.notify(protocol.Offered(session=session, seconds=60.0))
         bridge.notify(protocol.TurnWarning(session=granted.session, remaining=90.0))
-        bridge.notify(protocol.AskedThere(session=granted.session, seconds=30.0))
-        bridge.notify(protocol.FoundThere(session=granted.session))
+        bridge.notify(protocol.PresenceAsked(session=granted.session, seconds=30.0))
+        bridge.notify(protocol.PresenceConfirmed(session=granted.session))
         assert (await waiting.expect("session/queued")).minutes == 3.5
         assert (await waiting.expect("session/offered")).seconds == 60.0
         assert (await driver.expect("session/turn_warning")).remaining == 90.0
@@ -312,7 +303,7 @@ async def test_a_notice_that_is_none_is_logged_and_the_page_goes_on(bridge, robo
     assert caplog.text.count("notice_rejected") == 4
 
 
-async def test_who_was_stopped_by_the_operator_is_told_and_drives_no_more(bridge, robot, ada):
+async def test_driver_whom_an_operator_stops_is_notified_and_no_longer_drives(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         bridge.notify(
@@ -339,7 +330,7 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
             hello = await third_tab.expect("hello")
             assert (hello.live_elsewhere, hello.live_since) == (True, refused.since)
         await Session.objects.filter(pk=granted.session).aupdate(state="reconnecting")
-        async with Page("giraff", ada) as late_tab:  # nobody drives it: any page may go on
+        async with Page("giraff", ada) as late_tab:  # no page drives it: any may resume
             hello = await late_tab.expect("hello")
             assert (hello.live_elsewhere, hello.live_since) == (False, refused.since)
         await Session.objects.filter(pk=granted.session).aupdate(state="driving")
@@ -390,9 +381,7 @@ async def test_a_peer_that_was_overheard_gives_nobody_the_robot(bridge, robot, a
 # --- what the robot says --------------------------------------------------------------------------
 
 
-async def test_what_the_robot_says_reaches_every_page_of_it_and_none_of_another(
-    bridge, robot, ada, bob
-):
+async def test_messages_of_a_robot_reach_all_of_its_pages_and_no_others(bridge, robot, ada, bob):
     await sync_to_async(Robot.objects.create)(name="rhodon", title="Rhodon")
     async with (
         Page("giraff", ada) as one,
@@ -452,7 +441,7 @@ async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, rob
         await until_room(driver, lambda authorization: authorization.waiting == 1)
 
 
-async def test_who_closes_the_page_in_the_queue_is_counted_no_more(bridge, robot, ada, bob):
+async def test_visitor_who_closes_the_page_no_longer_counts_as_waiting(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver:
         await driver.take()
         async with Page("giraff", bob) as other:
@@ -465,13 +454,11 @@ def goes_home():
     update_robots(returns_home=True, factsheet={"capabilities": ["dock"]})
 
 
-async def test_who_waits_and_watches_meanwhile_is_not_counted_twice(bridge, robot, ada, bob):
+async def test_visitor_who_waits_and_watches_is_counted_once(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
-        await other.say("session/take", protocol.Take())
-        await other.expect("session/queued")
-        await other.say("session/observe", protocol.Observe())
-        await other.expect("session/observing")
+        await other.queue()
+        await other.observe()
         await until_room(driver, lambda room: (room.observers, room.waiting) == (0, 1))
     assert max(room.observers for room in driver.told("room")) == 0
 
@@ -516,14 +503,12 @@ async def test_observers_are_as_many_as_the_robot_has_viewers_less_its_drivers_p
 ):
     bridge.stored["giraff", "factsheet"] = msgspec.json.encode(words.factsheet(viewers=2))
     async with Page("giraff", ada) as one, Page("giraff", bob) as two:
-        await one.say("session/observe", protocol.Observe())
-        await one.expect("session/observing")
+        await one.observe()
         await two.say("session/observe", protocol.Observe())
         assert (await two.expect("session/refused")).reason == "observers_full"
         await one.say("session/leave", protocol.Leave())
         await until_room(two, lambda authorization: authorization.observers == 0)
-        await two.say("session/observe", protocol.Observe())
-        await two.expect("session/observing")
+        await two.observe()
 
 
 async def test_a_robot_without_observers_is_only_driven(bridge, robot, ada):
@@ -725,15 +710,14 @@ async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_a
 ):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as waiting:
         await driver.take()
-        await waiting.say("session/take", protocol.Take())
-        session = (await waiting.expect("session/queued")).session
+        session = (await waiting.queue()).session
         bridge.lose_broker()
         await sync_to_async(Session.objects.filter(pk=session).update)(offered_at=timezone.now())
         bridge.find_broker()
         assert 0.0 < (await waiting.expect("session/offered")).seconds <= 60.0
 
 
-# --- whoever may not stay -------------------------------------------------------------------------
+# --- pages that may not stay ----------------------------------------------------------------------
 
 
 async def sign_out(page):
@@ -781,19 +765,18 @@ async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(
 
 
 def signals(bridge) -> list[m.Message]:
-    """Return what was said to the robot about connections, whoever's."""
+    """Return the signals that were sent to the robot, of all pages."""
     return [message for _, suffix, message in bridge.sent if suffix.startswith("signal/")]
 
 
-async def test_who_watches_does_so_no_longer_than_their_socket_lives(bridge, robot, ada, bob):
+async def test_watching_ends_with_the_pages_socket(bridge, robot, ada, bob):
     """The connection to the robot needs no socket: without a word of the server it would go on for
     ever.
     """
     async with Page("giraff", ada) as driver:
         granted = await driver.take()
         async with Page("giraff", bob) as observer:
-            await observer.say("session/observe", protocol.Observe())
-            await observer.expect("session/observing")
+            await observer.observe()
             assert signals(bridge) == []
         assert signals(bridge) == [m.Bye(reason="left")]
         assert bridge.commands(f"signal/{granted.peer}") == []
@@ -807,20 +790,16 @@ async def test_the_server_speaks_for_who_watches_and_for_nobody_else(
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
         granted = await driver.take()
-        await observer.say("session/observe", protocol.Observe())
-        await observer.expect("session/observing")
+        await observer.observe()
         await until(lambda: signals(bridge).count(m.Stay()) >= 3)
         assert bridge.commands(f"signal/{granted.peer}") == []
 
 
-async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(
-    bridge, robot, ada, monkeypatch
-):
+async def test_watching_ends_within_a_minute_after_the_permission(bridge, robot, ada, monkeypatch):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
     async with Page("giraff", ada) as page:
-        await page.say("session/observe", protocol.Observe())
-        await page.expect("session/observing")
+        await page.observe()
         await sync_to_async(Robot.objects.update)(observers_allowed=False)
         assert (await page.expect("session/refused")).reason == "not_allowed"
         assert [one for one in signals(bridge) if one != m.Stay()] == [m.Bye(reason="left")]
@@ -829,9 +808,7 @@ async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(
         assert (await page.take()).session, "and may drive, as everybody"
 
 
-async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is_open_still(
-    bridge, robot, ada
-):
+async def test_former_operator_clears_no_stop_from_a_page_that_is_still_open(bridge, robot, ada):
     permit = await sync_to_async(RobotPermit.objects.create)(
         robot=robot, user=ada, kind=RobotPermit.Privilege.OPERATOR
     )
@@ -909,7 +886,7 @@ async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(
 # --- the record -----------------------------------------------------------------------------------
 
 
-async def test_what_the_page_reports_travels_to_the_session_manager(bridge, robot, ada):
+async def test_reports_of_a_page_reach_the_session_manager(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         await page.say(
@@ -935,8 +912,7 @@ async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(
         Page("giraff", bob) as guest,
     ):
         await driver.take()
-        await watcher.say("session/observe", protocol.Observe())
-        await watcher.expect("session/observing")
+        await watcher.observe()
         for page in (driver, watcher, guest):
             await page.say("command/picture", m.PictureRequest(stamp=1.0))
         await until(lambda: len(bridge.commands("command/picture")) == 2)
@@ -958,8 +934,7 @@ async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(
 async def test_a_picture_for_one_peer_goes_to_no_other_page(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as watcher:
         await driver.take()
-        await watcher.say("session/observe", protocol.Observe())
-        await watcher.expect("session/observing")
+        await watcher.observe()
         await watcher.say("command/picture", m.PictureRequest(stamp=1.0))
         await until(lambda: bridge.commands("command/picture"))
         watching = bridge.commands("command/picture")[0].peer

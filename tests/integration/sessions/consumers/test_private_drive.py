@@ -1,4 +1,4 @@
-"""A private drive through the whole ASGI application: who sees it, and that nobody else does."""
+"""A private drive through the whole ASGI application: only permitted pages see it."""
 
 import threading
 
@@ -24,13 +24,6 @@ OFFER = m.SdpOffer(sdp="v=0", role="observer")
 OF_THE_ROBOT = {"state", "pose", "path", "scan", "heartbeat", "event", "action", "picture"}
 
 
-@pytest.fixture
-def robot(db):
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
-    )
-
-
 @pytest.fixture(autouse=True)
 def terms():
     with provided() as double:
@@ -52,16 +45,6 @@ def ada(db):
     return person("ada")
 
 
-@pytest.fixture
-def bob(db):
-    return person("bob")
-
-
-async def watch(page):
-    await page.say("session/observe", protocol.Observe())
-    await page.expect("session/observing")
-
-
 def say_all(bridge):
     bridge.say("giraff", "state", words.state(seq=5))
     bridge.say("giraff", "pose", words.pose())
@@ -71,9 +54,7 @@ def say_all(bridge):
     bridge.say_picture("giraff", 5.0, JPEG)
 
 
-async def test_who_only_looks_on_sees_hears_and_reads_nothing_of_a_private_drive(
-    bridge, robot, ada, bob
-):
+async def test_observers_receive_nothing_of_a_private_drive(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
         assert bridge.leases[-1][1].private
@@ -92,9 +73,9 @@ async def test_who_only_looks_on_sees_hears_and_reads_nothing_of_a_private_drive
         assert not [suffix for _, suffix, _ in bridge.sent if suffix.startswith("signal/")]
 
 
-async def test_who_watches_when_a_private_drive_begins_watches_no_more(bridge, robot, ada, bob):
+async def test_watching_ends_when_a_private_drive_begins(bridge, robot, ada, bob):
     async with Page("giraff", bob) as watcher, Page("giraff", ada) as driver:
-        await watch(watcher)
+        await watcher.observe()
         await watcher.say("command/picture", m.PictureRequest(stamp=1.0))
         await until(lambda: bridge.commands("command/picture"))
         own = (await driver.take()).peer
@@ -109,13 +90,10 @@ async def test_who_watches_when_a_private_drive_begins_watches_no_more(bridge, r
         assert not OF_THE_ROBOT & {suffix for suffix, _ in watcher.seen}
 
 
-async def test_who_waits_for_a_private_drive_to_end_sees_the_robot_again_afterwards(
-    bridge, robot, ada, bob
-):
+async def test_waiting_visitor_watches_again_after_a_private_drive(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
-        await other.say("session/take", protocol.Take())
-        await other.expect("session/queued")
+        await other.queue()
         await other.say("session/observe", protocol.Observe())
         assert (await other.expect("session/refused")).reason == "private"
         await driver.say("session/leave", protocol.Leave())
@@ -129,10 +107,10 @@ async def test_who_waits_for_a_private_drive_to_end_sees_the_robot_again_afterwa
 async def test_operators_and_whom_the_terms_name_watch_a_private_drive(bridge, robot, ada, who):
     user = await sync_to_async(person)(who, robot if who == "operator" else None)
     async with Page("giraff", user) as before, Page("giraff", ada) as driver:
-        await watch(before)
+        await before.observe()
         await driver.take()
         async with Page("giraff", user) as later:
-            await watch(later)
+            await later.observe()
             for page in (before, later):
                 await page.expect("room", lambda room: room.driver == "Ada" and not room.private)
                 await page.settle(bridge)
@@ -164,7 +142,7 @@ async def test_a_database_that_does_not_answer_lets_nobody_watch(bridge, robot, 
         return right(*arguments)
 
     async with Page("giraff", rosa) as watcher, Page("giraff", ada) as driver:
-        await watch(watcher)
+        await watcher.observe()
         monkeypatch.setattr(page_session, "VERDICT_SECONDS", 0.05)
         monkeypatch.setattr(queries, "may_watch_private", never)
         await driver.take()
@@ -177,7 +155,7 @@ async def test_a_drive_that_is_not_private_is_seen_as_before(bridge, robot, ada,
     terms.terms = Terms()
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
-        await watch(other)
+        await other.observe()
         await other.expect("room", lambda room: room.driver == "Ada" and not room.private)
         say_all(bridge)
         await other.expect("event")

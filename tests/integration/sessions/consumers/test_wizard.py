@@ -61,11 +61,6 @@ def robot(db):
 
 
 @pytest.fixture
-def ada(db):
-    return get_user_model().objects.create_user("ada", password="x")
-
-
-@pytest.fixture
 def provider(monkeypatch):
     provider = Operators()
     monkeypatch.setattr(operators, "_providers", [provider])
@@ -103,7 +98,7 @@ async def recorded(kind):
     return found
 
 
-async def test_nobody_operates_without_signing_in(bridge):
+async def test_operators_page_without_login_is_refused(bridge):
     console = Console("giraff")
     await console.open()
     assert await console.closed() == pages.SIGNED_OUT

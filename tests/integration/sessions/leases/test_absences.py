@@ -88,7 +88,7 @@ def test_a_web_process_that_comes_back_is_noted_and_one_that_dies_twice_twice(gi
     assert kinds == ["server_absent", "server_back", "server_absent"]
     store.seen([driven], after(100.0))
     look(absences, giraff, 101.0)
-    store.page_gone(driven, "peer-1", after(300.0), 1006)
+    store.page_closed(driven, "peer-1", after(300.0), 1006)
     look(absences, giraff, 330.0)
     assert fault(lost(driven, 302.0, 422.0)) == FaultAttribution("network")
 
@@ -97,14 +97,14 @@ def test_a_web_process_that_comes_back_is_noted_and_one_that_dies_twice_twice(gi
 def test_a_page_that_closes_its_socket_leaves_no_absent_server(giraff, driven, code, side):
     absences = WebAbsences()
     look(absences, giraff, 1.0)
-    store.page_gone(driven, "peer-1", after(5.0), code)
+    store.page_closed(driven, "peer-1", after(5.0), code)
     look(absences, giraff, 60.0)
     assert noted(driven, "server_absent", "page_closed") == [("page_closed", {"code": code})]
     assert fault(lost(driven, 7.0, 127.0)) == FaultAttribution(side)
 
 
 def test_a_code_from_before_a_page_came_back_says_nothing_of_the_end(driven):
-    store.page_gone(driven, "peer-1", after(5.0), 1001)
+    store.page_closed(driven, "peer-1", after(5.0), 1001)
     store.seen([driven], after(8.0))
     assert fault(lost(driven, 10.0, 20.0)) == FaultAttribution("network")
 

@@ -15,7 +15,7 @@ from robots.api import topics
 from robots.models import Robot, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
+from sessions.leases.transitions import IDLE, ReleaseLease, RobotLink, SetState, decide_tick
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
@@ -39,16 +39,6 @@ def giraff():
     return create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), max_linear=0.3
     )
-
-
-@pytest.fixture
-def ana():
-    return User.objects.create(username="ana", display_name="Ana")
-
-
-@pytest.fixture
-def ben():
-    return User.objects.create(username="ben")
 
 
 def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
@@ -95,7 +85,7 @@ def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
 def test_a_reload_gets_a_new_epoch_in_the_same_session(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW)
-    store.page_gone(first.session, "peer-1", after(1))
+    store.page_closed(first.session, "peer-1", after(1))
     again = store.take(giraff, ana, "peer-2", session=first.session, now=after(2))
     assert (again.session, again.epoch, again.resumed) == (first.session, 2, False)
     assert Session.objects.get().state == "reconnecting"
@@ -106,7 +96,7 @@ def test_the_old_page_of_a_session_that_moved_can_neither_end_nor_lose_it(giraff
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.take(giraff, ana, "peer-2", takeover=True, now=after(1))
     assert not store.leave(first.session, peer="peer-1", now=after(2))
-    store.page_gone(first.session, "peer-1", after(2))
+    store.page_closed(first.session, "peer-1", after(2))
     row = Session.objects.get()
     assert (row.state, row.seen_at) == ("connecting", after(1))
 
@@ -148,7 +138,7 @@ def test_a_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
 def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
     store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
-    store.page_gone(queued.session, "peer-2", after(1))
+    store.page_closed(queued.session, "peer-2", after(1))
     assert Session.objects.get(visitor=ben).lost_at == after(1)
     assert store.seen({queued.session}, after(2)) == {queued.session}
     assert Session.objects.get(visitor=ben).lost_at is None
@@ -299,10 +289,10 @@ def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana,
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="waiting")
     link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == (Move(granted.session, "connecting"),)
+    assert tick(giraff, link, after(1)) == (SetState(granted.session, "connecting"),)
     # and its end, without the lease
     Session.objects.update(state="ended", live_key="x", outcome="cancelled")
-    assert tick(giraff, link, after(2)) == (Free(1),)
+    assert tick(giraff, link, after(2)) == (ReleaseLease(1),)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.TakeGranted)
 
 

@@ -14,7 +14,7 @@ from sessions import protocol
 from sessions.consumers import queries, relay
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import Move, RobotLink
+from sessions.leases.transitions import RobotLink, SetState
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from sessions.protocol import Ended
@@ -63,16 +63,6 @@ def giraff():
         max_linear=0.3,
         max_angular=0.5,
     )
-
-
-@pytest.fixture
-def ana():
-    return User.objects.create(username="ana", display_name="Ana")
-
-
-@pytest.fixture
-def ben():
-    return User.objects.create(username="ben")
 
 
 def take(
@@ -166,7 +156,7 @@ def test_terms_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the
     keeper.renew(NOW)
     assert not keeper.outbox
     assert tick(giraff, RobotLink(since=NOW.timestamp()), after(1)) == (
-        Move(str(session.pk), "connecting"),
+        SetState(str(session.pk), "connecting"),
     )
     session.refresh_from_db()
     assert (session.state, terms.of(session)) == ("connecting", STUDY)

@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import time
+from unittest import mock
 
 import pytest
 from aiomqtt import Message, Topic
@@ -19,6 +20,7 @@ from sessions.manager import broker_connection
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
+from sessions.manager.intake_gate import IntakeGate
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent, SystemLog
@@ -32,12 +34,6 @@ pytestmark = pytest.mark.django_db
 GIRAFF = shard_of("giraff")
 
 
-class Kept(list):
-    """A recorder that keeps what it is given."""
-
-    put = list.append
-
-
 class Look:
     """A connection without its client, and with a stopped clock."""
 
@@ -49,16 +45,17 @@ class Look:
         self.ownership.wanted = frozenset(self.epochs)
         self.ownership.confirm(self.now)
         self.intake = Intake(
-            Kept(),
+            mock.Mock(),
             lambda: self.now,
             wake_signals=lambda: None,
             wake_scheduler=lambda: None,
-            ownership=self.ownership,
         )
+        self.gate = IntakeGate(self.intake, self.ownership, lambda: self.now)
         work = Work(
             ownership=self.ownership,
             recorder=None,
             ingest=self.intake,
+            gate=self.gate,
             scheduler=Scheduler(self.ownership),
             return_to_dock=ReturnToDock(self.ownership),
             presence=PresenceWriter(fence=self.ownership),
@@ -76,10 +73,10 @@ class Look:
 
     def hear(self, message, suffix="connection"):
         topic, payload = Topic(topics.of("giraff", suffix)), codec.encode(message)
-        self.intake.receive(Message(topic, payload, 1, retain=False, mid=1, properties=None))
+        self.gate.receive(Message(topic, payload, 1, retain=False, mid=1, properties=None))
 
     def tick(self):
-        self.intake.follow_ownership()
+        self.gate.follow()
         return self.connection._tick()
 
 

@@ -15,8 +15,8 @@ from robots.api import messages as m
 from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
-from sessions.leases.readiness import LATE, ORDERED
-from sessions.leases.transitions import RobotLink, Withdraw
+from sessions.leases.readiness import NETWORK_PAUSE_S, ORDERED
+from sessions.leases.transitions import RobotLink, WithdrawOffer
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
@@ -46,16 +46,6 @@ def giraff():
         last_seen_at=after(1000),
         factsheet=FACTS,
     )
-
-
-@pytest.fixture
-def ana():
-    return User.objects.create(username="ana")
-
-
-@pytest.fixture
-def ben():
-    return User.objects.create(username="ben")
 
 
 class Situation:
@@ -183,7 +173,7 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     assert any(isinstance(act, Offered) for act in tick(giraff, RobotLink(), after(2)))
     update_robots(returns_home=True, turnaround="paused", turnaround_reason="estop")
     assert any(
-        isinstance(act, Withdraw) for act in tick(Robot.objects.get(), RobotLink(), after(3))
+        isinstance(act, WithdrawOffer) for act in tick(Robot.objects.get(), RobotLink(), after(3))
     )
 
 
@@ -318,7 +308,7 @@ def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_bet
     giraff, ana, situation
 ):
     a_session_ends(giraff, ana)
-    for second in (1, 2, 2 + LATE):
+    for second in (1, 2, 2 + NETWORK_PAUSE_S):
         situation.says(after(second), docked=True, trip=0.9)
         situation.look(after(second))
     assert store.pause_of(giraff) == "paused: network"

@@ -16,7 +16,7 @@ from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, Queued, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Queued, TurnWarning
 from tests.support.robots import create_robot, update_robots
 
 pytestmark = pytest.mark.django_db
@@ -141,10 +141,12 @@ def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(dri
     Session.objects.update(seen_at=after(1000))
     scheduler, at = Scheduler(), after(5).timestamp()
     idle = {"last_received_at": at, "state_at": at, "session": drive, "epoch": 1, "silence": 0.1}
-    (asked,) = refused_then_sent(scheduler, 5, AskedThere, **idle)
+    (asked,) = refused_then_sent(scheduler, 5, PresenceAsked, **idle)
     assert asked.session == drive
     back = {**idle, "active_at": after(7).timestamp()}
-    assert refused_then_sent(scheduler, 7, FoundThere, **back) == [FoundThere(session=drive)]
+    assert refused_then_sent(scheduler, 7, PresenceConfirmed, **back) == [
+        PresenceConfirmed(session=drive)
+    ]
 
 
 def test_a_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):

@@ -148,7 +148,7 @@ async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker
 
 
 @pytest.mark.nightly
-async def test_the_lease_is_renewed_with_a_growing_number_and_empty_when_nobody_drives(
+async def test_the_lease_is_renewed_with_growing_numbers_and_empty_without_a_driver(
     broker, giraff, visitors
 ):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
@@ -312,7 +312,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
     broker, giraff, visitors, monkeypatch
 ):
     """These heartbeats tell the robot that it could still be stopped."""
-    monkeypatch.setattr(readiness, "AGAIN", 0.2)
+    monkeypatch.setattr(readiness, "RETRY_S", 0.2)
     looking, may_look = threading.Event(), threading.Event()
     may_look.set()
     look = ReturnToDock.tick
@@ -635,7 +635,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
         assert isinstance(ben, store.Queued)
-        assert (await notices.of(ana, protocol.AskedThere)).seconds == 1.0
+        assert (await notices.of(ana, protocol.PresenceAsked)).seconds == 1.0
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "idle")
         await notices.of(ben.session, protocol.Offered)

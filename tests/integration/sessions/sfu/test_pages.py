@@ -15,13 +15,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 @pytest.fixture
-def robot(db):
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
-    )
-
-
-@pytest.fixture
 def people(db):
     create = get_user_model().objects.create_user
     return create("ada", password="x"), create("bob", password="x")
@@ -32,11 +25,6 @@ def sfu(settings):
     settings.JANUS_URL, settings.DIRECT_WATCHERS = "ws://127.0.0.1:1", 1
 
 
-async def watch(page):
-    await page.say("session/observe", protocol.Observe())
-    return await page.expect("session/observing")
-
-
 def signals(bridge, peer):
     return [message for _, suffix, message in bridge.sent if suffix == f"signal/{peer}"]
 
@@ -44,14 +32,14 @@ def signals(bridge, peer):
 async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, robot, people):
     async with Page("giraff", people[0]) as one, Page("giraff", people[1]) as two:
         peer = (await two.expect("hello")).peer
-        assert not (await watch(one)).sfu
-        assert (await watch(two)).sfu
+        assert not (await one.observe()).sfu
+        assert (await two.observe()).sfu
         await two.say("signal", protocol.WantOffer())
         reply = await two.expect("signal/reply")
         assert (type(reply), reply.reason) == (m.Bye, "sfu_lost")
         await two.say("session/leave", protocol.Leave())
         await one.say("session/leave", protocol.Leave())
-        assert not (await watch(two)).sfu
+        assert not (await two.observe()).sfu
         assert signals(bridge, peer) == [], "the robot knows nothing of such a page"
     await until(lambda: not broadcast._broadcasts)
 
@@ -59,7 +47,7 @@ async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, 
 async def test_a_page_for_which_the_robot_has_no_place_goes_on_to_the_sfu(bridge, robot, people):
     async with Page("giraff", people[0]) as page:
         peer = (await page.expect("hello")).peer
-        assert not (await watch(page)).sfu
+        assert not (await page.observe()).sfu
         bridge.say("giraff", f"signal/{peer}/reply", m.Bye(reason="full"))
         assert (await page.expect("session/observing")).sfu
     await until(lambda: not broadcast._broadcasts)

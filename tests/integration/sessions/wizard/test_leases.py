@@ -17,13 +17,6 @@ NOW = timezone.now()
 
 
 @pytest.fixture
-def giraff():
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
-    )
-
-
-@pytest.fixture
 def terms():
     with provided() as double:
         double.terms = Terms(driver="wizard")

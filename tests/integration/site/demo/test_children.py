@@ -1,6 +1,4 @@
-"""Parts that are started side by side: each is waited for in turn, and one that ends is named
-whoever is waited for.
-"""
+"""Parts that are started together: each is waited for in turn, and any that ends is named."""
 
 import contextlib
 import os
@@ -26,7 +24,6 @@ def touching(path: Path) -> list[str]:
 
 
 def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
-    """Started one after the other, the first would wait for ever."""
     first, second = tmp_path / "first", tmp_path / "second"
     waiting = [
         "-c",
@@ -40,31 +37,26 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
         yield
         steps.append(name)
 
-    children.start_together(
-        [
-            DemoPart("first", waiting, lambda _child: first.exists()),
-            DemoPart("second", touching(second), lambda _child: second.exists()),
-        ],
-        within=60,
-        step=step,
-    )
+    parts = [
+        DemoPart("first", waiting, lambda _child: first.exists()),
+        DemoPart("second", touching(second), lambda _child: second.exists()),
+    ]
+    children.start_together(parts, within=60, step=step)
     assert steps == ["first", "second"]
     assert [child.name for child in children.running] == ["first", "second"]
 
 
 def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
+    fails = ["-c", "print('port taken'); raise SystemExit(1)"]
     parts = [
         DemoPart("broker", ["-c", LIVE], lambda _child: False),
-        DemoPart(
-            "web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda _child: True
-        ),
+        DemoPart("web server", fails, lambda _child: True),
     ]
     with pytest.raises(StartFailed, match=r"The web server ended at once: port taken"):
         children.start_together(parts, within=60)
 
 
-def test_a_part_that_is_never_ready_is_named_with_its_last_words(children):
+def test_a_part_that_is_never_ready_is_named_with_its_last_lines(children):
+    broker = DemoPart("broker", ["-c", LIVE], lambda _child: False)
     with pytest.raises(StartFailed, match="The broker was not ready in time"):
-        children.start_together(
-            [DemoPart("broker", ["-c", LIVE], lambda _child: False)], within=0.2
-        )
+        children.start_together([broker], within=0.2)

@@ -1,12 +1,11 @@
-"""manage.py demo as its user meets it: a link that drives, clear endings, nothing left behind."""
+"""`manage.py demo`: a link that drives, clear endings, and no process left behind."""
 
 import contextlib
 import fcntl
-import os
 import re
 import signal
 import socket
-import subprocess
+import sqlite3
 import sys
 import urllib.request
 from html import unescape
@@ -14,24 +13,19 @@ from pathlib import Path
 
 import psutil
 import pytest
-from django.conf import settings
 
 from tests.support.browsers.running_demo import demo
 from tests.support.patience import patient
-from tests.support.sessions.site import LOOPBACK, free_port, wait_for
+from tests.support.programs.finished import run, site_environment
+from tests.support.sessions.site import DATABASE, LOOPBACK, free_port
 
 pytestmark = pytest.mark.long
 
 
-def sessions_of(var: Path) -> list[tuple[str, str]]:
-    import sqlite3
-
-    with contextlib.closing(
-        sqlite3.connect(var / "telepresence.sqlite3", timeout=20)
-    ) as connection:
-        return connection.execute(
-            "SELECT username, id FROM accounts_user ORDER BY username"
-        ).fetchall()
+def users_of(var: Path) -> list[tuple[str, str]]:
+    with contextlib.closing(sqlite3.connect(var / DATABASE, timeout=20)) as connection:
+        rows = connection.execute("SELECT username, id FROM accounts_user ORDER BY username")
+        return rows.fetchall()
 
 
 @pytest.mark.nightly
@@ -61,17 +55,9 @@ def test_a_system_without_file_locks_runs_a_demo_too(tmp_path):
         "from pathlib import Path; from telepresence_site.demo.run import only_demo_in\n"
         "with only_demo_in(Path(sys.argv[1])): print('runs')"
     )
-    environment = os.environ | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
-    told = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path)],
-        cwd=settings.BASE_DIR,
-        env=environment | {"VAR_DIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=patient(30),
-        check=False,
-    )
-    assert (told.stdout, told.returncode) == ("runs\n", 0), told.stderr
+    environment = site_environment(tmp_path, HTTP_ONLY="1")
+    done = run(sys.executable, "-c", program, str(tmp_path), env=environment)
+    assert (done.stdout, done.returncode) == ("runs\n", 0), done.stderr
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "eighty"])
@@ -88,7 +74,7 @@ ENDINGS = [
 
 
 @pytest.mark.parametrize(("number", "background"), ENDINGS)
-def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_keeps_the_data(
+def test_the_demo_opens_the_robot_ends_all_processes_and_keeps_its_data(
     tmp_path, number, background
 ):
     port = free_port()
@@ -98,13 +84,8 @@ def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_k
         assert page.status == 200
         assert page.url.endswith("/robots/giraff/?go=1")
         assert "researcher" in running.said()
-        study = re.search(
-            r"Take part:\s+(\S+)",
-            wait_for(
-                lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"
-            ),
-        )
-        assert study is not None
+        running.waits_to_say("Logs:", 10)
+        study = re.search(r"Take part:\s+(\S+)", running.said())
         stranger = urllib.request.build_opener()
         front = unescape(stranger.open(study.group(1), timeout=patient(20)).read().decode())
         assert "Explore an office with a robot" in front
@@ -113,13 +94,13 @@ def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_k
         assert len(family) >= 5
         running.process.send_signal(number)
         running.waits_to_say("Stopping", 10)
-        assert running.end(number) == 0, "who thinks that it was not heard presses again"
+        assert running.end(number) == 0, "a second signal does no harm"
         _, alive = psutil.wait_procs(family, timeout=40)
         assert alive == []
-    people = sessions_of(tmp_path)
+    people = users_of(tmp_path)
     with demo(tmp_path, "--port", str(port)) as again:
         again.link()
-        assert sessions_of(tmp_path) == people
+        assert users_of(tmp_path) == people
 
 
 @pytest.mark.nightly
@@ -137,13 +118,13 @@ def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
     port = str(free_port())
     with demo(tmp_path, "--port", port) as running:
         running.link()
-    before = dict(sessions_of(tmp_path))
+    before = dict(users_of(tmp_path))
     message = tmp_path / "mail" / "to-anna.log"
     message.parent.mkdir(exist_ok=True)
     message.write_text("Subject: your turn")
     with demo(tmp_path, "--port", port, "--reset") as running:
         running.link()
     assert not message.exists()
-    after = dict(sessions_of(tmp_path))
+    after = dict(users_of(tmp_path))
     assert before.keys() == after.keys()
     assert before["visitor"] != after["visitor"]

@@ -1,4 +1,4 @@
-"""The demo's study, for somebody who only has its link."""
+"""The demo's study, for a visitor who only has its link."""
 
 import pytest
 from django.utils import timezone
@@ -18,7 +18,7 @@ from tests.support.studies.study_site import robot_at
 pytestmark = pytest.mark.django_db
 
 
-def test_whoever_follows_the_link_takes_part_without_an_account(client):
+def test_a_participant_follows_the_link_without_an_account(client):
     office = store_floor_plan(p.OFFICE)
     for series in ("giraff", "rhodon"):
         robot_at(office, series, series)
@@ -31,10 +31,10 @@ def test_whoever_follows_the_link_takes_part_without_an_account(client):
     assert "Sign up" not in front.text.partition("Take part")[2]
     assert "Write down this code." in read(client.post(f"/studies/{slug}/")).text
     assert Participant.objects.get().user.is_guest
-    for language, is_told in (("en", "a simulated robot"), ("es", "un robot simulado")):
+    for language, text in (("en", "a simulated robot"), ("es", "un robot simulado")):
         client.cookies["django_language"] = language
         consent = read(client.get(f"/studies/{slug}/step/")).text
-        assert is_told in consent
+        assert text in consent
         assert "edificio real" not in consent
         assert "real building" not in consent
         assert "profile" not in consent, "guests have none"
@@ -52,7 +52,7 @@ def test_a_database_of_an_earlier_version_gets_the_marks_of_todays_robots(settin
     assert not Robot.objects.filter(description="Of an earlier version").exists()
 
 
-def test_what_an_owner_has_changed_of_a_robot_stays_at_the_next_start(client, settings, tmp_path):
+def test_changes_of_an_owner_stay_at_the_next_start(client, settings, tmp_path):
     settings.VAR_DIR = tmp_path
     seed("mqtt://127.0.0.1:1")
     client.force_login(User.objects.get(username=RESEARCHER))

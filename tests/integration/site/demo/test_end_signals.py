@@ -1,6 +1,4 @@
-"""Every process that has an end of its own ends by Ctrl-C, also when it was started in the
-background, and leaves nobody behind.
-"""
+"""Ctrl-C ends every command, also when it was started in the background, with all its children."""
 
 import contextlib
 import signal
@@ -37,14 +35,14 @@ def background() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def silent() -> Iterator[socket.socket]:
-    """Somebody who takes connections and says nothing."""
+    """A server that accepts connections and sends nothing."""
     with socket.create_server((LOOPBACK, 0)) as server:
         yield server
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory, silent: socket.socket) -> Iterator[Site]:
-    """All of them, started together in the background."""
+    """A site with all commands, started together in the background."""
     site = Site(tmp_path_factory.mktemp("site"), settings={"PRACTICE_ROBOTS": "1"})
     try:
         site.prepare()
@@ -59,8 +57,8 @@ def site(tmp_path_factory: pytest.TempPathFactory, silent: socket.socket) -> Ite
 
 
 def commands(var: Path, silent: socket.socket) -> dict[str, tuple[list[str], str]]:
-    """Return (arguments, what its log has when it runs) by name."""
-    nobody = f"{LOOPBACK}:{silent.getsockname()[1]}"
+    """Return (arguments, what its log contains when it runs) by name."""
+    silent_server = f"{LOOPBACK}:{silent.getsockname()[1]}"
     credentials = ["--credentials", str(var / "credentials" / "rhodon.toml"), "--var", str(var)]
     return {
         "run_session_manager": (["manage.py", "run_session_manager"], "session_manager_connected"),
@@ -75,7 +73,10 @@ def commands(var: Path, silent: socket.socket) -> dict[str, tuple[list[str], str
             ["manage.py", "mosquitto_files", str(var), "--watch"],
             "mosquitto_files_written",
         ),
-        "run_bots": (["manage.py", "run_bots", "exploration", "--url", f"http://{nobody}"], ""),
+        "run_bots": (
+            ["manage.py", "run_bots", "exploration", "--url", f"http://{silent_server}"],
+            "",
+        ),
         "rehearse_study": (["manage.py", "rehearse_study", "exploration"], ""),
     }
 
@@ -86,7 +87,7 @@ def family(site: Site, name: str) -> list[psutil.Process]:
 
 
 def runs(site: Site, name: str, words: str) -> bool:
-    """Whether it has begun: by its log, or for want of one by what it has begun."""
+    """Tell whether a command works: by its log, or else by its children and connections."""
     assert site.processes[name].poll() is None, site.log(name)
     if name == "rehearse_study":
         return any("run_broker" in process.cmdline() for process in family(site, name))
@@ -99,9 +100,7 @@ def runs(site: Site, name: str, words: str) -> bool:
 
 
 def ends(site: Site, name: str, signals: int = 1) -> int:
-    """Send Ctrl-C so often, as somebody does who thinks that it was not heard, and return the exit
-    code.
-    """
+    """Send Ctrl-C, also repeatedly as impatient users do, and return the exit code."""
     members, process = family(site, name), site.processes.pop(name)
     for _ in range(signals):
         process.send_signal(signal.SIGINT)
@@ -112,7 +111,7 @@ def ends(site: Site, name: str, signals: int = 1) -> int:
     return code
 
 
-ENDED = {"run_bots": -signal.SIGINT, "rehearse_study": 1}  # they did not do what they were asked to
+ENDED = {"run_bots": -signal.SIGINT, "rehearse_study": 1}  # they did not finish
 
 
 @pytest.mark.parametrize("name", commands(Path(), socket.socket()) | {"broker": ()})

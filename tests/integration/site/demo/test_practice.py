@@ -1,8 +1,7 @@
-"""Practice robots: how many run and when, the processes that are started and ended, and where a
-visitor is sent.
-"""
+"""Practice robots: how many run and when, their processes, and which one a visitor gets."""
 
 import datetime
+import functools
 
 import pytest
 from django.utils import timezone
@@ -29,6 +28,7 @@ NOBODY = Demand(None, frozenset(), {})
 
 
 def waits(at: float = NOW, *taken: str, left: dict[str, float] | None = None) -> Demand:
+    """Return the demand of a visitor who waits since a moment."""
     return Demand(at, frozenset(taken), left or {})
 
 
@@ -39,11 +39,11 @@ def alive(*names: str, since: float = NOW - 100.0) -> dict[str, Process]:
 # --- how many -------------------------------------------------------------------------------------
 
 
-def test_nothing_runs_while_nobody_waits():
+def test_no_practice_robot_runs_without_a_visitor():
     assert decide(NAMES, NOBODY, {}, NOW) == []
 
 
-def test_whoever_waits_finds_one_robot_and_whoever_comes_next_another_until_the_house_is_full():
+def test_each_visitor_gets_a_practice_robot_until_all_are_taken():
     assert decide(NAMES, waits(), {}, NOW) == [StartRobot("practice-1")]
     assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
     assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [
@@ -64,15 +64,12 @@ def test_nobodys_practice_ends_because_nobody_waits_any_more():
 def test_a_robot_is_started_anew_after_its_visitor():
     left = {"practice-1": NOW - 1.0}
     assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == StopRobot("practice-1")
-    ended = {
-        "practice-1": Process(NOW - 100.0, alive=False),
-        "practice-2": Process(NOW - 100.0, alive=True),
-    }
+    ended = alive(*NAMES) | {"practice-1": Process(NOW - 100.0, alive=False)}
     assert decide(NAMES, waits(left=left), ended, NOW) == []
     assert decide(["practice-1"], waits(left=left), ended, NOW) == [StartRobot("practice-1")]
 
 
-def test_a_robot_that_died_under_its_visitor_is_back_first_and_not_faster_than_every_few_seconds():
+def test_a_robot_killed_during_a_visit_is_restarted_first_but_not_too_often():
     dead = {"practice-2": Process(NOW - 1.0, alive=False)}
     demand = Demand(None, frozenset({"practice-2"}), {})
     assert StartRobot("practice-2") not in decide(NAMES, demand, dead, NOW)
@@ -109,15 +106,9 @@ def process(supervisor: Supervisor):
 
 
 def visit(visitor: User, robot: Robot, **changes) -> Session:
-    now = timezone.now()
-    fields = {
-        "robot": robot,
-        "visitor": visitor,
-        "live_key": f"{robot.pk}:{visitor.pk}",
-        "queued_at": now,
-        "seen_at": now,
-    }
-    return Session.objects.create(**{**fields, **changes})
+    fields = {"live_key": f"{robot.pk}:{visitor.pk}", "queued_at": timezone.now()}
+    fields |= {"seen_at": timezone.now(), **changes}
+    return Session.objects.create(robot=robot, visitor=visitor, **fields)
 
 
 def drives(visitor: User) -> Session:
@@ -133,12 +124,9 @@ def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
     assert process(supervisor).poll() is None
 
 
-def test_who_waits_with_a_closed_page_wants_no_practice(supervisor, ana):
-    visit(
-        ana,
-        Robot.objects.create(name="giraff", title="Giraff"),
-        seen_at=timezone.now() - datetime.timedelta(minutes=5),
-    )
+def test_a_waiting_visitor_with_a_closed_page_gets_no_practice_robot(supervisor, ana):
+    earlier = timezone.now() - datetime.timedelta(minutes=5)
+    visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=earlier)
     supervisor.look()
     assert supervisor._running == {}
 
@@ -157,7 +145,7 @@ def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it
     assert process(supervisor).poll() is None
 
 
-def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(
+def test_a_new_supervisor_starts_the_robot_of_a_practising_visitor(
     supervisor, practice, ana, tmp_path
 ):
     drives(ana)
@@ -186,9 +174,7 @@ def leaves(session: Session) -> None:
     )
 
 
-def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was_started_for_them(
-    supervisor, ana, monkeypatch
-):
+def test_ten_visitors_practise_in_turn_each_with_a_robot_of_their_own(supervisor, ana, monkeypatch):
     monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
     seen = set()
@@ -219,26 +205,20 @@ def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana
 
 def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
     drives(ana)
-    said = []
-    supervisor._tell = said.append
+    sentences = []
+    supervisor._tell = sentences.append
     supervisor.look()
     process(supervisor).kill()
     process(supervisor).wait()
     supervisor.look()
     supervisor.look()
-    assert len(said) == 1
-    assert said[0].startswith(
-        "The practice robot practice-1 ended: it was ended by SIGKILL (its log"
-    )
-    told = [
-        record.getMessage()
-        for record in caplog.records
-        if record.getMessage().startswith("practice_robot_died")
-    ]
-    assert len(told) == 1
-    assert "robot=practice-1" in told[0]
-    assert "SIGKILL" in told[0]
-    assert "practice-1.log" in told[0]
+    (sentence,) = sentences
+    ended = "The practice robot practice-1 ended: it was ended by SIGKILL (its log"
+    assert sentence.startswith(ended)
+    lines = [record.getMessage() for record in caplog.records]
+    (line,) = [line for line in lines if line.startswith("practice_robot_died")]
+    for word in ("robot=practice-1", "SIGKILL", "practice-1.log"):
+        assert word in line
 
 
 def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(
@@ -251,37 +231,20 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
         ("practice-1", True, True),
         ("practice-2", False, True),
     ]
-    assert (
-        Robot.objects.get(name="practice-1").credentials.credential_hash
-        == robot.credentials.credential_hash
-    )
+    kept = Robot.objects.get(name="practice-1").credentials.credential_hash
+    assert kept == robot.credentials.credential_hash
     assert FloorPlan.objects.count() == 1
 
 
 # --- where to practise ----------------------------------------------------------------------------
 
 
-def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
+def test_a_visitor_is_sent_to_the_shortest_queue_of_a_robot_that_is_online():
+    one, two = (functools.partial(PracticePlace, name) for name in NAMES)
     assert choose([]) is None
-    assert choose([PracticePlace("practice-1", there=False, taken=0)]) is None
-    assert (
-        choose(
-            [
-                PracticePlace("practice-1", there=True, taken=1),
-                PracticePlace("practice-2", there=False, taken=0),
-            ]
-        )
-        == "practice-1"
-    )
-    assert (
-        choose(
-            [
-                PracticePlace("practice-1", there=True, taken=2),
-                PracticePlace("practice-2", there=True, taken=1),
-            ]
-        )
-        == "practice-2"
-    )
+    assert choose([one(there=False, taken=0)]) is None
+    assert choose([one(there=True, taken=1), two(there=False, taken=0)]) == "practice-1"
+    assert choose([one(there=True, taken=2), two(there=True, taken=1)]) == "practice-2"
 
 
 def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, practice, ana):
@@ -307,7 +270,7 @@ def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_our
     assert '"practice": "/practice/"' in whole.content.decode()
 
 
-def test_practice_robots_stand_on_no_list_and_pages_of_a_site_without_them_offer_none(
+def test_practice_robots_are_on_no_list_and_offered_only_where_there_are_any(
     client, practice, ana, settings
 ):
     Robot.objects.create(name="giraff", title="Giraff")

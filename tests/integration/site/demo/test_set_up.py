@@ -1,6 +1,4 @@
-"""What a newcomer sees when something is missing: one clear sentence, and an exit code that says
-no.
-"""
+"""The set-up when something is missing: one clear sentence, and an exit code other than 0."""
 
 import importlib.util
 import os
@@ -11,20 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import ROOT
+from tests.support.programs.finished import run
 
 
 def shell(*arguments: str, cwd: Path = ROOT, **more: str) -> subprocess.CompletedProcess[str]:
-    """Run a program with nothing in its environment but what it needs, and `more`."""
+    """Run a program with an environment of PATH, HOME and `more`."""
     environment = {"PATH": os.environ["PATH"], "HOME": str(cwd), **more}
-    return subprocess.run(
-        arguments,
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    return run(*arguments, cwd=cwd, env=environment)
 
 
 @pytest.fixture
@@ -70,15 +61,9 @@ def test_packages_that_cannot_be_installed_end_in_one_sentence_and_are_not_marke
     (tmp_path / "broken.lock").write_text(
         "no-such-package-anywhere==1.0 \\\n    --hash=sha256:" + "0" * 64 + "\n"
     )
-    # Nobody is asked for it: an index that is slow to answer is no matter of ours.
-    done = shell(
-        sys.executable,
-        str(ROOT / "deploy" / "set_up.py"),
-        str(tmp_path / "venv"),
-        "broken.lock",
-        cwd=tmp_path,
-        PIP_NO_INDEX="1",
-    )
+    # Without an index, which might be slow.
+    words = [sys.executable, str(ROOT / "deploy/set_up.py"), str(tmp_path / "venv"), "broken.lock"]
+    done = shell(*words, cwd=tmp_path, PIP_NO_INDEX="1")
     assert "pip could not be updated" in one_sentence(done)
     assert not (tmp_path / "venv" / "installed").exists()
     monkeypatch.setenv("PIP_NO_INDEX", "1")
@@ -90,9 +75,7 @@ def test_packages_that_cannot_be_installed_end_in_one_sentence_and_are_not_marke
 def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_installed(
     set_up, monkeypatch, tmp_path
 ):
-    """Also when another commit's packages were installed in between, and after the developers' lock
-    for the run-time's, which is a part of it.
-    """
+    """Also after the packages of another commit, or of the developers' lock."""
     monkeypatch.chdir(tmp_path)
     Path("venv").mkdir()
     installs = []
@@ -100,7 +83,7 @@ def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_instal
     monkeypatch.setattr(set_up, "install", lambda _, lock: installs.append(lock))
     monkeypatch.setattr(set_up, "update_pip", lambda _: None)
 
-    def asked(lock: str, commit: str) -> list[str]:
+    def installed(lock: str, commit: str) -> list[str]:
         for name in ("requirements.lock", "requirements-dev.lock"):
             Path(name).write_text(f"{name} of {commit}")
         monkeypatch.setattr(sys, "argv", ["set_up.py", "venv", lock])
@@ -118,16 +101,13 @@ def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_instal
         ("requirements.lock", "other", True),
         ("requirements.lock", "one", True),
     ):
-        assert asked(lock, commit) == ([lock] if is_installed else []), (lock, commit)
+        assert installed(lock, commit) == ([lock] if is_installed else []), (lock, commit)
 
 
 @pytest.mark.nightly
 def test_an_environment_has_the_locked_pip_and_no_setuptools(set_up, tmp_path):
-    """What a package index has is not tested: pip installs from the one that this computer uses."""
     python = set_up.make_environment(str(tmp_path / "venv"))
     set_up.update_pip(python)
-    listed = subprocess.run(
-        [python, "-m", "pip", "list", "--format=freeze"], capture_output=True, text=True, check=True
-    )
+    listed = run(python, "-m", "pip", "list", "--format=freeze", check=True)
     locked = Path(set_up.PIP_LOCK).read_text().split()[0]
     assert listed.stdout.split() == [locked]

@@ -1,4 +1,4 @@
-"""Parts that end are named and started again: real processes, and delays that need no wait."""
+"""Parts that end are named and restarted: real processes, with delays of 0 s."""
 
 import contextlib
 import os
@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.children import TELLS, Child, Children, DemoPart, StartFailed
-from telepresence_site.demo.restart import RestartPolicy
-from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
+from telepresence_site.children import NOTICE_PREFIX, Child, Children, DemoPart, StartFailed
+from telepresence_site.demo.supervision import PartLostError, RestartPolicy, ServiceSupervisor
 from tests.support.sessions.site import wait_for
 
 POLICY = RestartPolicy(first_delay=0.0, longest_delay=0.0, settled=1000.0, quick_deaths=3)
@@ -30,13 +29,13 @@ def children(tmp_path: Path) -> Iterator[Children]:
 
 
 @pytest.fixture
-def told() -> list[str]:
+def sentences() -> list[str]:
     return []
 
 
 @pytest.fixture
-def supervisor(children, told) -> ServiceSupervisor:
-    return ServiceSupervisor(children, told.append, POLICY)
+def supervisor(children, sentences) -> ServiceSupervisor:
+    return ServiceSupervisor(children, sentences.append, POLICY)
 
 
 def start(supervisor: ServiceSupervisor, *parts: DemoPart, within: float = 60.0) -> None:
@@ -57,60 +56,63 @@ def kill(child: Child) -> None:
 
 
 @pytest.mark.parametrize("is_essential", [True, False], ids=["essential", "not essential"])
-def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(
-    children, supervisor, told, is_essential
+def test_a_killed_part_is_named_with_its_log_and_again_when_it_is_back(
+    children, supervisor, sentences, is_essential
 ):
     start(supervisor, DemoPart("broker", LIVE, says_ready, is_essential))
     for _ in range(2):
         first = children.running[0]
         kill(first)
-        told.clear()
-        look_until(supervisor, lambda: len(told) == 2)
-        assert (
-            told[0]
-            == f"The broker ended: it was ended by SIGKILL (its log: {first.log}). Starting it"
-            " again in 0 s."
-        )
-        assert told[1].startswith("The broker is back after ")
+        sentences.clear()
+        look_until(supervisor, lambda: len(sentences) == 2)
+        ended = f"The broker ended: it was ended by SIGKILL (its log: {first.log})."
+        assert sentences[0] == f"{ended} Starting it again in 0 s."
+        assert sentences[1].startswith("The broker is back after ")
         assert [child.process.poll() for child in children.running] == [None]
         assert children.running[0] is not first
 
 
-def test_what_a_part_tells_of_its_own_children_is_said_once(supervisor, told):
-    lines = f"{TELLS}The practice robot ended.", "2026 not for people", f"{TELLS}One é more."
+def test_messages_of_a_parts_children_are_printed_once(supervisor, sentences):
+    lines = (
+        f"{NOTICE_PREFIX}The practice robot ended.",
+        "2026 not for people",
+        f"{NOTICE_PREFIX}One é more.",
+    )
     script = f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(600)"
-    start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, tells=True))
-    look_until(supervisor, lambda: len(told) > 1)
+    start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, has_notices=True))
+    look_until(supervisor, lambda: len(sentences) > 1)
     supervisor.look()
-    assert told == ["The practice robot ended.", "One é more."]
+    assert sentences == ["The practice robot ended.", "One é more."]
 
 
 def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
-    children, supervisor, told, tmp_path
+    children, supervisor, sentences, tmp_path
 ):
     start(supervisor, DemoPart("robot", LIVE, says_ready))
     kill(children.running[0])
     log = tmp_path / "log" / "robot.log"
     log.unlink()
     log.mkdir()
-    look_until(supervisor, lambda: len(told) > 3)
-    assert told[0].startswith("The robot ended: it was ended by SIGKILL")
-    assert told[1] == "The robot could not be started: Is a directory. Starting it again in 0 s."
+    look_until(supervisor, lambda: len(sentences) > 3)
+    assert sentences[0].startswith("The robot ended: it was ended by SIGKILL")
+    assert (
+        sentences[1] == "The robot could not be started: Is a directory. Starting it again in 0 s."
+    )
     log.rmdir()
-    look_until(supervisor, lambda: "The robot is back after" in told[-1])
+    look_until(supervisor, lambda: "The robot is back after" in sentences[-1])
 
 
-def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason(supervisor, told):
+def test_an_essential_part_that_keeps_failing_is_lost_with_its_own_reason(supervisor, sentences):
     with pytest.raises(
         PartLostError,
         match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
     ):
         start(supervisor, DemoPart("broker", DIES, lambda _child: False, is_essential=True))
-    assert len(told) == 2
+    assert len(sentences) == 2
 
 
 def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
-    children, supervisor, told, tmp_path
+    children, supervisor, sentences, tmp_path
 ):
     repaired = tmp_path / "repaired"
     robot = [
@@ -124,29 +126,21 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
         DemoPart("web server", LIVE, says_ready, is_essential=True),
         within=2.0,
     )
-    assert any(
-        "is not ready yet: " in sentence and "Continuing without it" in sentence
-        for sentence in told
-    )
-    look_until(
-        supervisor, lambda: len([sentence for sentence in told if "no such site" in sentence]) > 6
-    )
+    assert any("is not ready yet: " in one and "Continuing without it" in one for one in sentences)
+    look_until(supervisor, lambda: sum("no such site" in one for one in sentences) > 6)
     repaired.touch()
-    look_until(supervisor, lambda: "The robot is back after" in told[-1])
+    look_until(supervisor, lambda: "The robot is back after" in sentences[-1])
     assert {child.name for child in children.running} == {"robot", "web server"}
 
 
 def test_an_essential_part_that_is_never_ready_is_named(supervisor):
+    web = DemoPart("web server", LIVE, lambda _child: False, is_essential=True)
     with pytest.raises(StartFailed, match="The web server is not ready yet: ready"):
-        start(
-            supervisor,
-            DemoPart("web server", LIVE, lambda _child: False, is_essential=True),
-            within=1.0,
-        )
+        start(supervisor, web, within=1.0)
 
 
 def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
-    children, supervisor, told, tmp_path
+    children, supervisor, sentences, tmp_path
 ):
     second = tmp_path / "second"
     once = [
@@ -159,11 +153,11 @@ def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
         DemoPart("broker", LIVE, lambda _child: second.exists(), is_essential=True),
         DemoPart("manager", once, says_ready, is_essential=True),
     )
-    assert "The manager ended: not yet" in told[0]
+    assert "The manager ended: not yet" in sentences[0]
     assert all(child.process.poll() is None for child in children.running)
 
 
-def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_the_next_ones_words(
+def test_the_log_keeps_the_lines_of_a_killed_part_apart_from_those_of_the_next(
     children,
 ):
     first = children.start("broker", ["-c", "print('ready', flush=True); raise SystemExit(1)"])
@@ -171,7 +165,7 @@ def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_
     children.end(first)
     second = children.start("broker", ["-c", ""])
     second.process.wait()
-    assert (first.last_words(), second.last_words()) == ("ready", "it said nothing")
+    assert (first.last_line(), second.last_line()) == ("ready", "it said nothing")
     assert second.log.read_text() == "ready\n"
 
 

@@ -1,5 +1,5 @@
-"""A robot that drives home after a visit, with real processes: any visitor can stop it, and it
-stops when the server that ordered it home is silent.
+"""A robot that returns to its dock after a session, with real processes: any visitor can stop it,
+and it stops when the server is silent.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ PAUSE = (
     "print(robot.presence.turnaround, robot.presence.turnaround_reason)"
 )
 MOVES, STANDS = 0.05, 0.02  # m/s
-ORDERED_AGAIN = 5.0  # s after which an order that was cancelled is repeated
+ORDERED_AGAIN = 5.0  # s after which a cancelled order is repeated
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,5 @@
-"""The database's primary is killed, or frozen, under a drive that records four states a second; its
-standby is promoted, and the drive goes on with every state that it ever had.
+"""The database's primary is killed or frozen during a drive that records four states a second; its
+standby is promoted, and the drive goes on without losing a state.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ TAKEOVER_S = 15.0
 
 
 def seqs(server, session):
-    """The numbers of the states that a server has of a session, as often as it has them."""
+    """Return the numbers of the states that a server has of a session, with repetitions."""
     return [state["seq"] for (states,) in server.ask(STATES, session) for state in states]
 
 
@@ -59,9 +59,7 @@ async def reached(condition, within, what, state=str):
 
 @contextlib.asynccontextmanager
 async def drive(site, broker, servers):
-    """A robot that is driven, and has recorded something; when it is over, the last server has
-    every state of it, once.
-    """
+    """Drive a robot until states are recorded; at the end the standby has each state once."""
     primary, standby = servers
     cookie = await asyncio.to_thread(site.sign_in, "anna")
     async with ScriptedRobot("giraff", broker.url, period=PERIOD_S) as robot:
@@ -117,17 +115,14 @@ async def test_patroni_has_the_standby_take_over_and_the_old_primary_follow_it(t
 
 @contextlib.asynccontextmanager
 async def lost(primary, standby, fails, robot):
-    """Lose the primary, and wait until the standby records what the robot says."""
+    """Lose the primary, and wait until the standby records states."""
     session = robot.session
     acknowledged = await asyncio.to_thread(seqs, primary, session)
     await asyncio.to_thread(getattr(primary, fails))
     lost_at, last = time.monotonic(), robot.seq
     yield
-    await reached(
-        lambda: max(seqs(standby, session), default=0) > last,
-        TAKEOVER_S,
-        "a state in the new primary",
-    )
+    newest = lambda: max(seqs(standby, session), default=0)
+    await reached(lambda: newest() > last, TAKEOVER_S, "a state in the new primary")
     assert set(acknowledged) <= set(await asyncio.to_thread(seqs, standby, session))
     print(f"recorded again after {time.monotonic() - lost_at:.1f} s, leases {len(robot.leases)}")
 
@@ -141,7 +136,6 @@ async def goes_on(site, client, robot):
     await reached(lambda: site.web_answers("readyz"), 15, "a web process that is ready")
     cookie = await asyncio.to_thread(site.sign_in, "ben")
     async with DocumentClient(site.url, cookie) as next_one:
-        await next_one.until(
-            lambda: next_one.heard["session/queued"], patient(15), "a place in the queue"
-        )
-    assert robot.session == session, "nobody has lost the drive"
+        queued = lambda: next_one.received["session/queued"]
+        await next_one.until(queued, patient(15), "a place in the queue")
+    assert robot.session == session, "the drive goes on"

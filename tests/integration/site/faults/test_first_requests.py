@@ -1,15 +1,14 @@
-"""What a web process reads first is read by several threads at once."""
+"""Several threads of a new web process read definitions at the same time."""
 
-import subprocess
 import sys
 
 import pytest
 
-from tests.support.sessions.site import ROOT
+from tests.support.programs.finished import run
 
-# A process that has read nothing yet; its threads give way to each other wherever they can.
+# A new process whose threads switch as often as possible.
 THREADS = """
-import sys, threading
+import json, sys, threading
 {first}
 sys.setswitchinterval(1e-6)
 gate = threading.Barrier(4)
@@ -22,20 +21,14 @@ for thread in threads: thread.join()
 """
 READ = {
     "a study": (
-        (
-            "import json; from experiments.definition.schema import from_stored; kept ="
-            " json.load(open('experiments/definitions/exploration.json'))"
-        ),
-        "from_stored(kept)",
+        "from experiments.definition.schema import from_stored",
+        "from_stored(json.load(open('experiments/definitions/exploration.json')))",
     ),
     "a questionnaire": (
-        (
-            "import json; from surveys.definition import from_stored; kept ="
-            " json.load(open('surveys/definitions/experience.json'))"
-        ),
-        "from_stored(kept)",
+        "from surveys.definition import from_stored",
+        "from_stored(json.load(open('surveys/definitions/experience.json')))",
     ),
-    "the terms of a visit": (
+    "the terms of a session": (
         "import msgspec; from sessions.leases.terms import Terms",
         "msgspec.convert({'control_network': {'seed': 1}}, Terms)",
     ),
@@ -49,13 +42,5 @@ READ = {
 @pytest.mark.parametrize("what", READ)
 def test_several_threads_may_be_the_first_to_read(what):
     first, read = READ[what]
-    code = THREADS.format(first=first, read=read)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = run(sys.executable, "-c", THREADS.format(first=first, read=read))
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,4 +1,4 @@
-"""A web process that is ended while it answers."""
+"""A web process that is terminated while it answers."""
 
 import contextlib
 import http.client
@@ -23,9 +23,8 @@ def test_a_web_process_ends_though_a_request_waits_for_the_database(tmp_path):
         site.prepare()
         site.start_servers()
         process = site.processes["web"]
-        with contextlib.closing(
-            sqlite3.connect(site.var / DATABASE, isolation_level=None)
-        ) as database:
+        connection = sqlite3.connect(site.var / DATABASE, isolation_level=None)
+        with contextlib.closing(connection) as database:
             database.execute("BEGIN IMMEDIATE")
             threads = psutil.Process(process.pid).num_threads
             idle = threads()
@@ -39,7 +38,7 @@ def test_a_web_process_ends_though_a_request_waits_for_the_database(tmp_path):
 
 
 def _enter(port: int) -> None:
-    """Ask for what writes into the database."""
+    """Request a page that writes into the database."""
     with contextlib.suppress(OSError, http.client.HTTPException):
         connection = http.client.HTTPConnection(LOOPBACK, port, timeout=60)
         connection.request("GET", f"/demo/{DEMO_TOKEN}/giraff/")

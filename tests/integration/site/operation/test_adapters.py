@@ -1,5 +1,5 @@
-"""The whole way of a visitor with only the adapter changed: page, drive, map, record; and an
-architecture that is killed under them.
+"""A whole visit with each adapter: page, drive, map, record; and an architecture that is killed
+during the drive.
 """
 
 import asyncio
@@ -39,36 +39,18 @@ def site(tmp_path_factory):
 def signed_in(site, name) -> Browser:
     browser = Browser(site.url)
     value = site.sign_in(name)
-    browser.jar.set_cookie(
-        Cookie(
-            0,
-            "sessionid",
-            value,
-            None,
-            False,
-            LOOPBACK,
-            False,
-            False,
-            "/",
-            True,
-            False,
-            None,
-            True,
-            None,
-            None,
-            {},
-        )
-    )
+    unset = dict.fromkeys(("port", "expires", "comment", "comment_url"))
+    flags = ("port_specified", "domain_specified", "domain_initial_dot", "secure")
+    cookie = {"version": 0, "name": "sessionid", "value": value, "domain": LOOPBACK, "path": "/"}
+    cookie |= unset | dict.fromkeys(flags, False)
+    browser.jar.set_cookie(Cookie(**cookie, path_specified=True, discard=True, rest={}))
     return browser
 
 
 def card(browser, robot) -> dict:
-    """What the list of robots shows of it."""
-    return next(
-        one
-        for one in json.loads(browser.open("/robots.json").body)["robots"]
-        if one["name"] == robot
-    )
+    """Return a robot's card in the list of robots."""
+    robots = json.loads(browser.open("/robots.json").body)["robots"]
+    return next(one for one in robots if one["name"] == robot)
 
 
 async def until(cockpit, condition, seconds, what) -> None:
@@ -78,12 +60,10 @@ async def until(cockpit, condition, seconds, what) -> None:
 
 
 async def takes_the_robot(cockpit) -> None:
-    """Press the button, and again where the site has not yet heard of the robot that was started a
-    moment ago.
-    """
+    """Request the robot, again while the site does not know yet that it is online."""
     view, deadline = cockpit.view, time.monotonic() + patient(20)
     while not view.granted:
-        assert time.monotonic() < deadline, f"the robot was not had: {view.refused}"
+        assert time.monotonic() < deadline, f"the robot was not granted: {view.refused}"
         assert view.refused in {"", "offline"}
         view.refused = ""
         cockpit.take()
@@ -93,22 +73,14 @@ async def takes_the_robot(cockpit) -> None:
 
 @contextlib.asynccontextmanager
 async def whole_visit(cockpit):
-    """From the grant to the end, whatever happens between: the next visitor need not wait."""
+    """Take the robot, and leave in any case, so that the next visitor does not wait."""
     view = cockpit.view
     try:
         await takes_the_robot(cockpit)
-        await until(
-            cockpit,
-            lambda: view.granted and view.frames and view.state and view.localized,
-            30,
-            "a picture and a place",
-        )
-        await until(
-            cockpit,
-            lambda: view.state.safety.inhibited is None,
-            10,
-            "a robot that lets itself be driven",
-        )
+        seen = lambda: view.granted and view.frames and view.state and view.localized
+        await until(cockpit, seen, 30, "a picture and a pose")
+        free = lambda: view.state.safety.inhibited is None
+        await until(cockpit, free, 10, "a robot that can be driven")
         yield
     finally:
         cockpit.leave()
@@ -116,27 +88,24 @@ async def whole_visit(cockpit):
 
 
 def lost(view) -> str:
-    return next(
-        (error.removeprefix(LOST) for error in view.state.errors if error.startswith(LOST)), ""
-    )
+    found = [error.removeprefix(LOST) for error in view.state.errors if error.startswith(LOST)]
+    return found[0] if found else ""
 
 
 def off_the_map(view, robot) -> float:
-    """Metres between where the page draws the robot and where it is."""
+    """Return the metres between the pose on the page and the true one."""
     x, y = robot.place()
     return math.hypot(view.pose.x - x, view.pose.y - y)
 
 
 def has_gone(robot, metres):
-    """Whether it has, since now."""
+    """Return a condition: the robot has moved this far from its present place."""
     here = robot.place()
     return lambda: math.dist(robot.place(), here) > metres
 
 
 async def pushes(cockpit, reached, what) -> None:
-    """Push on until that is so, as people do: a robot that held for a moment waits until they have
-    let go.
-    """
+    """Drive ahead until the condition is true; release the controls while it is inhibited."""
     deadline = time.monotonic() + patient(20)
     while not reached():
         assert time.monotonic() < deadline, f"{what} did not come; {cockpit.view}"
@@ -149,58 +118,39 @@ async def pushes(cockpit, reached, what) -> None:
 
 async def stands_where_the_map_has_it(cockpit, robot) -> None:
     cockpit.steer(STAND)
-    await until(
-        cockpit,
-        lambda: robot.speed() == 0.0 and off_the_map(cockpit.view, robot) < 0.15,
-        15,
-        "its place on the map",
-    )
+    is_there = lambda: robot.speed() == 0.0 and off_the_map(cockpit.view, robot) < 0.15
+    await until(cockpit, is_there, 15, "its pose on the map")
 
 
 async def loses_and_finds_its_architecture(cockpit, robot, browser) -> None:
     view = cockpit.view
     await pushes(cockpit, lambda: robot.speed() > 0.15, "a robot at speed")
     await asyncio.to_thread(robot.kill)
-    await until(
-        cockpit, lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
-    )
+    await until(cockpit, lambda: robot.speed() == 0.0, 5, "a robot at rest despite its driver")
     await until(cockpit, lambda: lost(view), 10, "the reason")
     assert len(lost(view)) > 10
     assert view.state.safety.inhibited == "fault"
-    shown = await asyncio.to_thread(
-        wait_for,
-        lambda: (it := card(browser, robot.series))["state"] == "stopped" and it,
-        10,
-        "a robot that is not available",
-    )
+    stopped = lambda: (it := card(browser, robot.series))["state"] == "stopped" and it
+    shown = await asyncio.to_thread(wait_for, stopped, 10, "a robot that is not available")
     assert (shown["label"], shown["drives"]) == ("Not available", False)
     assert robot.speed() == 0.0
     cockpit.steer(STAND)
     await asyncio.to_thread(robot.revive)
-    await until(
-        cockpit,
-        lambda: not lost(view) and view.state.safety.inhibited is None,
-        30,
-        "the robot, which waits until its driver has let go",
-    )
+    is_back = lambda: not lost(view) and view.state.safety.inhibited is None
+    await until(cockpit, is_back, 30, "the robot after the release of the controls")
     await pushes(cockpit, has_gone(robot, 0.1), "a robot that moves again")
     cockpit.steer(STAND)
-    await asyncio.to_thread(
-        wait_for,
-        lambda: card(browser, robot.series)["state"] == "busy",
-        10,
-        "a robot that only its driver keeps others from",
-    )
+    busy = lambda: card(browser, robot.series)["state"] == "busy"
+    await asyncio.to_thread(wait_for, busy, 10, "a robot that is in use")
 
 
 def is_recorded_whole(site, session) -> None:
+    key = session.replace("-", "")
+    closed = "SELECT 1 FROM telepresence_sessions_session WHERE id = ? AND closed_at IS NOT NULL"
+    kinds = "SELECT type FROM telepresence_sessions_sessionevent WHERE session_id = ?"
+
     def complete():
-        states = site.states(session)
-        closed = site.rows(
-            "SELECT 1 FROM telepresence_sessions_session WHERE id = ? AND closed_at IS NOT NULL",
-            session.replace("-", ""),
-        )
-        return closed and states
+        return site.rows(closed, key) and site.states(session)
 
     states = wait_for(complete, 20, "the record")
     assert all(b["seq"] == a["seq"] + 1 for a, b in pairwise(states))
@@ -209,25 +159,17 @@ def is_recorded_whole(site, session) -> None:
     places = [(state["pose"]["x"], state["pose"]["y"]) for state in states]
     assert max(math.dist(place, places[0]) for place in places) > 0.3
     assert any(error.startswith(LOST) for state in states for error in state.get("errors", ()))
-    events = [
-        kind
-        for (kind,) in site.rows(
-            "SELECT type FROM telepresence_sessions_sessionevent WHERE session_id = ?",
-            session.replace("-", ""),
-        )
-    ]
-    assert {"adapter_lost", "adapter_back"} <= set(events)
+    assert {("adapter_lost",), ("adapter_back",)} <= set(site.rows(kinds, key))
 
 
 @pytest.mark.parametrize("adapter", ARCHITECTURES)
-async def test_a_visitor_drives_by_page_and_map_loses_the_architecture_gets_it_back_and_is_recorded(
+async def test_a_recorded_drive_by_page_and_map_survives_a_loss_of_the_architecture(
     adapter, site, tmp_path
 ):
     browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")
     with robot_behind(adapter, site, tmp_path) as robot:
-        config = (await asyncio.to_thread(browser.open, f"/robots/{robot.series}/")).page.json[
-            "config"
-        ]
+        page = await asyncio.to_thread(browser.open, f"/robots/{robot.series}/")
+        config = page.page.json["config"]
         plan = json.loads((await asyncio.to_thread(browser.open, config["floorplan"])).body)
         async with Cockpit(browser, config["socket"], "keyboard") as cockpit, whole_visit(cockpit):
             view = cockpit.view
@@ -247,7 +189,7 @@ MARKER = """() => {
 
 
 def marker(page) -> tuple[float, float]:
-    """Where the map draws the robot, in metres."""
+    """Return where the map draws the robot, in metres."""
     seen = page.evaluate(MARKER)
     scale = float(seen["viewScale"])
     x = float(seen["viewX"]) + (float(seen["markerX"]) - seen["width"] / 2) / scale
@@ -255,18 +197,18 @@ def marker(page) -> tuple[float, float]:
 
 
 def is_free(site, robot) -> bool:
-    """Whether the robot lets itself be driven, as the site has heard."""
+    """Tell whether the robot can be driven, by its last report."""
     ((report,),) = site.rows(f"SELECT report {PRESENCE} WHERE name = ?", robot.series)
     return json.loads(report)["safety"].get("inhibited") is None
 
 
 def holds_the_key(page, site, robot, reached, what) -> None:
-    """Hold it until that is so; as above, with a keyboard."""
+    """Hold the key until the condition is true; as `pushes`, with a keyboard."""
     deadline = time.monotonic() + patient(20)
     while not reached():
         assert time.monotonic() < deadline, f"{what} did not come"
         page.keyboard.up("ArrowUp")
-        wait_for(lambda: is_free(site, robot), 10, "a robot that lets itself be driven")
+        wait_for(lambda: is_free(site, robot), 10, "a robot that can be driven")
         page.keyboard.down("ArrowUp")
         waited = time.monotonic() + 4.0
         while not reached() and time.monotonic() < waited:
@@ -285,16 +227,11 @@ def test_in_a_real_browser_too(site, tmp_path):
         visitor.wait_for("link", "live")
         holds_the_key(page, site, robot, has_gone(robot, 0.4), "a robot that moves")
         page.keyboard.up("ArrowUp")
-        wait_for(
-            lambda: robot.speed() == 0.0 and math.dist(marker(page), robot.place()) < 0.15,
-            10,
-            "its place on the map",
-        )
+        is_there = lambda: math.dist(marker(page), robot.place()) < 0.15
+        wait_for(lambda: robot.speed() == 0.0 and is_there(), 10, "its pose on the map")
         holds_the_key(page, site, robot, lambda: robot.speed() > 0.15, "a robot at speed")
         robot.kill()
-        wait_for(
-            lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
-        )
+        wait_for(lambda: robot.speed() == 0.0, 5, "a robot at rest despite its driver")
         expect(alert).to_have_text(FAULT, timeout=patient(10) * 1000)
         page.keyboard.up("ArrowUp")
         robot.revive()

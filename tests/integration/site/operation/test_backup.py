@@ -1,4 +1,4 @@
-"""A backup brings back everything, on both databases; a damaged one brings back nothing."""
+"""A backup restores everything, with both databases; a damaged one restores nothing."""
 
 import gzip
 import io
@@ -8,13 +8,14 @@ import tarfile
 from pathlib import Path
 
 import pytest
-from django.conf import settings as site
 from django.core.management import CommandError, call_command
 
 from robots.files.limited_process import ChildLimits
 from telepresence_site.ops.backup import archive
 from telepresence_site.ops.backup.archive import BackupError
 from tests.support.django_shell import DjangoShell
+from tests.support.paths import ROOT
+from tests.support.programs.finished import site_environment
 from tests.support.programs.postgres import running_postgres
 
 FILES = {
@@ -51,22 +52,9 @@ class Site:
 
     def __init__(self, var, database):
         self.var = var
-        kept = {
-            name: value
-            for name, value in os.environ.items()
-            if name not in {"DATABASE_URL", "SECRET_KEY"}
-        }
-        changed = {
-            "VAR_DIR": str(var),
-            "DATABASE_URL": database,
-            "HTTP_ONLY": "1",
-            "LOG_LEVEL": "WARNING",
-        }
-        self.django_shell = DjangoShell(
-            Path(site.BASE_DIR),
-            kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"},
-        )
-        self.django_shell.ask("pass")  # its secret key is made before ours is put in its place
+        settings = {"DATABASE_URL": database, "HTTP_ONLY": "1", "LOG_LEVEL": "WARNING"}
+        self.django_shell = DjangoShell(ROOT, site_environment(var, **settings))
+        self.django_shell.ask("pass")  # makes its secret key, which ours replaces
 
     def call(self, *arguments):
         return self.django_shell.ask(COMMAND.format(arguments=arguments)).strip()
@@ -108,7 +96,7 @@ def sites(tmp_path, databases):
 
 
 @pytest.mark.nightly
-def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path, sites):
+def test_a_backup_is_restored_without_overwriting_anything(tmp_path, sites):
     first, second = sites
     file = str(tmp_path / "backup.tar.gz")
     first.fill()
@@ -121,20 +109,15 @@ def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path,
     assert second.show() == first.show()
     assert (second.var / "secrets/secret_key").stat().st_mode & 0o077 == 0
     assert second.call("migrate", "--check", "-v", "0") == ""
-    assert [
-        path.name for path in second.var.iterdir() if path.name.startswith(("backup-", "restore-"))
-    ] == []
+    assert not [*second.var.glob("backup-*"), *second.var.glob("restore-*")]
 
 
 @pytest.fixture
 def backup(tmp_path):
     (tmp_path / "a").write_bytes(b"a" * 3000)
     (tmp_path / "b").write_bytes(os.urandom(3000))
-    archive.write(
-        tmp_path / "backup.tar.gz",
-        [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")],
-        FACTS,
-    )
+    members = [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")]
+    archive.write(tmp_path / "backup.tar.gz", members, FACTS)
     return tmp_path / "backup.tar.gz"
 
 
@@ -184,31 +167,24 @@ def link(name):
     return info
 
 
-@pytest.mark.parametrize(
-    "info",
-    [
-        tarfile.TarInfo("../evil"),
-        tarfile.TarInfo("/etc/evil"),
-        tarfile.TarInfo("a/../../evil"),
-        link("media/x"),
-    ],
-    ids=lambda info: info.name,
-)
-def test_what_leads_out_of_its_place_is_refused(tmp_path, info):
+OUTSIDE = [*map(tarfile.TarInfo, ("../evil", "/etc/evil", "a/../../evil")), link("media/x")]
+
+
+@pytest.mark.parametrize("info", OUTSIDE, ids=lambda info: info.name)
+def test_paths_outside_of_the_backup_are_refused(tmp_path, info):
     with pytest.raises(BackupError, match=r"points outside its folder|is not a file"):
         opened(forged(tmp_path / "f", [(info, b"")]), tmp_path)
 
 
-def test_what_the_manifest_does_not_name_is_refused(tmp_path):
+def test_files_that_the_manifest_does_not_name_are_refused(tmp_path):
     with pytest.raises(BackupError, match="media/x is not what was written"):
         opened(forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")]), tmp_path)
 
 
 def test_without_a_manifest_it_is_none_of_ours(tmp_path):
+    file = forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False)
     with pytest.raises(BackupError, match="no manifest"):
-        opened(
-            forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False), tmp_path
-        )
+        opened(file, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -251,9 +227,8 @@ def test_restore_leaves_room_on_the_disk(tmp_path, monkeypatch):
 
 
 def test_a_header_that_takes_much_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "telepresence_site.ops.backup.whole.UNPACKING", ChildLimits(memory=300 * MB)
-    )
+    limits = ChildLimits(memory=300 * MB)
+    monkeypatch.setattr("telepresence_site.ops.backup.whole.UNPACKING", limits)
     header = tarfile.TarInfo("x")
     header.type, header.size = tarfile.XHDTYPE, 400 * MB
     with gzip.open(tmp_path / "bomb", "wb", compresslevel=1) as file:
@@ -271,19 +246,15 @@ def test_a_failed_backup_leaves_nothing_behind(tmp_path):
 
 
 def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
-    from telepresence_site.ops.backup.whole import _fits
+    from telepresence_site.ops.backup.whole import _check_fits
 
-    manifest = {
-        "engine": "sqlite",
-        "migrations": ["robots.9999_of_tomorrow"],
-        "files": {},
-        "key": "",
-    }
+    manifest = {"engine": "sqlite", "files": {}, "key": ""}
+    manifest["migrations"] = ["robots.9999_of_tomorrow"]
     with pytest.raises(BackupError, match="one migration unknown here"):
-        _fits(manifest)
+        _check_fits(manifest)
     with pytest.raises(BackupError, match="of a postgresql database"):
-        _fits({**manifest, "engine": "postgresql"})
-    assert _fits({**manifest, "migrations": ["robots.0017_presence_and_credentials"]}) == [
+        _check_fits({**manifest, "engine": "postgresql"})
+    assert _check_fits({**manifest, "migrations": ["robots.0017_presence_and_credentials"]}) == [
         "The backup is from an older version: run manage.py migrate.",
         (
             "SECRET_KEY differs from that of the backup: everybody has to log in again, and "

@@ -1,8 +1,8 @@
-"""A drive over a broker of three nodes, one of which is killed or stands still: the robot stops in
-time, drives again by another node, and nobody drives it twice.
+"""A drive over a broker of three nodes, one of which is killed or frozen: the robot stops in time,
+drives again through another node, and never has two drivers.
 
 The visitors have no data channel, so that all control passes through the broker. Web process and
-agent, and as a rule the session manager, are connected to the node that fails.
+agent, and usually the session manager, are connected to the node that fails.
 """
 
 import json
@@ -32,7 +32,7 @@ ROBOT = "giraff-2"
 
 @dataclass
 class Drive:
-    """One robot that is driven, and what is known of it."""
+    """A driven robot with the records of its motion and sessions."""
 
     site: ClusterSite
     bases: Bases
@@ -66,7 +66,7 @@ def site(tmp_path):
 
 @pytest.fixture
 def drive(site, tmp_path):
-    """Ana drives; Cy wants the same robot, and would have it as soon as Ana lost it."""
+    """Ana drives; Cy waits for the same robot, and would get it if Ana lost it."""
     with Bases() as bases, Hands("benchmarks.traffic.visitors") as visitors:
         words = ["--mqtt", site.mqtt_url, "--token", site.token, "--var", str(tmp_path / "agent")]
         robot = ["-m", "benchmarks.traffic.based_robot", ROBOT, *words, "--base", str(bases.port)]
@@ -100,12 +100,12 @@ def queues_of(places):
 
 
 def test_a_driven_robot_costs_the_cluster_no_queue(drive):
-    """Those five are of the session manager, for what robots and pages say rarely."""
+    """The five queues are the session manager's, for rare messages."""
     assert len(queues_of(drive.site.cluster.places)) == 5
 
 
 def judge(drive, failed_at, late, record):
-    """Measure the stop and the way back, and check that nobody drove twice or alone."""
+    """Measure stop and recovery; check that there was one driver, and no motion without one."""
     wait_for(lambda: drive.moved_since(failed_at + STOPS) > 5.0, AGAIN, "a robot that drives again")
     spans, sessions = drive.spans(), drive.sessions()
     last = max(until for since, until in spans if since <= failed_at)
@@ -133,7 +133,7 @@ def test_when_a_node_stands_still_for_ten_seconds_nobody_drives_twice(drive, rec
     with watched() as jitter:
         failed_at = time.time()
         node.freeze()
-        wait_for(lambda: time.time() > failed_at + FROZEN, FROZEN, "the end of its standing still")
+        wait_for(lambda: time.time() > failed_at + FROZEN, FROZEN, "the end of the freeze")
         node.thaw()
         wait_for(lambda: drive.moved_since(failed_at + FROZEN) > 5.0, AGAIN, "another drive")
         judge(drive, failed_at, jitter.excuse(failed_at, time.time()), record_property)

@@ -1,14 +1,12 @@
-"""A wrong setting is told when a command starts."""
+"""Wrong settings are reported when a command starts."""
 
-import os
-import subprocess
 import sys
 
 import pytest
-from django.conf import settings as site
 from django.core.checks import run_checks
 
 from telepresence_site import checks
+from tests.support.programs.finished import run, site_environment
 
 PRODUCTION = {
     "SECRET_KEY": "k" * 30 + "abcdefghijklmnopqrstuvwxyz0123456789",
@@ -35,113 +33,67 @@ def found_by(check):
 
 
 def check_deploy(tmp_path, *, folder=0o700, **changed):
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}
-    }
     (tmp_path / "var").mkdir(mode=folder)
     (tmp_path / "var" / "static").mkdir()
-    environment = (
-        kept
-        | PRODUCTION
-        | {"VAR_DIR": str(tmp_path / "var"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
-        | changed
-    )
-    return subprocess.run(
-        [sys.executable, "manage.py", "check", "--deploy", "--fail-level", "WARNING"],
-        cwd=site.BASE_DIR,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    environment = site_environment(tmp_path / "var", **PRODUCTION | changed)
+    command = ["manage.py", "check", "--deploy", "--fail-level", "WARNING"]
+    return run(sys.executable, *command, env=environment)
 
 
 @pytest.mark.nightly
-def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
+def test_a_sensible_server_passes_the_deployment_check_silently(tmp_path):
     result = check_deploy(tmp_path)
     assert result.returncode == 0, result.stderr
     assert "no issues" in result.stdout
 
 
 @pytest.mark.nightly
-def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
-    result = check_deploy(
-        tmp_path,
-        SECRET_KEY="",
-        REDIS_URL="",
-        HTTP_ONLY="1",
-        MQTT_PUBLIC_URL="mqtt://{host}:1883",
-        EMAIL_HOST="",
-        DEMO_TOKEN="x",
-        BEHIND_TLS_PROXY="",
-        folder=0o755,
-    )
+def test_a_careless_server_gets_a_warning_for_each_mistake(tmp_path):
+    careless = dict.fromkeys(("SECRET_KEY", "REDIS_URL", "EMAIL_HOST", "BEHIND_TLS_PROXY"), "")
+    careless |= {"HTTP_ONLY": "1", "MQTT_PUBLIC_URL": "mqtt://{host}:1883", "DEMO_TOKEN": "x"}
+    result = check_deploy(tmp_path, **careless, folder=0o755)
     assert result.returncode != 0
     for identifier in ("W001", "W002", "W003", "W004", "W005", "W006", "W009"):
         assert f"telepresence.{identifier}" in result.stderr
-    assert "security.W012" in result.stderr  # Django's own word about cookies over plain http
+    assert "security.W012" in result.stderr  # Django's own warning about cookies over plain http
 
 
 def test_the_tests_own_settings_pass_every_check():
     assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
 
 
-def test_a_disk_without_much_room_is_told_when_a_command_starts(settings):
+def test_a_command_warns_of_a_nearly_full_disk_when_it_starts(settings):
     assert found_by(checks.check_disk) == []
     settings.DISK_LOW_MB = 1e9
     assert found_by(checks.check_disk) == ["telepresence.W010"]
 
 
-@pytest.mark.parametrize(
-    "url",
-    ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"],
-)
+MALFORMED = [
+    *("localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"),
+    *("mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"),
+]
+PUBLIC = [
+    *("mqtt://broker.example.org", "ws://broker.example.org:9001"),
+    *("mqtt://{host}:1883", "mqtt://8.8.8.8"),
+]
+ENCRYPTED = ["mqtts://broker.example.org", "wss://broker.example.org/mqtt"]
+NEAR = ["mqtt://127.0.0.1:1883", "mqtt://[::1]", "mqtt://10.0.0.7", "mqtt://broker"]
+
+
+@pytest.mark.parametrize("url", MALFORMED)
 @pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
 def test_a_malformed_broker_address_is_an_error(settings, name, url):
     setattr(settings, name, url)
     assert found_by(checks.check_mqtt) == ["telepresence.E001"]
 
 
-@pytest.mark.parametrize(
-    "url", ["mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"]
-)
-@pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
-def test_of_several_broker_addresses_each_has_to_be_one(settings, name, url):
-    setattr(settings, name, url)
-    assert found_by(checks.check_mqtt) == ["telepresence.E001"]
-
-
-@pytest.mark.parametrize(
-    "url",
-    [
-        "mqtt://broker.example.org",
-        "ws://broker.example.org:9001",
-        "mqtt://{host}:1883",
-        "mqtt://8.8.8.8",
-    ],
-)
+@pytest.mark.parametrize("url", PUBLIC)
 def test_tokens_in_the_clear_over_a_public_network_are_a_warning(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == ["telepresence.W001"]
 
 
-@pytest.mark.parametrize(
-    "url",
-    [
-        "",
-        "mqtts://broker.example.org",
-        "wss://broker.example.org/mqtt",
-        "mqtts://broker.example.org, wss://broker.example.org/mqtt",
-        "mqtt://127.0.0.1:1883",
-        "mqtt://[::1]",
-        "mqtt://10.0.0.7",
-        "mqtt://broker",
-        "mqtt://pi.local",
-    ],
-)
+@pytest.mark.parametrize("url", ["", *ENCRYPTED, ", ".join(ENCRYPTED), *NEAR, "mqtt://pi.local"])
 def test_an_encrypted_or_near_broker_is_fine(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == []
@@ -185,7 +137,7 @@ def test_a_bound_that_lets_nobody_in_is_none(settings, name):
     assert found_by(checks.check_numbers) == ["telepresence.E005"]
 
 
-def test_nobody_need_be_asked_whether_they_are_there_but_not_in_negative_time(settings):
+def test_the_presence_question_may_be_off_but_not_negative(settings):
     settings.IDLE_SECONDS = 0.0
     assert found_by(checks.check_numbers) == []
     settings.IDLE_SECONDS = -1.0
@@ -198,10 +150,8 @@ def test_a_proxy_must_be_an_address_or_a_network(settings):
 
 
 def test_behind_a_proxy_that_nobody_names_all_visitors_would_share_an_address(settings):
-    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = (
-        ("HTTP_X_FORWARDED_PROTO", "https"),
-        [],
-    )
+    settings.SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
+    settings.TRUSTED_PROXIES = []
     assert found_by(checks.check_visitors_addresses) == ["telepresence.W008"]
     settings.TRUSTED_PROXIES = ["127.0.0.1"]
     assert found_by(checks.check_visitors_addresses) == []

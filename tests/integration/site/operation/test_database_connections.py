@@ -1,6 +1,5 @@
 """Connections of a web process to PostgreSQL."""
 
-import os
 import time
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 from tests.support.django_shell import DjangoShell
 from tests.support.paths import ROOT
 from tests.support.patience import patient
+from tests.support.programs.finished import site_environment
 from tests.support.programs.postgres import running_postgres
 
 pytestmark = pytest.mark.postgres
@@ -52,13 +52,8 @@ ASK = "from robots.models import Robot; print(Robot.objects.count())"
 @pytest.fixture
 def server(tmp_path):
     with running_postgres() as server:
-        environment = {
-            **os.environ,
-            "VAR_DIR": str(tmp_path),
-            "DATABASE_URL": server.url,
-            "HTTP_ONLY": "1",
-            "ALLOWED_HOSTS": "localhost",
-        }
+        settings = {"HTTP_ONLY": "1", "ALLOWED_HOSTS": "localhost"}
+        environment = site_environment(tmp_path, DATABASE_URL=server.url, **settings)
         shell = DjangoShell(ROOT, environment)
         try:
             yield server, shell

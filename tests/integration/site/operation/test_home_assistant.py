@@ -1,5 +1,5 @@
-"""The example for Home Assistant, with a real Mosquitto as its broker and an API that keeps what it
-was asked.
+"""The example for Home Assistant, with a real Mosquitto as its broker and an API that notes its
+requests.
 """
 
 import contextlib
@@ -9,31 +9,22 @@ import os
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import paho.mqtt.client as paho
 import pytest
-from django.conf import settings as site
 from paho.mqtt.enums import CallbackAPIVersion
 
+from tests.support.paths import ROOT
 from tests.support.patience import patient
+from tests.support.programs.finished import run
 from tests.support.programs.mosquitto import Mosquitto
 from tests.support.sessions.site import wait_for
 
 pytestmark = pytest.mark.broker
-BRIDGE = Path(site.BASE_DIR) / "deploy/home_assistant/bridge.py"
-ROBOT = {
-    "name": "giraff",
-    "title": "Giraff",
-    "series": "Giraff",
-    "page": "http://robots/giraff/",
-    "state": "available",
-    "charge": 0.5,
-    "waiting": 0,
-    "driven": False,
-    "charging": False,
-    "docked": True,
-}
+BRIDGE = ROOT / "deploy/home_assistant/bridge.py"
+ROBOT = {"name": "giraff", "title": "Giraff", "series": "Giraff", "page": "http://robots/giraff/"}
+ROBOT |= {"state": "available", "charge": 0.5, "waiting": 0}
+ROBOT |= {"driven": False, "charging": False, "docked": True}
 BASE = "telepresence_bridge/giraff"
 CONFIG = "homeassistant/device/telepresence_giraff/config"
 
@@ -56,9 +47,8 @@ class Answer(http.server.BaseHTTPRequestHandler):
         self._answer({"apiVersion": 1, "robot": ROBOT})
 
     def do_POST(self):
-        self.server.asked.append(
-            (self.path, json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-        )
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.asked.append((self.path, json.loads(body)))
         self._answer({"apiVersion": 1})
 
     def _answer(self, content):
@@ -72,19 +62,20 @@ class Answer(http.server.BaseHTTPRequestHandler):
 
 
 class HomeAssistant:
-    """A client of its broker that hears everything; `heard` has the last words on each topic."""
+    """A client of its broker; `received` has the last message of each topic."""
 
     def __init__(self, port):
-        self.heard, self._ready = {}, threading.Event()
+        self.received, self._ready = {}, threading.Event()
         self.client = paho.Client(CallbackAPIVersion.VERSION2)
-        self.client.on_message = lambda _client, _data, message: self.heard.__setitem__(
-            message.topic, message.payload.decode()
-        )
+        self.client.on_message = self._receive
         self.client.on_subscribe = lambda *_: self._ready.set()
         self.client.connect("127.0.0.1", port)
         self.client.loop_start()
         self.client.subscribe("#", qos=1)
         assert self._ready.wait(patient(10))
+
+    def _receive(self, _client, _data, message):
+        self.received[message.topic] = message.payload.decode()
 
     def say(self, topic, words, *, retain=False):
         self.client.publish(topic, words, qos=1, retain=retain).wait_for_publish(patient(10))
@@ -110,62 +101,37 @@ def test_home_assistant_shows_a_robot_and_its_buttons_work(tmp_path):
         home = HomeAssistant(broker.port)
         home.say(f"{BASE}/command", "estop", retain=True)  # pressed long ago
         with running_bridge(api, broker):
-            config = json.loads(wait_for(lambda: home.heard.get(CONFIG), 10, "the discovery"))
-            assert {name: part["platform"] for name, part in config["components"].items()} == {
-                "state": "sensor",
-                "charge": "sensor",
-                "waiting": "sensor",
-                "driven": "binary_sensor",
-                "charging": "binary_sensor",
-                "docked": "binary_sensor",
-                "stop": "button",
-                "estop": "button",
-                "dock": "button",
+            config = json.loads(wait_for(lambda: home.received.get(CONFIG), 10, "the discovery"))
+            parts = config["components"]
+            assert {name: part["platform"] for name, part in parts.items()} == {
+                **dict.fromkeys(("state", "charge", "waiting"), "sensor"),
+                **dict.fromkeys(("driven", "charging", "docked"), "binary_sensor"),
+                **dict.fromkeys(("stop", "estop", "dock"), "button"),
             }
-            named = {name: part["default_entity_id"] for name, part in config["components"].items()}
-            assert (named["driven"], named["dock"]) == (
-                "binary_sensor.giraff_driven",
-                "button.giraff_dock",
-            )  # as the documentation's automation has it
-            assert (
-                wait_for(
-                    lambda: json.loads(home.heard.get(config["state_topic"], "{}")), 10, "a state"
-                )
-                == ROBOT
-            )
-            wait_for(
-                lambda: home.heard.get(config["availability_topic"]) == "online", 10, "availability"
-            )
-            button = config["components"]["stop"]
+            # as in the documentation's automation
+            assert parts["driven"]["default_entity_id"] == "binary_sensor.giraff_driven"
+            assert parts["dock"]["default_entity_id"] == "button.giraff_dock"
+            state = lambda: json.loads(home.received.get(config["state_topic"], "{}"))
+            assert wait_for(state, 10, "a state") == ROBOT
+            available = lambda: home.received.get(config["availability_topic"])
+            wait_for(lambda: available() == "online", 10, "availability")
+            button = parts["stop"]
             home.say(button["command_topic"], button["payload_press"])
             home.say(button["command_topic"], "drive")
             home.say(button["command_topic"], "dock")
             wait_for(lambda: len(api.asked) >= 2, 10, "both presses")
-            assert sorted(kind["type"] for _, kind in api.asked) == ["dock", "stop"], (
-                "the old press and the unknown one are not carried out"
-            )
+            kinds = sorted(kind["type"] for _, kind in api.asked)
+            assert kinds == ["dock", "stop"], "the old press and the unknown one are ignored"
             assert {path for path, _ in api.asked} == {"/api/v1/robots/giraff/actions/"}
             assert api.keys == {"Bearer the-key"}
             api.away = True
-            wait_for(
-                lambda: home.heard.get(config["availability_topic"]) == "offline",
-                10,
-                "the site's absence",
-            )
+            wait_for(lambda: available() == "offline", 10, "the site's absence")
             api.away = False
-            wait_for(
-                lambda: home.heard.get(config["availability_topic"]) == "online", 10, "its return"
-            )
-            del home.heard[CONFIG]
+            wait_for(lambda: available() == "online", 10, "its return")
+            del home.received[CONFIG]
             home.say("homeassistant/status", "online")
-            wait_for(
-                lambda: CONFIG in home.heard,
-                10,
-                "the discovery again, for a Home Assistant that has started anew",
-            )
-        wait_for(
-            lambda: home.heard.get(config["availability_topic"]) == "offline", 10, "its good-bye"
-        )
+            wait_for(lambda: CONFIG in home.received, 10, "discovery after a restart")
+        wait_for(lambda: available() == "offline", 10, "its last message")
         home.client.disconnect()
         home.client.loop_stop()
     api.shutdown()
@@ -174,13 +140,6 @@ def test_home_assistant_shows_a_robot_and_its_buttons_work(tmp_path):
 def test_without_a_key_it_says_how_to_make_one():
     environment = {name: value for name, value in os.environ.items() if name != "TELEPRESENCE_KEY"}
     arguments = ["--site", "http://x", "--robot", "giraff", "--broker", "mqtt://x"]
-    done = subprocess.run(
-        [sys.executable, str(BRIDGE), *arguments],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=patient(20),
-        check=False,
-    )
+    done = run(sys.executable, str(BRIDGE), *arguments, env=environment)
     assert done.returncode == 2
     assert "manage.py api_key" in done.stderr

@@ -1,4 +1,4 @@
-"""A function in a process of its own: its answer, its refusals, and what it may not use."""
+"""A function in a process of its own: its answer, its refusals, and its limits."""
 
 import os
 import time
@@ -80,7 +80,7 @@ def test_any_other_failure_comes_back_with_its_traceback():
         (overflow_stack, [], ChildLimits()),
     ],
 )
-def test_what_reaches_a_limit_is_refused(function, arguments, limits):
+def test_a_process_that_reaches_a_limit_is_refused(function, arguments, limits):
     with pytest.raises(ImportRefusedError, match="too much memory or time"):
         run_limited(function, *arguments, limits=limits)
 
@@ -97,11 +97,9 @@ def test_a_library_that_cannot_be_loaded_is_named(monkeypatch):
         run_limited(doubled, b"", [])
 
 
-def test_who_waited_for_another_import_in_vain_is_told_so():
-    with (
-        limited_process._one_at_a_time,
-        pytest.raises(ImportRefusedError, match="Another import is running"),
-    ):
+def test_an_import_that_waited_too_long_for_another_says_so():
+    refused = pytest.raises(ImportRefusedError, match="Another import is running")
+    with limited_process._one_at_a_time, refused:
         run_limited(doubled, b"", [], limits=ChildLimits(elapsed=0.1))
 
 

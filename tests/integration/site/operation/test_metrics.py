@@ -1,4 +1,4 @@
-"""/metrics: who may read it, what it says, and that it says nothing of persons."""
+"""/metrics: who may read it, its figures, and that it names no person."""
 
 import pytest
 from django.db import connection
@@ -32,13 +32,9 @@ def bridge():
 @pytest.fixture
 def site(settings):
     settings.METRICS_TOKEN = TOKEN
-    giraff = create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        last_seen_at=timezone.now(),
-        report={"battery": {"charge": 0.5}},
-    )
+    now = timezone.now()
+    presence = {"connection": "ONLINE", "last_seen_at": now, "report": {"battery": {"charge": 0.5}}}
+    giraff = create_robot(name="giraff", title="Giraff", **presence)
     Robot.objects.create(name="attic", title="Attic")
     Robot.objects.create(name="practice-1", title="Practice", practice=True)
     ada, bert, cleo = person("ada"), person("bert"), person("cleo")
@@ -50,11 +46,11 @@ def site(settings):
             state=state,
             outcome=outcome,
             live_key=f"{user.pk}",
-            queued_at=timezone.now(),
+            queued_at=now,
         )
         for user, state, outcome in rows
     ]
-    Lease.objects.create(robot=giraff, session=made[0], changed_at=timezone.now())
+    Lease.objects.create(robot=giraff, session=made[0], changed_at=now)
     report = {
         "connected": True,
         "waiting": 7,
@@ -62,11 +58,9 @@ def site(settings):
         "refused": {"stale": 2},
         "rejected": {"malformed": 1},
     }
-    now = timezone.now()
-    own = {"shards": 40, **report}
-    ManagerBeat.objects.create(name=NAME, holder="here:1", beat_at=now, report=own)
-    other = {"shards": 24, **report}
-    ManagerBeat.objects.create(name=name_of(1), holder="there:2", beat_at=now, report=other)
+    for name, holder, shards in ((NAME, "here:1", 40), (name_of(1), "there:2", 24)):
+        beat = {"beat_at": now, "report": {"shards": shards, **report}}
+        ManagerBeat.objects.create(name=name, holder=holder, **beat)
     return made
 
 
@@ -117,17 +111,10 @@ def test_no_label_names_a_person_or_a_session(site):
             assert secret not in text
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {},
-        {"authorization": "Bearer wrong"},
-        {"authorization": "Basic dTpw"},
-        {"authorization": "Bearer "},
-    ],
-)
-def test_without_the_token_there_is_nothing_to_find(site, given):
-    assert Client().get("/metrics", headers=given).status_code == 404
+@pytest.mark.parametrize("given", ["", "Bearer wrong", "Basic dTpw", "Bearer "])
+def test_metrics_are_not_found_without_the_token(site, given):
+    headers = {"authorization": given} if given else {}
+    assert Client().get("/metrics", headers=headers).status_code == 404
 
 
 def test_without_any_setting_nobody_reads_it(settings):
@@ -140,7 +127,7 @@ def test_without_any_setting_nobody_reads_it(settings):
     [
         ("10.1.2.3", {}, 200),
         ("10.2.0.1", {}, 404),
-        ("10.1.2.3", {"x-forwarded-for": "10.1.2.3"}, 404),  # a proxy's own address is everybody's
+        ("10.1.2.3", {"x-forwarded-for": "10.1.2.3"}, 404),  # all visitors share a proxy's address
         ("10.1.2.3", {"forwarded": "for=10.1.2.3"}, 404),
         ("", {}, 404),
     ],

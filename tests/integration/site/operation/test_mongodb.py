@@ -1,17 +1,16 @@
-"""A site on MongoDB: what can be said without a server always, and the real thing where MONGODB_URL
-names one.
+"""A site on MongoDB: migrations and checks without a server, and visits on the server that
+MONGODB_URL names.
 """
 
 import json
 import os
-import subprocess
 import sys
 import uuid
 
 import pytest
-from django.conf import settings as site
 
 from telepresence_site import mongodb
+from tests.support.programs import finished
 
 NOWHERE = "mongodb://127.0.0.1:1/telepresence?serverSelectionTimeoutMS=300"
 MONGODB_URL = os.environ.get("MONGODB_URL", "")
@@ -19,8 +18,7 @@ NOT_GIVEN = (
     "NOT TESTED ON MONGODB: set MONGODB_URL to a server's address (no package of Debian or PyPI has"
     " one)"
 )
-# One visit after another on a real server: keys, unique constraints, JSON, binary, comparing and
-# setting, grouping.
+# Visits on a real server: keys, unique constraints, JSON, binary data, compare and set, grouping.
 SCENARIO = """
 import datetime
 from django.core.management import call_command
@@ -79,21 +77,9 @@ finally:
 
 
 def run(*arguments, url=NOWHERE):
-    kept = {name: value for name, value in os.environ.items() if name != "DJANGO_SETTINGS_MODULE"}
-    environment = kept | {
-        "DATABASE_URL": url,
-        "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
-        "HTTP_ONLY": "1",
-    }
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=site.BASE_DIR,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    environment = os.environ | {"DATABASE_URL": url, "HTTP_ONLY": "1"}
+    environment["DJANGO_SETTINGS_MODULE"] = "telepresence_site.settings"
+    done = finished.run(sys.executable, *arguments, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -102,9 +88,8 @@ def test_an_address_of_mongodb_is_recognized():
     assert mongodb.is_address("mongodb://db.example.org/robots")
     assert mongodb.is_address("mongodb+srv://db.example.org")
     assert not mongodb.is_address("postgres://db.example.org/robots")
-    assert (
-        mongodb.database("mongodb://u:p@db.example.org:27017/robots?tls=true")["NAME"] == "robots"
-    )
+    full = "mongodb://u:p@db.example.org:27017/robots?tls=true"
+    assert mongodb.database(full)["NAME"] == "robots"
     assert mongodb.database("mongodb://db.example.org")["NAME"] == "telepresence"
 
 
@@ -120,12 +105,8 @@ def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make(
     assert found["missing"] == {}, (
         "python manage.py makemigrations, with DATABASE_URL naming a MongoDB"
     )
-    assert set(found["keys"].values()) <= {
-        "ObjectIdAutoField",
-        "UUIDField",
-        "CharField",
-        "OneToOneField",
-    }
+    kinds = {"ObjectIdAutoField", "UUIDField", "CharField", "OneToOneField"}
+    assert set(found["keys"].values()) <= kinds
     assert "RunSQL" not in found["operations"]
 
 

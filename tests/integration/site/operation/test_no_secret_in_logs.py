@@ -1,6 +1,4 @@
-"""Everything that is logged while people and robots come in, at the most talkative level, and none
-of their secrets in it.
-"""
+"""All log lines while users and robots log in, at the most verbose level, contain no secret."""
 
 import json
 import logging
@@ -19,7 +17,7 @@ from robots.enrol.credentials import make_credentials, server_credentials
 from robots.ice import turn_credentials
 from robots.models import Robot
 from sessions import protocol
-from telepresence_site.asgi import application  # sets logging up once more, before the scribe comes
+from telepresence_site.asgi import application  # configures logging, before the LogCollector
 from telepresence_site.ops.log_lines import json_lines
 from telepresence_site.settings import LOGGING
 from tests.support import words
@@ -36,8 +34,8 @@ METRICS_TOKEN = "what-prometheus-and-the-site-share"
 WRONG = "a-password-that-is-wrong-1"
 
 
-class Scribe(logging.Handler):
-    """Keeps what is said: as other handlers would see it, and as our lines say it."""
+class LogCollector(logging.Handler):
+    """Keeps log lines as other handlers write them, and as ours do."""
 
     def __init__(self):
         super().__init__(logging.DEBUG)
@@ -45,24 +43,21 @@ class Scribe(logging.Handler):
 
     def emit(self, record):
         self.lines.append(json_lines().format(record))
-        # names the path, which may be a one-time link: our lines make a route of it
+        # has the path, which may be a one-time link: our lines have the route
         if record.name != "django.request":
             self.raw.append(logging.Formatter("%(name)s %(message)s").format(record))
 
 
 @pytest.fixture
-def scribe(settings):
-    settings.TURN_SECRET, settings.METRICS_TOKEN, settings.TURN_URLS = (
-        TURN_SECRET,
-        METRICS_TOKEN,
-        ["turn:turn.example.org"],
-    )
-    scribe, root = Scribe(), logging.getLogger()
+def collector(settings):
+    settings.TURN_SECRET, settings.METRICS_TOKEN = TURN_SECRET, METRICS_TOKEN
+    settings.TURN_URLS = ["turn:turn.example.org"]
+    collector, root = LogCollector(), logging.getLogger()
     level = root.level
-    root.addHandler(scribe)
+    root.addHandler(collector)
     root.setLevel(logging.DEBUG)
-    yield scribe
-    root.removeHandler(scribe)
+    yield collector
+    root.removeHandler(collector)
     root.setLevel(level)
 
 
@@ -77,32 +72,25 @@ def visit_the_site():
 
 
 async def ask(path, cookies=(), **headers):
-    """Through the whole application, as daphne does it."""
-    headers = {
-        "host": "127.0.0.1",
-        "cookie": "; ".join(f"sessionid={cookie}" for cookie in cookies),
-        **headers,
-    }
+    """Request a page of the whole application, as daphne does; return the status."""
+    cookie = "; ".join(f"sessionid={cookie}" for cookie in cookies)
+    headers = {"host": "127.0.0.1", "cookie": cookie, **headers}
     pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
-    return (
-        await HttpCommunicator(application, "GET", path, headers=pairs).get_response(
-            timeout=patient(5.0)
-        )
-    )["status"]
+    page = HttpCommunicator(application, "GET", path, headers=pairs)
+    return (await page.get_response(timeout=patient(5.0)))["status"]
 
 
 async def drive(ada):
     async with Page("giraff", ada) as page:
         await page.say("session/take", protocol.Take())
         granted = await page.expect("session/granted")
-        await page.say(
-            "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
-        )
+        own = {"session": granted.session, "epoch": granted.epoch}
+        await page.say("command/velocity", words.velocity(**own))
     return [server.credential for server in granted.ice_servers if server.credential]
 
 
 async def knock(tmp_path, kind):
-    """A robot with the right and with a wrong key, and a web process, at a broker."""
+    """Connect a robot to a broker with the right and with a wrong key."""
     rig = BrokerRig(kind, tmp_path / "broker")
     await rig.start()
     token = rig.tokens[await rig.robot("giraff")]
@@ -115,7 +103,7 @@ async def knock(tmp_path, kind):
     return token
 
 
-async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, settings, tmp_path):
+async def test_no_password_token_credential_or_cookie_is_ever_logged(collector, settings, tmp_path):
     bridge = MemoryBridge()
     mqtt_bridge.use(bridge)
     try:
@@ -136,38 +124,27 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, set
     finally:
         mqtt_bridge.use(None)
     hashes = [await sync_to_async(lambda: Robot.objects.get().credentials.credential_hash)()]
-    passwords = [
-        PASSWORD,
-        WRONG,
-        key.token,
-        TURN_SECRET,
-        METRICS_TOKEN,
-        settings.SECRET_KEY,
-        server_credentials("web")[1],
-    ]
+    passwords = [PASSWORD, WRONG, key.token, TURN_SECRET, METRICS_TOKEN, settings.SECRET_KEY]
+    passwords.append(server_credentials("web")[1])
     assert len(secrets) >= 4
-    for said in (scribe.raw, scribe.lines):
-        assert len(said) >= 8
+    for lines in (collector.raw, collector.lines):
+        assert len(lines) >= 8
         found = [
             (secret, line)
             for secret in (*passwords, *secrets, *hashes)
-            for line in said
+            for line in lines
             if secret in line or json.dumps(secret)[1:-1] in line
         ]
         assert found == []
 
 
-def test_the_scribe_would_find_one(scribe):
+def test_log_collector_would_find_a_secret(collector):
     logging.getLogger("some.library").debug("connecting with %s", PASSWORD)
-    assert any(PASSWORD in line for line in scribe.lines)
+    assert any(PASSWORD in line for line in collector.lines)
     assert turn_credentials("ada", TURN_SECRET, 0.0)[1] != TURN_SECRET
 
 
 def test_every_handler_of_the_site_writes_our_lines():
-    assert {
-        LOGGING["formatters"][handler["formatter"]]["()"].rpartition(".")[2]
-        for handler in LOGGING["handlers"].values()
-    } <= {
-        "json_lines",
-        "key_value_lines",
-    }
+    used = {handler["formatter"] for handler in LOGGING["handlers"].values()}
+    made = {LOGGING["formatters"][name]["()"].rpartition(".")[2] for name in used}
+    assert made <= {"json_lines", "key_value_lines"}

@@ -1,12 +1,12 @@
-"""What a site keeps of people is read by nobody else on its machine."""
+"""Other users of the machine cannot read a site's data."""
 
 import os
 import stat
-import subprocess
 import sys
 
 import pytest
-from django.conf import settings as site
+
+from tests.support.programs.finished import run, site_environment
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="modes of files")
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
@@ -27,25 +27,8 @@ with connection.cursor() as cursor:
 
 
 def write(var):
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}
-    }
-    environment = kept | {
-        "VAR_DIR": str(var),
-        "HTTP_ONLY": "1",
-        "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
-    }
-    done = subprocess.run(
-        ["/bin/sh", "-c", 'umask 022; exec "$@"', "sh", sys.executable, "-c", WRITE],
-        cwd=site.BASE_DIR,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    environment = site_environment(var, HTTP_ONLY="1")
+    done = run(sys.executable, "-c", WRITE, env=environment, umask=0o022)
     assert done.returncode == 0, done.stderr
     return dict(line.split() for line in done.stdout.splitlines())
 
@@ -53,10 +36,8 @@ def write(var):
 def test_the_database_and_what_sqlite_keeps_beside_it_are_the_owners_alone(tmp_path):
     var = tmp_path / "var"
     for _ in range(2):
-        assert write(var) == dict.fromkeys(
-            ("telepresence.sqlite3", "telepresence.sqlite3-shm", "telepresence.sqlite3-wal"),
-            "0o600",
-        )
+        files = [f"telepresence.sqlite3{end}" for end in ("", "-shm", "-wal")]
+        assert write(var) == dict.fromkeys(files, "0o600")
     assert var.stat().st_mode & OTHERS == 0
 
 

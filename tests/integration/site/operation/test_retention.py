@@ -1,4 +1,4 @@
-"""What is forgotten when, and what is left of somebody who is gone."""
+"""When data is deleted, and what remains of a deleted user."""
 
 import datetime
 import io
@@ -15,14 +15,7 @@ from accounts.models import AuditEntry, User
 from accounts.passwordless import create_guest
 from experiments.export import reports
 from experiments.extraction.pseudonyms import Pseudonyms
-from experiments.models import (
-    Appointment,
-    ConsentReceipt,
-    Contact,
-    Participant,
-    Study,
-    StudyMember,
-)
+from experiments.models import Appointment, ConsentReceipt, Contact, Participant, Study, StudyMember
 from experiments.participation import links
 from experiments.participation.withdrawal import deletion
 from robots.models import Robot, RobotPermit
@@ -36,16 +29,12 @@ from tests.support.studies import questionnaires
 
 pytestmark = pytest.mark.django_db
 DAY = datetime.timedelta(days=1)
-DEVICE = {
-    "os": "Linux",
-    "browser": "Firefox",
-    "network": "198.51.100.0/24",
-    "user_agent": "Mozilla/5.0 (of nobody)",
-}
+DEVICE = {"os": "Linux", "browser": "Firefox", "network": "198.51.100.0/24"}
+DEVICE["user_agent"] = "Mozilla/5.0 (of a test)"
 
 
 def visit(robot: Robot, name: str, days_ago: float) -> Session:
-    """A session of so long ago with one of everything."""
+    """Store an old session with a photo, a network sample and an event."""
     at = timezone.now() - days_ago * DAY
     row = replays.session(
         robot, person(name), granted=at, seconds=60, closed_at=at + DAY / 24, device=DEVICE
@@ -62,10 +51,8 @@ def visit(robot: Robot, name: str, days_ago: float) -> Session:
 def forget(**options) -> dict[str, int]:
     out = io.StringIO()
     call_command("forget", stdout=out, **options)
-    return {
-        kind: int(told.split()[0])
-        for kind, told in (line.split(": ") for line in out.getvalue().splitlines())
-    }
+    pairs = [line.split(": ") for line in out.getvalue().splitlines()]
+    return {kind: int(sentence.split()[0]) for kind, sentence in pairs}
 
 
 @pytest.fixture
@@ -74,39 +61,24 @@ def robot():
 
 
 def test_each_kind_goes_when_its_days_are_over(robot):
-    for name, days in (
-        ("today", 0.5),
-        ("last_month", 40),
-        ("last_spring", 100),
-        ("last_year", 400),
-    ):
+    ages = {"today": 0.5, "last_month": 40, "last_spring": 100, "last_year": 400}
+    for name, days in ages.items():
         visit(robot, name, days)
     for days in (1, 100):
         system_log.log("robot_online", robot=robot, at=timezone.now() - days * DAY)
         audit.note("photo_opened", at=timezone.now() - days * 20 * DAY)
-    told = {
-        "sessions": 1,
-        "photos": 1,
-        "network_samples": 1,
-        "addresses": 2,
-        "system_log": 1,
-        "audit_log": 1,
-    }
-    assert forget() == {**told, "enrolments": 0, "guests": 0}
-    assert set(Session.objects.values_list("visitor__username", flat=True)) == {
-        "today",
-        "last_month",
-        "last_spring",
-    }
-    assert set(Snapshot.objects.values_list("session__visitor__username", flat=True)) == {
-        "today",
-        "last_month",
-    }
+    kinds = ("sessions", "photos", "network_samples", "addresses", "system_log", "audit_log")
+    never = {"enrolments": 0, "guests": 0}
+    assert forget() == {**dict.fromkeys(kinds, 1), "addresses": 2, **never}
+    visitors = Session.objects.values_list("visitor__username", flat=True)
+    assert set(visitors) == {"today", "last_month", "last_spring"}
+    photographers = Snapshot.objects.values_list("session__visitor__username", flat=True)
+    assert set(photographers) == {"today", "last_month"}
     assert SessionEvent.objects.count() == 3
     kept = Session.objects.get(visitor__username="last_month").device
     assert (kept["os"], kept["network"], kept["user_agent"]) == ("Linux", "", "")
     assert Session.objects.get(visitor__username="today").device == DEVICE
-    assert forget() == {**dict.fromkeys(told, 0), "enrolments": 0, "guests": 0}
+    assert forget() == {**dict.fromkeys(kinds, 0), **never}
 
 
 def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(robot):
@@ -115,12 +87,11 @@ def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(r
     assert Session.objects.exists()
     assert not SystemLog.objects.filter(event="forgotten").exists()
     forget()
-    assert {"kind": "sessions", "count": 1} in list(
-        SystemLog.objects.filter(event="forgotten").values_list("fields", flat=True)
-    )
+    logged = SystemLog.objects.filter(event="forgotten").values_list("fields", flat=True)
+    assert {"kind": "sessions", "count": 1} in logged
 
 
-def test_what_is_kept_for_ever_is_kept_for_ever(robot, settings):
+def test_records_without_a_retention_limit_are_kept(robot, settings):
     settings.RETENTION_DAYS = dict.fromkeys(settings.RETENTION_DAYS, 0.0)
     visit(robot, "last_year", 4000)
     assert forget() == {"enrolments": 0, "guests": 0}
@@ -152,7 +123,7 @@ MARKS = ("zaphod", "Beeblebrox", "betelgeuse.example", "secret answer of mine", 
 
 
 def everything_of(user, robot: Robot) -> Participant:
-    """Leave something of a visitor in every place that knows visitors."""
+    """Store something of a visitor in every table that refers to visitors."""
     from allauth.account.models import EmailAddress
 
     EmailAddress.objects.create(user=user, email=user.email)
@@ -167,57 +138,32 @@ def everything_of(user, robot: Robot) -> Participant:
     Appointment.objects.create(
         participant=one, robot=robot, visit=1, starts_at=now, ends_at=now + DAY, slot="zaphod"
     )
-    row = replays.session(
-        robot,
-        user,
-        granted=now - DAY,
-        seconds=60,
-        closed_at=now,
-        device=DEVICE,
-        outcome_reason="left",
-    )
+    past = {"seconds": 60, "closed_at": now, "device": DEVICE}
+    row = replays.session(robot, user, granted=now - DAY, **past, outcome_reason="left")
+    times = {"stamp": 1.0, "received_at": 1.0}
     SessionEvent.objects.create(
-        session=row,
-        source="page",
-        type="said",
-        stamp=1.0,
-        received_at=1.0,
-        data={"who": "Beeblebrox"},
+        session=row, source="page", type="said", data={"who": "Beeblebrox"}, **times
     )
     Snapshot.objects.create(session=row, action_id="p", stamp=1.0, sha256="0" * 64, jpeg=b"zaphod")
     replays.drive(one, row, settled_at=now)
-    replays.session(robot, user, granted=now - 2 * DAY, seconds=60, closed_at=now, device=DEVICE)
+    replays.session(robot, user, granted=now - 2 * DAY, **past)
     system_log.log("session_ended", session=row, who="zaphod")
-    ConsentReceipt.objects.create(
-        participant=one,
-        step="c",
-        version=1,
-        language="en",
-        text="Yes",
-        guardian="Beeblebrox senior",
-        agreed_at=now,
-    )
+    consent = {"step": "c", "version": 1, "language": "en", "text": "Yes", "agreed_at": now}
+    ConsentReceipt.objects.create(participant=one, guardian="Beeblebrox senior", **consent)
     link, _token = links.make(study, label="for zaphod", now=now)
     type(link).objects.filter(pk=link.pk).update(participant=one, redeemed_at=now)
     asked = store(questionnaires.defined([questionnaires.item("text", "q1")]), now)
     context = Context(key=f"study/{one.pk}/1.0.q", return_to="/about/")
     answer = begin(asked, Respondent(user=user), context, language="en", seed=1, now=now)
-    answer.answers.create(
-        item="q1",
-        value="secret answer of mine",
-        language="en",
-        text_version="",
-        position=0,
-        first_at=now,
-        answered_at=now,
-    )
+    given = {"language": "en", "text_version": "", "first_at": now, "answered_at": now}
+    answer.answers.create(item="q1", value="secret answer of mine", position=0, **given)
     reports.home(study).mkdir(parents=True)
     (reports.home(study) / "table.json").write_text("zaphod")
     return one
 
 
 def traces(marks: tuple[str, ...]) -> list[str]:
-    """Return where any of these words stands in any row of any table."""
+    """Return the tables with any of these words."""
     found = []
     for model in apps.get_models():
         for row in model._base_manager.values():
@@ -225,10 +171,14 @@ def traces(marks: tuple[str, ...]) -> list[str]:
                 str(bytes(value) if isinstance(value, memoryview) else value)
                 for value in row.values()
             )
-            found += [
-                f"{model.__name__}: {mark}" for mark in marks if mark.lower() in words.lower()
-            ]
+            found += [f"{model.__name__}: {one}" for one in marks if one.lower() in words.lower()]
     return found
+
+
+def traces_of_key(key) -> list[str]:
+    """Return the tables with a user's key, but for the audit log."""
+    found = traces((str(key), key.hex))
+    return [trace for trace in found if not trace.startswith("AuditEntry")]
 
 
 def zaphod():
@@ -236,23 +186,17 @@ def zaphod():
 
 
 @pytest.mark.parametrize("by", ["themselves", "an administrator"])
-def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, by):
+def test_no_data_are_left_of_a_deleted_account(robot, by):
     user = zaphod()
     one, key = everything_of(user, robot), user.pk
-    assert {trace.partition(": ")[0] for trace in traces(MARKS)} >= {
-        "User",
-        "EmailAddress",
-        "Participant",
-        "SystemLog",
-        "Answer",
-    }
+    tables = {trace.partition(": ")[0] for trace in traces(MARKS)}
+    assert tables >= {"User", "EmailAddress", "Participant", "SystemLog", "Answer"}
     if by == "themselves":
         assert deletion.delete_everything(user, timezone.now())
     else:
         user.delete()
     assert traces(MARKS) == []
-    left = [trace for trace in traces((str(key), key.hex)) if not trace.startswith("AuditEntry")]
-    assert left == []
+    assert traces_of_key(key) == []
     assert not reports.home(one.study).exists()
     assert not Participant.objects.filter(pk=one.pk).exists()
     shell = Participant.objects.get()
@@ -272,7 +216,7 @@ def test_a_participants_account_without_password_goes_when_it_has_no_study_any_m
 
 
 def relations() -> set[str]:
-    """Return every way from a table to a user."""
+    """Return all relations of tables to users."""
     user = get_user_model()
     return {
         f"{model.__name__}.{field.name}"
@@ -284,24 +228,13 @@ def relations() -> set[str]:
 
 def test_every_relation_to_a_person_is_one_that_these_tests_know():
     own = {
-        "EmailAddress.user",
-        "RobotPermit.user",
-        "Participant.user",
-        "Session.visitor",
-        "Response.user",
-        "EntryCode.user",
+        *("EmailAddress.user", "RobotPermit.user", "Participant.user", "Session.visitor"),
+        *("Response.user", "EntryCode.user"),
     }
     of_staff = {
-        "Robot.owner",
-        "StudyMember.user",
-        "Drive.excluded_by",
-        "Coding.coder",
-        "Lease.wizard",
-        "Study.published_by",
-        "Rehearsal.ended_by",
-        "StudyKey.made_by",
+        *("Robot.owner", "StudyMember.user", "Drive.excluded_by", "Coding.coder", "Lease.wizard"),
+        *("Study.published_by", "Rehearsal.ended_by", "StudyKey.made_by", "LogEntry.user"),
         "ResearcherInvitation.invited_by",
-        "LogEntry.user",
     }
     assert relations() == own | of_staff
 
@@ -320,8 +253,6 @@ def test_of_staff_who_are_deleted_their_work_stays_without_their_name(robot):
     key = user.pk
     user.delete()
     assert traces(MARKS) == []
-    assert [
-        trace for trace in traces((str(key), key.hex)) if not trace.startswith("AuditEntry")
-    ] == []
+    assert traces_of_key(key) == []
     drive.refresh_from_db()
     assert (drive.excluded_by, drive.excluded_reason) == (None, "fell asleep")

@@ -1,7 +1,7 @@
-"""What runs the tests is itself no reason to believe a run: a word that it does not know, a run
-without a test and a part that failed are red, and whoever ends it finds what it had said.
+"""deploy/run_tests.sh fails for an unknown word, a run without any test and a failed part, and
+shows the output of its parts when it is interrupted.
 
-A shell script answers for the programs of the virtual environment, so that each run takes seconds.
+A shell script replaces the programs of the virtual environment, so that each run takes seconds.
 """
 
 import os
@@ -39,12 +39,9 @@ class Runner:
         for name in ("python", "mypy"):
             (programs / name).write_text(ANSWER)
             (programs / name).chmod(0o755)
-        self.environment = {
-            "PATH": os.environ["PATH"],
-            "BIN": str(programs),
-            "CALLED": str(self.called),
-            "TMPDIR": str(self.temporary),
-        }
+        folders = {"BIN": programs, "CALLED": self.called, "TMPDIR": self.temporary}
+        self.environment = {name: str(path) for name, path in folders.items()}
+        self.environment["PATH"] = os.environ["PATH"]
 
     def begin(self, word: str, **more: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
@@ -70,7 +67,7 @@ def runner(tmp_path) -> Runner:
     return Runner(tmp_path)
 
 
-def test_a_word_that_it_does_not_know_is_no_green_run(runner):
+def test_an_unknown_word_fails_the_run(runner):
     code, said = runner.run("nigthly")
     assert code == 2
     assert "not nigthly" in said
@@ -85,14 +82,14 @@ def test_a_folder_that_the_environment_names_is_left_alone(runner, tmp_path):
 
 
 @pytest.mark.parametrize("word", ["nightly", "soak"])
-def test_what_fails_first_keeps_nobody_from_the_rest_and_is_named_at_the_end(runner, word):
+def test_a_failed_part_does_not_stop_the_others_and_is_named_at_the_end(runner, word):
     code, said = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
     assert code == 1
     assert said.strip().endswith("failed: servers timing_of_robots")
     assert {*PARTS, "tests/timing/browser"} <= set(runner.parts())
 
 
-def test_one_part_without_a_test_that_is_marked_so_is_green_and_a_run_without_any_is_not(runner):
+def test_one_part_may_have_no_marked_test_but_not_the_whole_run(runner):
     code, _ = runner.run("nightly", ENDS="tests/timing/robots=5")
     assert code == 0
     folders = [*PARTS, "tests/integration/surveys", "tests/timing/browser"]
@@ -102,9 +99,7 @@ def test_one_part_without_a_test_that_is_marked_so_is_green_and_a_run_without_an
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_run_that_is_ended_ends_its_parts_says_what_they_had_said_and_leaves_nothing(
-    runner, end: signal.Signals
-):
+def test_an_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: signal.Signals):
     process = runner.begin("nightly", HANGS="tests/integration/browser")
     wait_for(lambda: PARTS[1] in runner.parts(), 30, "the browsers' part")
     process.send_signal(end)
@@ -115,7 +110,7 @@ def test_a_run_that_is_ended_ends_its_parts_says_what_they_had_said_and_leaves_n
     assert list(runner.temporary.iterdir()) == []
 
 
-def test_what_ends_first_is_shown_first(runner):
+def test_the_part_that_ends_first_is_shown_first(runner):
     process = runner.begin("nightly", HANGS="tests/integration")
     assert process.stdout is not None
     for line in process.stdout:

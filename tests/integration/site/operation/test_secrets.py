@@ -1,4 +1,4 @@
-"""A site's secret, made once by whichever process starts first."""
+"""A site's secret, made by the process that starts first."""
 
 import os
 import stat
@@ -15,14 +15,14 @@ def test_a_process_that_starts_while_the_secret_is_written_never_reads_an_empty_
     path, found = tmp_path / "secrets" / "secret_key", []
     fdopen = os.fdopen
 
-    def meanwhile(*args, **options):
+    def start_another(*args, **options):
         monkeypatch.setattr(os, "fdopen", fdopen)
         other = threading.Thread(target=lambda: found.append(kept_secret(path)))
         other.start()
         other.join()
         return fdopen(*args, **options)
 
-    monkeypatch.setattr(os, "fdopen", meanwhile)
+    monkeypatch.setattr(os, "fdopen", start_another)
     found.append(kept_secret(path))
     assert len(set(found)) == 1
     assert len(found[0]) >= 48

@@ -1,5 +1,5 @@
-"""Two web processes, PostgreSQL, Redis, a mosquitto of the system and nginx with TLS: what a
-visitor does works wherever it lands.
+"""Two web processes, PostgreSQL, Redis, the system's Mosquitto and nginx with TLS: pages work with
+either process.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ def server(tmp_path_factory):
 
 
 class Tab:
-    """A page's WebSocket through the proxy; `seen` is what came, oldest first."""
+    """A page's WebSocket through the proxy; `seen` are the suffixes of its messages."""
 
     def __init__(self, server, name):
         self.server, self.name, self.seen = server, name, []
@@ -53,21 +53,14 @@ class Tab:
         await self.socket.close()
 
     async def open(self):
-        """Connect; a web process that has just died is passed over by the proxy, at the second try
-        at the latest.
-        """
+        """Connect; the proxy avoids a dead web process at the second attempt at the latest."""
         headers = {"Cookie": f"sessionid={self.cookie}", "X-Forwarded-For": "8.8.8.8"}
         url = self.server.url.replace("https", "wss") + "/ws/robots/giraff/"
         async with asyncio.timeout(patient(SECONDS)):
             while True:
                 try:
-                    self.socket = await connect(
-                        url,
-                        ssl=self.server.tls,
-                        origin=self.server.url,
-                        additional_headers=headers,
-                        proxy=None,
-                    )
+                    options = {"ssl": self.server.tls, "origin": self.server.url, "proxy": None}
+                    self.socket = await connect(url, additional_headers=headers, **options)
                 except (InvalidStatus, OSError):
                     await asyncio.sleep(0.1)
                 else:
@@ -78,7 +71,7 @@ class Tab:
         await self.socket.send(codec.encode_frame(suffix, message))
 
     async def expect(self, wanted, condition=lambda _: True):
-        """Return the first message of this kind that has not been waited for yet."""
+        """Return the next message of this kind."""
         async with asyncio.timeout(patient(SECONDS)):
             while True:
                 suffix, message = decode(await self.socket.recv())
@@ -87,7 +80,7 @@ class Tab:
                     return message
 
     async def listen(self, seconds):
-        """Take what comes for a while, as a page does: whoever reads nothing is cut off."""
+        """Read for a while, as a page does: a page that reads nothing is disconnected."""
         with contextlib.suppress(TimeoutError, ConnectionClosed):
             async with asyncio.timeout(seconds):
                 while True:
@@ -101,157 +94,129 @@ async def until(condition, what):
         await asyncio.sleep(0.02)
 
 
-async def online(robot, server):
-    await robot.publish("factsheet", words.factsheet())
-    await asyncio.to_thread(
-        wait_for,
-        lambda: server.figure("web-0", 'telepresence_robot_online{robot="giraff"}') == 1,
-        SECONDS,
-        "the robot's presence",
-    )
+@contextlib.asynccontextmanager
+async def online_robot(server):
+    login = ("giraff", server.token)
+    async with ScriptedRobot("giraff", server.site.mqtt_url, login=login, period=0.1) as robot:
+        await robot.publish("factsheet", words.factsheet())
+        online = lambda: server.figure("web-0", 'telepresence_robot_online{robot="giraff"}')
+        await asyncio.to_thread(wait_for, lambda: online() == 1, SECONDS, "the robot's presence")
+        yield robot
+
+
+def each_serves_one(server):
+    """Tell whether each web process serves one page."""
+    return [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [1, 1]
 
 
 @pytest.mark.nightly
 async def test_hands_and_questions_reach_the_driver_on_the_other_process(server):
-    async with ScriptedRobot(
-        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
-    ) as robot:
-        await online(robot, server)
-        async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
-            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
-                1,
-                1,
-            ], "each process serves one of them"
-            await ada.say("session/take", protocol.Take())
-            await ada.expect("session/granted")
-            await bob.say("session/observe", protocol.Observe())
-            await bob.expect("audience", lambda audience: audience.open)
-            await bob.say("audience/hand", protocol.RaiseHand(raised=True))
-            await bob.say("audience/ask", protocol.AskQuestion(text="Why?"))
-            seen = await ada.expect("audience", lambda audience: audience.questions)
-            assert (seen.names, seen.questions[0].who) == (("bob",), "bob")
-            (question,) = seen.questions
-            await ada.say(
-                "audience/mark", protocol.MarkQuestion(question=question.id, state="answering")
-            )
-            await bob.expect(
-                "audience", lambda audience: audience.questions[0].state == "answering"
-            )
-            await bob.socket.close()
-            await ada.expect("audience", lambda audience: audience.hands == 0)
-            await ada.say("session/leave", protocol.Leave())
-            await ada.expect("session/ended")
+    async with online_robot(server), Tab(server, "ada") as ada, Tab(server, "bob") as bob:
+        assert each_serves_one(server)
+        await ada.say("session/take", protocol.Take())
+        await ada.expect("session/granted")
+        await bob.say("session/observe", protocol.Observe())
+        await bob.expect("audience", lambda audience: audience.open)
+        await bob.say("audience/hand", protocol.RaiseHand(raised=True))
+        await bob.say("audience/ask", protocol.AskQuestion(text="Why?"))
+        seen = await ada.expect("audience", lambda audience: audience.questions)
+        (question,) = seen.questions
+        assert (seen.names, question.who) == (("bob",), "bob")
+        mark = protocol.MarkQuestion(question=question.id, state="answering")
+        await ada.say("audience/mark", mark)
+        await bob.expect("audience", lambda one: one.questions[0].state == "answering")
+        await bob.socket.close()
+        await ada.expect("audience", lambda audience: audience.hands == 0)
+        await ada.say("session/leave", protocol.Leave())
+        await ada.expect("session/ended")
 
 
 @pytest.mark.soak
-async def test_a_hand_is_up_as_long_as_its_page_though_a_web_process_dies(server):
-    async with ScriptedRobot(
-        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
-    ) as robot:
-        await online(robot, server)
-        async with contextlib.AsyncExitStack() as stack:
-            tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
-            ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
-            await ada.say("session/take", protocol.Take())
-            await ada.expect("session/granted")
-            for watcher in watchers:
-                await watcher.say("session/observe", protocol.Observe())
-                await watcher.expect("audience", lambda audience: audience.open)
-                await watcher.say("audience/hand", protocol.RaiseHand(raised=True))
-            await ada.expect("audience", lambda audience: audience.hands == len(watchers))
-            (dead,) = (web for web in WEB if server.figure(web, DRIVER) == 0)
-            server.site.stop(dead, signal.SIGKILL)
-            await asyncio.gather(*(watcher.listen(1.0) for watcher in watchers))
-            alive = [watcher for watcher in watchers if watcher.socket.state is State.OPEN]
-            back, *gone = (watcher for watcher in watchers if watcher not in alive)
-            await back.open()
-            await back.say("session/observe", protocol.Observe())
-            await back.expect("audience", lambda audience: audience.raised)
-            await back.say("audience/hand", protocol.RaiseHand(raised=True))
-            seconds = HAND_SECONDS + 2 * BEAT_SECONDS
-            await asyncio.gather(*(tab.listen(seconds) for tab in (ada, back, *alive)))
-            for watcher in alive:
-                await watcher.say("audience/hand", protocol.RaiseHand(raised=False))
-            assert gone, "somebody who does not come back"
-            await ada.expect("audience", lambda audience: audience.names == (back.name,))
-            server.site.start(dead)
-            port = server.ports[dead]
-            await until(lambda: server.site.listening(port), "the process that was killed")
-            await ada.say("session/leave", protocol.Leave())
-            await ada.expect("session/ended")
+async def test_a_raised_hand_stays_as_long_as_its_page_when_a_web_process_is_killed(server):
+    async with online_robot(server), contextlib.AsyncExitStack() as stack:
+        tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
+        ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
+        await ada.say("session/take", protocol.Take())
+        await ada.expect("session/granted")
+        for watcher in watchers:
+            await watcher.say("session/observe", protocol.Observe())
+            await watcher.expect("audience", lambda audience: audience.open)
+            await watcher.say("audience/hand", protocol.RaiseHand(raised=True))
+        await ada.expect("audience", lambda audience: audience.hands == len(watchers))
+        (dead,) = (web for web in WEB if server.figure(web, DRIVER) == 0)
+        server.site.stop(dead, signal.SIGKILL)
+        await asyncio.gather(*(watcher.listen(1.0) for watcher in watchers))
+        alive = [watcher for watcher in watchers if watcher.socket.state is State.OPEN]
+        back, *gone = (watcher for watcher in watchers if watcher not in alive)
+        await back.open()
+        await back.say("session/observe", protocol.Observe())
+        await back.expect("audience", lambda audience: audience.raised)
+        await back.say("audience/hand", protocol.RaiseHand(raised=True))
+        seconds = HAND_SECONDS + 2 * BEAT_SECONDS
+        await asyncio.gather(*(tab.listen(seconds) for tab in (ada, back, *alive)))
+        for watcher in alive:
+            await watcher.say("audience/hand", protocol.RaiseHand(raised=False))
+        assert gone, "an observer does not come back"
+        await ada.expect("audience", lambda audience: audience.names == (back.name,))
+        server.site.start(dead)
+        port = server.ports[dead]
+        await until(lambda: server.site.listening(port), "the process that was killed")
+        await ada.say("session/leave", protocol.Leave())
+        await ada.expect("session/ended")
 
 
 @pytest.mark.nightly
 async def test_two_visitors_on_two_processes_share_one_robot(server):
-    async with ScriptedRobot(
-        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
-    ) as robot:
-        await online(robot, server)
-        async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
-            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
-                1,
-                1,
-            ], "each process serves one of them"
+    async with online_robot(server) as robot, Tab(server, "ada") as ada, Tab(server, "bob") as bob:
+        assert each_serves_one(server)
 
-            await ada.say("session/take", protocol.Take())
-            driving = await ada.expect("session/granted")
-            await until(lambda: robot.session == driving.session, "the robot hears of its driver")
-            await bob.say("session/observe", protocol.Observe())
-            await bob.expect("state", lambda state: state.session == driving.session)
-            await bob.expect("room", lambda room: room.driver == "ada" and room.driving)
+        await ada.say("session/take", protocol.Take())
+        driving = await ada.expect("session/granted")
+        await until(lambda: robot.session == driving.session, "the robot has its driver")
+        await bob.say("session/observe", protocol.Observe())
+        await bob.expect("state", lambda state: state.session == driving.session)
+        await bob.expect("room", lambda room: room.driver == "ada" and room.driving)
 
-            await ada.say("command/velocity", words.velocity(stamp=time.time()))
-            await until(lambda: robot.driven, "the command arrives")
-            assert (robot.driven[-1].session, robot.driven[-1].epoch) == (
-                driving.session,
-                driving.epoch,
-            )
-            await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
-            assert (await bob.expect("denied")).suffix == "command/velocity"
+        await ada.say("command/velocity", words.velocity(stamp=time.time()))
+        await until(lambda: robot.driven, "the command arrives")
+        driven = robot.driven[-1]
+        assert (driven.session, driven.epoch) == (driving.session, driving.epoch)
+        await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
+        assert (await bob.expect("denied")).suffix == "command/velocity"
 
-            await bob.say("session/take", protocol.Take())
-            assert (await bob.expect("session/queued")).place == 1
-            await ada.say("session/leave", protocol.Leave())
-            await bob.expect("session/offered")
-            await bob.say("session/take", protocol.Take())
-            second = await bob.expect("session/granted")
-            assert second.epoch > driving.epoch
-            await until(
-                lambda: robot.session == second.session, "the robot hears of its next driver"
-            )
+        await bob.say("session/take", protocol.Take())
+        assert (await bob.expect("session/queued")).place == 1
+        await ada.say("session/leave", protocol.Leave())
+        await bob.expect("session/offered")
+        await bob.say("session/take", protocol.Take())
+        second = await bob.expect("session/granted")
+        assert second.epoch > driving.epoch
+        await until(lambda: robot.session == second.session, "the robot has its next driver")
 
-            # The process that serves bob is killed: his page comes back to the other one, to the
-            # same drive.
-            mine = next(web for web in WEB if server.figure(web, DRIVER) == 1)
-            server.site.processes[mine].kill()
-            server.site.processes.pop(mine).wait()
-            with pytest.raises((ConnectionClosed, TimeoutError)):
-                await bob.expect("never")
-            await bob.open()
-            await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
-            again = await bob.expect("session/granted")
-            assert (again.session, again.epoch, again.resumed) == (
-                second.session,
-                second.epoch,
-                True,
-            )
-            count = len(robot.driven)
-            await bob.say("command/velocity", words.velocity(seq=7, stamp=time.time()))
-            await until(
-                lambda: len(robot.driven) > count, "the command arrives by the other process"
-            )
-            await bob.say("session/leave", protocol.Leave())
-            await bob.expect("session/ended")
-    states = server.site.django(
-        "from sessions.models import StateChunk; print(sum(chunk.count for chunk in"
-        " StateChunk.objects.all()))"
+        # Bob's web process is killed: his page reconnects to the other one, to the same drive.
+        mine = next(web for web in WEB if server.figure(web, DRIVER) == 1)
+        server.site.processes[mine].kill()
+        server.site.processes.pop(mine).wait()
+        with pytest.raises((ConnectionClosed, TimeoutError)):
+            await bob.expect("never")
+        await bob.open()
+        await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
+        again = await bob.expect("session/granted")
+        assert (again.session, again.epoch) == (second.session, second.epoch)
+        assert again.resumed
+        count = len(robot.driven)
+        await bob.say("command/velocity", words.velocity(seq=7, stamp=time.time()))
+        await until(lambda: len(robot.driven) > count, "a command by the other process")
+        await bob.say("session/leave", protocol.Leave())
+        await bob.expect("session/ended")
+    stored = server.site.django(
+        "from sessions.models import Session, StateChunk;"
+        "print(sum(chunk.count for chunk in StateChunk.objects.all()),"
+        " *sorted({s.device['network'] for s in Session.objects.all()}))"
     )
+    states, *networks = stored.split()
     assert int(states) > 0
-    kept = server.site.django(
-        "from sessions.models import Session; print(*sorted({s.device['network'] for s in"
-        " Session.objects.all()}))"
-    )
-    assert kept.split() == ["127.0.0.0/24"], "nobody is believed about their own address"
+    assert networks == ["127.0.0.0/24"], "a forged address is ignored"
 
 
 async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
@@ -266,15 +231,9 @@ async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
 
 async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the_proxy(server):
     async def subscribed(password):
-        web = {
-            "transport": "websockets",
-            "websocket_path": "/mqtt",
-            "tls_context": server.tls,
-            "timeout": patient(SECONDS),
-        }
-        async with aiomqtt.Client(
-            "localhost", server.ports["https"], username="giraff", password=password, **web
-        ) as robot:
+        web = {"transport": "websockets", "websocket_path": "/mqtt", "tls_context": server.tls}
+        login = {"username": "giraff", "password": password, "timeout": patient(SECONDS)}
+        async with aiomqtt.Client("localhost", server.ports["https"], **login, **web) as robot:
             return await robot.subscribe(topics.of("giraff", "lease"), qos=1)
 
     assert [code.value for code in await subscribed(server.token)] == [1]
@@ -285,9 +244,8 @@ async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the
 def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
     plain, hashed = "css/_global.css", staticfiles_storage.stored_name("css/_global.css")
     assert server.get(f"{server.url}/metrics")[0] == 404
-    status, headers, text = server.get(
-        f"{server.url}/readyz", **{"X-Request-ID": "forged-request-id"}
-    )
+    forged = {"X-Request-ID": "forged-request-id"}
+    status, headers, text = server.get(f"{server.url}/readyz", **forged)
     assert (status, json.loads(text)["channel_layer"]) == (200, "ok")
     assert headers["x-request-id"] != "forged-request-id"
     assert "immutable" in server.get(f"{server.url}/static/{hashed}")[1]["cache-control"]
@@ -309,12 +267,10 @@ def test_every_line_of_its_processes_is_json_and_names_its_request(server):
             for line in server.site.log(web).splitlines(keepends=True)
             if line.endswith("\n")
         ]
-        return [
-            line for line in lines if line["event"] == "request_done" and line["route"] == "about/"
-        ]
+        done = [line for line in lines if line["event"] == "request_done"]
+        return [line for line in done if line["route"] == "about/"]
 
     wait_for(asked, SECONDS, "the request's line")
     assert all(len(line["request"]) == 32 for line in asked()), "nginx's own ids"
-    assert not [
-        line for line in server.site.log("session-manager").splitlines() if not line.startswith("{")
-    ]
+    lines = server.site.log("session-manager").splitlines()
+    assert not [line for line in lines if not line.startswith("{")]

@@ -1,4 +1,4 @@
-"""Attempts are counted, and people log in, also while Redis is away."""
+"""Attempts are counted and users log in also without Redis."""
 
 import os
 import pickle
@@ -25,7 +25,7 @@ NOW = 1_800_000_000.0
 
 @pytest.fixture
 def redis(tmp_path, settings, monkeypatch):
-    """Redis, to be started and killed, as the cache of this process."""
+    """A Redis as the cache of this process; yields functions to start and kill it."""
     port = free_port()
     running: list[subprocess.Popen] = []
 
@@ -68,7 +68,7 @@ def test_attempts_are_limited_with_redis_without_it_and_with_it_again(redis, cap
     assert "cache_away" in caplog.text
     start()
     assert eventually(is_shared)
-    assert allowed(attempts, 4) == [True, True, True, False]  # Redis has forgotten what it knew
+    assert allowed(attempts, 4) == [True, True, True, False]  # Redis has lost its data
 
 
 @pytest.mark.django_db
@@ -82,7 +82,7 @@ def test_people_log_in_while_redis_is_away(redis, client):
     assert answer.headers["Location"] == reverse("home")
 
 
-def test_what_others_write_to_redis_runs_no_code(redis, tmp_path):
+def test_foreign_data_in_redis_run_no_code(redis, tmp_path):
     assert eventually(is_shared)
 
     class Evil:

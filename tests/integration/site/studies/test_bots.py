@@ -1,4 +1,4 @@
-"""Bots go through a study on a whole site: every process is real, and so is the time."""
+"""Bots take part in a study on a whole site with real processes, in real time."""
 
 import json
 
@@ -49,21 +49,16 @@ def test_a_bot_that_refuses_is_asked_nothing_more(diaries):
 
 def test_they_are_marked_as_bots_everywhere(site, diaries):
     assert set(site.rows("SELECT DISTINCT kind FROM experiments_participant")) == {("bot",)}
-    assert site.rows(
-        "SELECT count(*) FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind ="
-        " 'bot'"
-    ) == [(len(diaries) - sum(one["ending"] == "refuses_consent" for one in diaries),)]
+    links = "FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind = 'bot'"
+    willing = [one for one in diaries if one["ending"] != "refuses_consent"]
+    assert site.rows(f"SELECT count(*) {links}") == [(len(willing),)]
 
 
 def test_the_record_of_the_drive_says_what_the_bot_says(site, diaries):
     session = diaries[0]["legs"][0]["session"]
-    rows = site.rows(
-        "SELECT moved, mismatches FROM experiments_drive WHERE session_id = ?",
-        session.replace("-", ""),
-    )
-    assert rows == [(1, "[]")]
-    methods = {
-        command["method"] for state in site.states(session) for command in state.get("applied", ())
-    }
+    drive = "SELECT moved, mismatches FROM experiments_drive WHERE session_id = ?"
+    assert site.rows(drive, session.replace("-", "")) == [(1, "[]")]
+    applied = [command for state in site.states(session) for command in state.get("applied", ())]
+    methods = {command["method"] for command in applied}
     assert len(methods) == 1
     assert methods <= {"keyboard", "mouse", "touch"}

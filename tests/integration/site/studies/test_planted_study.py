@@ -1,7 +1,7 @@
-"""Two studies with planted effects, run unattended to their ends: bots take part over the site's
-pages, with drives on a simulated robot. Some never move the robot, take it a second time, let the
-time run out, leave or withdraw. The datasets are exported and analysed, and the reports find what
-was planted and nothing else, in the numbers that R computes from the exports alone.
+"""Two studies with planted effects: bots take part over the site's pages, with drives on a
+simulated robot. Some never move the robot, take it twice, run out of time, leave or withdraw. The
+exported datasets are analysed; the reports find the planted effects and no others, and R computes
+the same numbers from the exports.
 """
 
 import pytest
@@ -27,10 +27,10 @@ from tests.support.sessions.site import Site
 from tests.support.studies.short_study import bots_command
 
 HOURS = 3600.0
-# The orders of the conditions are drawn anew in each run: where nothing was planted, a `period` has
-# such a p value by chance in one run of a thousand or fewer.
+# The order of conditions is random in each run: without a planted effect a `period` reaches this p
+# value in one run of a thousand.
 BY_CHANCE = 0.001
-# A limit of time is hard to meet at a high pace: images are older, for which the robot slows down.
+# At a high speed images are older, for which the robot slows down, so that time limits are missed.
 SPEEDS = {planted.SLUG: 10.0, planted.SUCCESS_SLUG: 2.0}
 STUDIES = {
     planted.SLUG: (planted.planted_study, 32, planted.EFFECTS, planted.ENDINGS),
@@ -71,7 +71,7 @@ def test_drives_count_as_the_rows_of_the_export_say(studies, slug):
     sessions = rows_of(dataset / "data" / "description-sessions_data.csv")
     assert {one["mismatch"] for one in sessions} == {""}
     assert {"completed", "timed_out", "cancelled"} == {one["outcome"] for one in sessions}
-    # the page for novices shows the condition before the video: the place is kept
+    # the page for novices shows the condition before the video: the cell stays assigned
     assert bool(list(drawn_again(dataset))) == (not STUDIES[slug][0]().reveals_condition)
     left = {one["id"] for one in withdrawn(dataset)}
     assert bool(left) == ("withdraws" in STUDIES[slug][-1])

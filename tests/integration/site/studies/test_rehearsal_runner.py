@@ -1,4 +1,4 @@
-"""Who runs rehearsals: their processes die, hang and cannot be started; the database is away."""
+"""The runner of rehearsals: processes that die, hang or cannot be started; a lost database."""
 
 import time
 
@@ -11,7 +11,7 @@ from experiments.models import Rehearsal
 from experiments.rehearsal import runs
 from robots.processes import interrupted_by_signals
 from telepresence_site.children import Children
-from telepresence_site.rehearsal import runner, signing
+from telepresence_site.rehearsal import heartbeat, runner
 from telepresence_site.rehearsal.runner import RehearsalRunner
 from tests.support.people import person
 from tests.support.sessions.site import wait_for
@@ -57,7 +57,7 @@ def test_one_rehearsal_runs_at_a_time_and_the_next_one_follows(children, study):
     one.look()
     one.look()
     assert status(second)[0] == "running"
-    runs.request(study, timezone.now())  # the one that was killed can be tried again
+    runs.request(study, timezone.now())  # the killed one can be run again
 
 
 def test_a_process_that_says_why_it_ends_is_quoted(children, study):
@@ -98,14 +98,14 @@ def test_it_is_started_for_the_version_that_was_asked_for(study):
 
 @pytest.mark.django_db(transaction=True)
 def test_a_process_signs_its_row_and_ends_when_somebody_ended_it(study, tmp_path, monkeypatch):
-    monkeypatch.setattr(signing, "SIGN_SECONDS", 0.05)
+    monkeypatch.setattr(heartbeat, "PERIOD_SECONDS", 0.05)
     row = runs.begin(study, "lab", timezone.now())
     progress = tmp_path / "progress.json"
     progress.write_text('{"bots": 3}')
     rows = Rehearsal.objects.filter(pk=row.pk, progress={"bots": 3})
 
     def play() -> None:
-        with interrupted_by_signals(), signing.signed(row.pk, progress):
+        with interrupted_by_signals(), heartbeat.heartbeats(row.pk, progress):
             wait_for(rows.exists, 20, "a sign of life")
             runs.stop(row.pk, person("ada"))
             time.sleep(60)
@@ -115,13 +115,13 @@ def test_a_process_signs_its_row_and_ends_when_somebody_ended_it(study, tmp_path
 
 
 def test_a_result_waits_for_a_database_that_is_away(monkeypatch):
-    monkeypatch.setattr(signing, "SIGN_SECONDS", 0.0)
-    monkeypatch.setattr(signing.connection, "close", lambda: None)
+    monkeypatch.setattr(heartbeat, "PERIOD_SECONDS", 0.0)
+    monkeypatch.setattr(heartbeat.connection, "close", lambda: None)
     answers = [OperationalError("away"), OperationalError("away"), None]
 
     def write():
         if (answer := answers.pop(0)) is not None:
             raise answer
 
-    signing.patiently(write)
+    heartbeat.retry_until_written(write)
     assert answers == []

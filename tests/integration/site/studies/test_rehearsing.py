@@ -1,4 +1,4 @@
-"""A study is played in a sandbox, whose time goes faster than that of the site beside it."""
+"""A study is rehearsed in a sandbox whose time is faster than that of the site beside it."""
 
 import json
 

@@ -1,6 +1,4 @@
-"""The administration's first page: what goes on in the studies and with the robots, and nothing
-that its reader has no right to see.
-"""
+"""The administration's first page: numbers of studies and robots, as far as a user may see them."""
 
 import datetime
 import re
@@ -24,7 +22,7 @@ HOME = "admin:index"
 
 
 def cards(client) -> dict[str, list[tuple[str, str]]]:
-    """Return what each card says by its name: a line with its number, and where that leads."""
+    """Return the lines of each card with their links, by the name of the card."""
     html = client.get(reverse(HOME)).content.decode()
     found = {}
     for name, card in re.findall(r'<section .*?"home-(\w+)">(.*?)</section>', html, re.DOTALL):
@@ -42,20 +40,13 @@ def facts(client) -> dict[str, list[str]]:
 
 
 def system(client) -> set[str]:
-    """Return the apps whose lists stand under System."""
+    """Return the apps whose lists are under System."""
     return set(re.findall(r'class="app-(\w+) module', client.get(reverse(HOME)).content.decode()))
 
 
 def online(name: str, **more) -> Robot:
-    return create_robot(
-        **{
-            "name": name,
-            "title": name.title(),
-            "connection": "ONLINE",
-            "last_seen_at": timezone.now(),
-        }
-        | more
-    )
+    presence = {"connection": "ONLINE", "last_seen_at": timezone.now()}
+    return create_robot(name=name, title=name.title(), **presence | more)
 
 
 @pytest.fixture
@@ -65,9 +56,7 @@ def boss(client):
     return user
 
 
-def test_the_card_of_robots_counts_those_online_in_use_and_in_trouble_and_no_practice_robot(
-    client, boss
-):
+def test_the_card_of_robots_counts_online_busy_and_failing_ones_without_practice(client, boss):
     giraff = online("giraff")
     online("stopped", report={"safety": {"estop": True}})
     online("away", report={"errors": ["adapter_lost: no answer from the base"]})
@@ -89,8 +78,8 @@ def test_the_card_of_robots_counts_those_online_in_use_and_in_trouble_and_no_pra
 
 def test_the_card_of_studies_counts_them_by_state_and_their_participants(client, boss):
     now = timezone.now()
-    today = (now.weekday() + 3) % 7  # another day, whatever the hour
-    away = [{"days": [today], "start": "09:00", "end": "10:00"}]
+    other_day = (now.weekday() + 3) % 7
+    away = [{"days": [other_day], "start": "09:00", "end": "10:00"}]
     study = replays.study(status="published")
     replays.study(slug="night-study", status="published", opening_hours=away)
     replays.study(slug="next-study")
@@ -184,7 +173,7 @@ def test_an_owner_finds_those_of_their_robots_with_a_problem(client):
     assert [robot.name for robot in client.get(url).context["cl"].queryset] == ["stopped"]
 
 
-def test_a_silent_session_manager_is_told_to_whoever_sees_the_site_and_to_nobody_else(client, boss):
+def test_only_operators_see_that_the_session_manager_is_silent(client, boss):
     said = "The session manager isn't running"
     assert said in read(client.get(reverse(HOME))).text
     ManagerBeat.objects.create(name="manager", holder="here:1", beat_at=timezone.now())

@@ -1,7 +1,6 @@
-"""The administration is loaded by those who show it, and checked by those who check."""
+"""Only processes that show or check the administration load it."""
 
 import os
-import subprocess
 import sys
 
 import pytest
@@ -9,7 +8,7 @@ from django.contrib import admin
 from django.core.checks import run_checks
 
 from robots.models import FloorPlan
-from tests.support.sessions.site import ROOT
+from tests.support.programs.finished import run
 
 PARTS = {"accounts.admin", "robots.admin", "sessions.admin", "surveys.admin", "experiments.admin"}
 LOADED = """
@@ -23,16 +22,8 @@ print(*sys.modules)
 
 
 def loaded(then: str) -> set[str]:
-    """Return the modules of a process that did this, and nothing else."""
-    code = LOADED.format(then=then)
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
+    """Return the modules of a process that ran this."""
+    done = run(sys.executable, "-c", LOADED.format(then=then), check=True)
     return set(done.stdout.split())
 
 
@@ -53,23 +44,19 @@ def test_broker_and_session_manager_start_without_the_administration():
         "from django.core.checks import run_checks; run_checks(tags=['admin'])",
     ],
 )
-def test_whoever_shows_or_checks_it_has_every_part(then):
+def test_every_part_is_shown_and_checked(then):
     assert loaded(then) >= PARTS
 
 
 def test_a_mistake_in_it_is_found_by_the_checks(monkeypatch):
     admin.autodiscover()
-    monkeypatch.setattr(
-        type(admin.site.get_model_admin(FloorPlan)), "list_display", ["no_such_thing"]
-    )
+    kind = type(admin.site.get_model_admin(FloorPlan))
+    monkeypatch.setattr(kind, "list_display", ["no_such_thing"])
     assert [found.id for found in run_checks(tags=["admin"])] == ["admin.E108"]
 
 
 def test_a_wrong_setting_still_ends_the_session_manager_before_it_starts(tmp_path):
     environment = {**os.environ, "MQTT_URL": "nowhere", "VAR_DIR": str(tmp_path)}
-    command = [sys.executable, "manage.py", "run_session_manager"]
-    done = subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False
-    )
+    done = run(sys.executable, "manage.py", "run_session_manager", env=environment)
     assert done.returncode != 0
     assert "telepresence.E001" in done.stderr

@@ -1,4 +1,4 @@
-"""What every answer tells a browser about itself."""
+"""Security and caching headers of all answers."""
 
 import pytest
 from django.urls import reverse
@@ -16,20 +16,14 @@ def test_every_answer_says_what_a_page_may_use_and_that_no_other_site_embeds_it(
         allowed[feature] for feature in ("camera", "microphone", "display-capture", "fullscreen")
     } == {"(self)"}
     assert {allowed[feature] for feature in ("geolocation", "usb", "payment")} == {"()"}
-    assert "bluetooth" not in allowed  # browsers do not know it, and warn of it on every page
+    assert "bluetooth" not in allowed  # browsers warn of it on every page
     assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "profile",
-        "account_email",
-        "account_change_password",
-        "admin:index",
-        "admin:accounts_user_changelist",
-    ],
-)
+PRIVATE = ("profile", "account_email", "account_change_password")
+
+
+@pytest.mark.parametrize("name", [*PRIVATE, "admin:index", "admin:accounts_user_changelist"])
 def test_a_page_of_somebodys_own_is_kept_by_no_cache(client, name):
     client.force_login(person("ada", is_staff=True, is_superuser=True))
     kept = client.get(reverse(name))["Cache-Control"]

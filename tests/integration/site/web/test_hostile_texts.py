@@ -1,4 +1,4 @@
-"""Stored texts are texts on every page: none of them becomes markup, whoever wrote it."""
+"""No stored text becomes markup on any page."""
 
 from html.parser import HTMLParser
 from typing import Any, NoReturn
@@ -11,21 +11,14 @@ from django.urls import get_resolver
 from django.utils.html import escape
 
 from sessions.models import Session, SessionEvent
-from tests.integration.site.web.test_roles import (
-    Reached,
-    address,
-    names,
-    table,
-    world,
-)
+from tests.integration.site.web.test_roles import Reached, address, names, table, world
 
 pytestmark = pytest.mark.django_db
-# Pages that show some of the texts, at least.
+# The least number of pages that show one of the texts.
 SHOWN = {"administrator": 60, "study_owner": 30, "robot_owner": 20, "participant": 6}
 # Ends an attribute of either quote, a script and a text area.
 PAYLOAD = "'\"></script></textarea><img src=x>"
-# Fields whose texts people, robots and other programs write. The others are chosen among a few
-# values, or name something.
+# Fields with texts of people, robots and other programs. Other fields have fixed values or keys.
 FIELDS = {
     *("comment", "context_label", "description", "detail", "deviations", "display_name", "email"),
     *("excluded_reason", "first_name", "guardian", "held", "host", "label", "outcome_reason"),
@@ -115,20 +108,15 @@ def test_no_stored_text_becomes_markup(role, world, monkeypatch):
 
 
 def add_events(session: Session) -> None:
-    """Record what was said and noted during a drive."""
+    """Record texts of a drive."""
     for source, kind in (("page", "chat"), ("robot", "warning"), ("page", "client_error")):
-        SessionEvent.objects.create(
-            session=session,
-            source=source,
-            type=kind,
-            stamp=session.driving_at.timestamp(),
-            received_at=session.driving_at.timestamp(),
-            data={"text": PAYLOAD, "reason": PAYLOAD, "message": PAYLOAD},
-        )
+        times = dict.fromkeys(("stamp", "received_at"), session.driving_at.timestamp())
+        data = dict.fromkeys(("text", "reason", "message"), PAYLOAD)
+        SessionEvent.objects.create(session=session, source=source, type=kind, data=data, **times)
 
 
 def page_of(client: Client, url: str) -> str:
-    """Return a page, "" for anything that is none or takes too long."""
+    """Return a page, empty for other answers and for pages that take too long."""
     try:
         with transaction.atomic():
             answer = client.get(url)

@@ -18,25 +18,13 @@ from tests.support.people import person
 from tests.support.robots import create_robot, create_robots, unsaved_robot
 
 pytestmark = pytest.mark.django_db
+RESET = [f"account_reset_password{step}" for step in ("", "_done", "_from_key_done")]
 PUBLIC = [
-    "home",
-    "about",
-    "account_login",
-    "account_signup",
-    "account_reset_password",
-    "account_reset_password_done",
-    "account_reset_password_from_key_done",
-    "account_email_verification_sent",
-    "account_inactive",
+    *("home", "about", "account_login", "account_signup", "account_email_verification_sent"),
+    *("account_inactive", *RESET),
 ]
-OWN = [
-    "home",
-    "profile",
-    "account_email",
-    "account_change_password",
-    "account_logout",
-    "account_reauthenticate",
-]
+ACCOUNT = ("email", "change_password", "logout", "reauthenticate")
+OWN = ["home", "profile", *(f"account_{page}" for page in ACCOUNT)]
 
 
 def refuse(_request):
@@ -63,24 +51,18 @@ urlpatterns = [
 def robots():
     now = timezone.now()
     here = {"connection": "ONLINE", "last_seen_at": now, "report": {"battery": {"charge": 0.5}}}
+    earlier = {"last_seen_at": now - datetime.timedelta(hours=2)}
+    made = {"giraff": here, "rhodon": here, "attic": earlier}
     return {
-        "giraff": create_robot(name="giraff", title="Giraff", **here),
-        "rhodon": create_robot(name="rhodon", title="Rhodon", **here),
-        "attic": create_robot(
-            name="attic", title="Attic", last_seen_at=now - datetime.timedelta(hours=2)
-        ),
+        name: create_robot(name=name, title=name.title(), **fields) for name, fields in made.items()
     }
 
 
 def visit(robot: Robot, username: str, state: str) -> Session:
     user = person(username)
+    times = {"queued_at": timezone.now(), "seen_at": timezone.now()}
     return Session.objects.create(
-        robot=robot,
-        visitor=user,
-        state=state,
-        live_key=f"{robot.pk}:{user.pk}",
-        queued_at=timezone.now(),
-        seen_at=timezone.now(),
+        robot=robot, visitor=user, state=state, live_key=f"{robot.pk}:{user.pk}", **times
     )
 
 
@@ -96,7 +78,7 @@ def card_of(client, name: str) -> dict:
         ("es", ("Lo estás conduciendo", "Volver a tu conducción")),
     ],
 )
-def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, said):
+def test_a_driver_is_led_back_to_the_robot(client, robots, state, language, said):
     own = visit(robots["rhodon"], "driver", state)
     visit(robots["rhodon"], "second", "waiting")
     client.force_login(own.visitor)
@@ -117,9 +99,7 @@ def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, s
         ("es", ("Tienes el número 2 en la cola", "Volver a la cola")),
     ],
 )
-def test_who_waits_for_a_robot_reads_their_place_and_is_led_back_to_it(
-    client, robots, language, said
-):
+def test_a_queued_visitor_sees_their_place_and_is_led_back(client, robots, language, said):
     visit(robots["rhodon"], "driver", "driving")
     visit(robots["rhodon"], "first", "waiting")
     second = visit(robots["rhodon"], "second", "waiting")
@@ -218,20 +198,18 @@ def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(cl
     for state, label in (("available", "Drive Giraff"), ("busy", "Join the queue")):
         if state == "busy":
             visit(robots["giraff"], "driver", "driving")
-        assert (shown()["invitation"].label, shown()["invitation"].url) == (
-            label,
-            "/robots/giraff/?go=1",
-        )
+        invitation = shown()["invitation"]
+        assert (invitation.label, invitation.url) == (label, "/robots/giraff/?go=1")
         assert [card.name for card in shown()["cards"]] == ["giraff", "rhodon", "attic"]
     page = read(client.get(reverse("home")))
-    told = {e.attributes["data-robot"]: e.text for e in page.all("article")}
-    assert "For experienced drivers." in told["rhodon"]
-    assert "For experienced drivers." not in told["giraff"]
+    texts = {e.attributes["data-robot"]: e.text for e in page.all("article")}
+    assert "For experienced drivers." in texts["rhodon"]
+    assert "For experienced drivers." not in texts["giraff"]
     RobotPresence.objects.filter(robot__name="giraff").update(connection="OFFLINE")
     assert shown()["invitation"].url == "#robots"
 
 
-def test_whoever_has_driven_is_led_to_such_a_robot_first_all_the_same(client, robots):
+def test_a_visitor_who_has_driven_is_still_led_to_such_a_robot_first(client, robots):
     Robot.objects.filter(name="rhodon").update(for_experienced=True)
     visit(robots["giraff"], "driver", "driving")
     driven = visit(robots["rhodon"], "ada", "ended")
@@ -244,33 +222,16 @@ def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
     Robot.objects.filter(name="rhodon").update(access=Robot.Access.INVITATION)
     assert "Rhodon" not in read(client.get(reverse("home"))).text
     user = person()
-    RobotPermit.objects.create(
-        robot=robots["rhodon"], user=user, kind=RobotPermit.Privilege.INVITED
-    )
+    kind = RobotPermit.Privilege.INVITED
+    RobotPermit.objects.create(robot=robots["rhodon"], user=user, kind=kind)
     client.force_login(user)
     assert card_of(client, "rhodon")["drives"]
 
 
 def test_the_list_tells_no_secrets(client, robots):
-    keys = set(card_of(client, "giraff"))
-    assert keys == {
-        "name",
-        "title",
-        "description",
-        "place",
-        "picture",
-        "state",
-        "badge",
-        "label",
-        "detail",
-        "charge",
-        "battery",
-        "action",
-        "drives",
-        "for_experienced",
-        "own",
-        "url",
-    }
+    shown = ("title", "description", "place", "picture", "badge", "label", "detail", "battery")
+    states = ("name", "state", "charge", "action", "drives", "for_experienced", "own", "url")
+    assert set(card_of(client, "giraff")) == {*shown, *states}
 
 
 def test_the_list_is_never_cached_and_speaks_the_visitors_language(client, robots):
@@ -368,23 +329,16 @@ def test_the_manifest_names_icons_that_are_there(client):
         assert client.get(icon["src"]).status_code == 200, icon["src"]
 
 
-def test_the_manifest_says_what_an_installed_page_is_and_shows_pictures_of_their_true_size(client):
+def test_the_manifest_describes_the_installed_page_with_icons_of_true_size(client):
     manifest = client.get(reverse("manifest")).json()
-    assert (manifest["id"], manifest["scope"], manifest["display"], manifest["orientation"]) == (
-        "/",
-        "/",
-        "standalone",
-        "any",
-    )
-    assert all(
-        client.get(shortcut["url"].split("#")[0]).status_code == 200
-        for shortcut in manifest["shortcuts"]
-    )
+    installed = {"id": "/", "scope": "/", "display": "standalone", "orientation": "any"}
+    assert installed.items() <= manifest.items()
+    for shortcut in manifest["shortcuts"]:
+        assert client.get(shortcut["url"].split("#")[0]).status_code == 200
     assert {picture["form_factor"] for picture in manifest["screenshots"]} == {"wide", "narrow"}
     for picture in manifest["screenshots"]:
-        with Image.open(
-            io.BytesIO(b"".join(client.get(picture["src"]).streaming_content))
-        ) as image:
+        content = b"".join(client.get(picture["src"]).streaming_content)
+        with Image.open(io.BytesIO(content)) as image:
             assert (f"{image.width}x{image.height}", image.format) == (picture["sizes"], "WEBP")
 
 
@@ -408,17 +362,14 @@ def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
 
 
 @pytest.mark.parametrize("language", ["en", "es"])
-@pytest.mark.parametrize(
-    "name", ["400.html", "403.html", "403_csrf.html", "404.html", "429.html", "500.html"]
-)
+@pytest.mark.parametrize("name", ["400", "403", "403_csrf", "404", "429", "500"])
 def test_an_error_page_needs_no_context_no_database_and_no_collected_files(
     name, language, settings, django_assert_num_queries
 ):
-    settings.STORAGES = settings.STORAGES | {
-        "staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules"}
-    }
+    hashed = {"BACKEND": "telepresence_site.web.static_files.HashedModules"}
+    settings.STORAGES = settings.STORAGES | {"staticfiles": hashed}
     with translation.override(language), django_assert_num_queries(0):
         page = Page()
-        page.feed(render_to_string(name))
+        page.feed(render_to_string(f"{name}.html"))
     assert faults(page) == []
     assert page.all("html")[0].attributes["lang"] == language

@@ -27,7 +27,7 @@ def test_every_heading_table_and_line_of_code_is_on_the_page(client, name):
     assert not re.search(r"`|\]\(|\| ---|^#", text, re.MULTILINE)
 
 
-def test_what_is_no_page_of_the_reference_is_not_found(client):
+def test_an_unknown_page_of_the_reference_is_not_found(client):
     for name in ("nothing", "settings", "robot-api"):
         assert client.get(f"/reference/{name}/").status_code == 404
     assert client.get("/reference/..%2F..%2FREADME/").status_code == 404

@@ -1,12 +1,12 @@
-"""Requests that a web process refuses cost one line of its log and no traceback."""
+"""A refused request leaves one line in the log of a web process, and no traceback."""
 
-import contextlib
 import socket
 
 import pytest
 
 from tests.support.patience import patient
-from tests.support.sessions.site import LOOPBACK, Site, wait_for
+from tests.support.programs.server import web_alone
+from tests.support.sessions.site import LOOPBACK
 
 UPGRADE = (
     "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
@@ -16,23 +16,16 @@ UPGRADE = (
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    site = Site(tmp_path_factory.mktemp("site") / "var")
-    try:
-        site.prepare()
-        site.start_web()
-        wait_for(lambda: site.listening(site.web_port), 30, "the web process")
+    with web_alone(tmp_path_factory.mktemp("site") / "var") as site:
         yield site
-    finally:
-        site.stop_all()
 
 
 def status(site, path, *headers):
     """Return the status of the answer to a request, and what it added to the log."""
     before = len(site.log("web"))
     lines = "".join(f"{header}\r\n" for header in headers)
-    with contextlib.closing(
-        socket.create_connection((LOOPBACK, site.web_port), timeout=patient(10))
-    ) as connection:
+    address = (LOOPBACK, site.web_port)
+    with socket.create_connection(address, timeout=patient(10)) as connection:
         connection.sendall(f"GET {path} HTTP/1.1\r\n{lines}\r\n".encode())
         answer = connection.recv(4096).decode("latin-1")
     return int(answer.split()[1]), site.log("web")[before:]

@@ -1,9 +1,8 @@
-"""Who may open which page and do what on it: every address of the site against every role, for
-things that are theirs or not.
+"""Every address of the site against every role, for things of their own or of others.
 
-All things belong to one robot and one study. The robot's owner, the study's members and its
-participant are asked, and people who are the same to another robot and another study, and so must
-find nothing. An address that stands nowhere in this file fails the first test.
+All things belong to one robot and one study. Roles are the robot's owner, the study's members and
+its participant, and people with the same roles for another robot and study, who must find nothing.
+An address that is missing in this file fails the first test.
 """
 
 import uuid
@@ -32,60 +31,37 @@ pytestmark = pytest.mark.django_db
 
 # --- roles ----------------------------------------------------------------------------------------
 
-ADMINISTRATOR = {"administrator"}
-VIEWERS = ADMINISTRATOR | {"viewer", "researcher", "study_owner"}
-RESEARCHERS = ADMINISTRATOR | {"researcher", "study_owner"}
+ADMIN = {"administrator"}
+VIEWERS = ADMIN | {"viewer", "researcher", "study_owner"}
+RESEARCHERS = ADMIN | {"researcher", "study_owner"}
 CODERS = RESEARCHERS | {"coder"}
-STUDY_OWNER = ADMINISTRATOR | {"study_owner"}
-ROBOT_OWNER = ADMINISTRATOR | {"robot_owner"}
+STUDY_OWNER = ADMIN | {"study_owner"}
+ROBOT_OWNER = ADMIN | {"robot_owner"}
 PARTICIPANT = {"participant"}
+ANY_OWNER = STUDY_OWNER | {"other_study_owner"}
 WITH_A_STUDY = VIEWERS | {"other_study_owner"}
 WITH_A_ROBOT = ROBOT_OWNER | {"other_robot_owner"}
 STAFF = WITH_A_STUDY | WITH_A_ROBOT | {"staff"}
-SIGNED_IN = STAFF | PARTICIPANT | {"visitor", "coder", "wizard"}
-ALL = SIGNED_IN | {"stranger"}
+LOGGED_IN = STAFF | PARTICIPANT | {"visitor", "coder", "wizard"}
+ALL = LOGGED_IN | {"stranger"}
 NOBODY: set[str] = set()
+EXCLUSION = {"exclude": "1", "reason": "because"}
+OWNERS = "app_label=robots&model_name=robot&field_name=owner"
 
-# What is the same for everybody, or asks for something else than a person's session; each has tests
-# of its own.
+# Addresses that are the same for all users, or use other credentials; each has its own tests.
 FOR_ALL = {
-    "home",
-    "robots_json",
-    "about",
-    "reference",
-    "manifest",
-    "set_language",
-    "admin:login",
-    "screen",
-    "screen_key",
-    "agent_configuration",
-    "study_link",
-    "study_invitation",
-    "study_media",
-    "study_code",
-    "check",
-    "practice",
-    "try_now",
-    "try_robot",
-    "practice_drive",
-    "healthz",
-    "readyz",
-    "metrics",
-    "demo-enter",
-    "agent_enrol",
-    "agent_renew",
-    "api_robots",
-    "api_robot",
-    "api_act",
-    "api_study",
-    "api_participants",
-    "study_reminders_stop",
+    *("home", "robots_json", "about", "reference", "manifest", "set_language", "admin:login"),
+    *("screen", "screen_key", "agent_configuration", "agent_enrol", "agent_renew"),
+    *("study_link", "study_invitation", "study_media", "study_code", "study_reminders_stop"),
+    *("check", "practice", "practice_drive", "try_now", "try_robot", "demo-enter"),
+    *("healthz", "readyz", "metrics"),
+    *("api_robots", "api_robot", "api_act", "api_study", "api_participants"),
 }
 
 
 def people() -> dict:
     made = {name: person(name) for name in ("visitor", "participant", "coder", "wizard")}
-    made |= {name: person(name, is_staff=True) for name in STAFF - ADMINISTRATOR}
+    made |= {name: person(name, is_staff=True) for name in STAFF - ADMIN}
     return {
         "stranger": None,
         "administrator": person("administrator", is_staff=True, is_superuser=True),
@@ -102,14 +78,8 @@ def of_the_study(robot: Robot, participant) -> dict:
     one = replays.participant(study, participant)
     visit = replays.session(robot, participant, seconds=60)
     drive = replays.drive(one, visit)
-    ConsentReceipt.objects.create(
-        participant=one,
-        step="consent",
-        version=1,
-        language="en",
-        text="Yes",
-        agreed_at=timezone.now(),
-    )
+    consent = {"step": "consent", "version": 1, "language": "en", "text": "Yes"}
+    ConsentReceipt.objects.create(participant=one, agreed_at=timezone.now(), **consent)
     codes = [{"code": "help", "name": "Help", "kind": "point"}]
     coding.store_scheme(study, coding.scheme_from(codes), timezone.now())
     rehearsal = Rehearsal.objects.create(study=study, sha256="0" * 64, began_at=timezone.now())
@@ -146,12 +116,8 @@ def world():
             "limits": {"linear": 0.6, "angular": 0.7},
         }
     )
-    Robot.objects.create(
-        name="rhodon",
-        title="Rhodon",
-        owner=who["other_robot_owner"],
-        access=Robot.Access.INVITATION,
-    )
+    other = {"owner": who["other_robot_owner"], "access": Robot.Access.INVITATION}
+    Robot.objects.create(name="rhodon", title="Rhodon", **other)
     things = {
         "people": who,
         "robot": robot,
@@ -183,13 +149,13 @@ def world():
 def own_pages() -> list[tuple]:
     """(name, what it is given, who may, what is posted)."""
     return [
-        ("profile", [], SIGNED_IN, None),
-        ("own_data", [], SIGNED_IN, None),
-        ("own_data_download", [], SIGNED_IN, None),
-        ("own_data_delete", [], SIGNED_IN, {"username": ""}),
+        ("profile", [], LOGGED_IN, None),
+        ("own_data", [], LOGGED_IN, None),
+        ("own_data_download", [], LOGGED_IN, None),
+        ("own_data_delete", [], LOGGED_IN, {"username": ""}),
         ("own_data_code", [], NOBODY, {}),
         ("drive", ["robot.name"], ROBOT_OWNER, None),
-        ("snapshots", ["robot.name"], SIGNED_IN, None),
+        ("snapshots", ["robot.name"], LOGGED_IN, None),
         ("snapshot", ["robot.name", "photo.pk"], PARTICIPANT, None),
         ("floor_plan", ["plan.name"], STAFF, None),
         ("floor_plan_image", ["plan.name"], STAFF, None),
@@ -218,7 +184,7 @@ def research_pages() -> list[tuple]:
         ("study_live", ["study.slug"], VIEWERS, None),
         ("study_live_data", ["study.slug"], VIEWERS, None),
         ("study_live_act", ["study.slug"], RESEARCHERS, {"act": "dance"}),
-        ("study_wizard", ["operated.slug"], ADMINISTRATOR | {"researcher", "wizard"}, None),
+        ("study_wizard", ["operated.slug"], ADMIN | {"researcher", "wizard"}, None),
         ("study_wizard", ["study.slug"], RESEARCHERS, None),
         ("study_coding", ["study.slug"], VIEWERS | {"coder"}, None),
         ("coding_scheme", ["study.slug"], RESEARCHERS, {}),
@@ -290,7 +256,7 @@ def study_pages() -> list[tuple]:
     ]
     return [
         *lines,
-        ("admin:experiments_study_shipped", [], ADMINISTRATOR, {"study": "exploration"}),
+        ("admin:experiments_study_shipped", [], ADMIN, {"study": "exploration"}),
         ("admin:experiments_rehearsal_start", ["draft.pk"], STUDY_OWNER, {}),
         ("admin:experiments_rehearsal_end", ["rehearsal.pk"], STUDY_OWNER, {}),
         ("admin:experiments_rehearsal_state", ["rehearsal.pk"], VIEWERS, None),
@@ -298,12 +264,7 @@ def study_pages() -> list[tuple]:
         ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, None),
         ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, {"code": ""}),
         ("admin:experiments_drive_exclude", ["drive.pk"], RESEARCHERS, None),
-        (
-            "admin:experiments_drive_exclude",
-            ["drive.pk"],
-            RESEARCHERS,
-            {"exclude": "1", "reason": "because"},
-        ),
+        ("admin:experiments_drive_exclude", ["drive.pk"], RESEARCHERS, EXCLUSION),
     ]
 
 
@@ -320,117 +281,64 @@ def administration() -> list[tuple]:
         ("admin:jsi18n", [], STAFF, None),
         ("admin:logout", [], STAFF, {}),
         ("admin:view_on_site", ["robot_type.pk", "robot.pk"], NOBODY, None),
-        (
-            "admin:autocomplete?app_label=robots&model_name=robot&field_name=owner",
-            [],
-            ADMINISTRATOR,
-            None,
-        ),
-        ("admin:auth_user_password_change", ["people.visitor.pk"], ADMINISTRATOR, None),
+        (f"admin:autocomplete?{OWNERS}", [], ADMIN, None),
+        ("admin:auth_user_password_change", ["people.visitor.pk"], ADMIN, None),
         ("admin:app_list", ["robots"], WITH_A_ROBOT, None),
         ("admin:app_list", ["telepresence_sessions"], WITH_A_ROBOT, None),
         ("admin:app_list", ["experiments"], WITH_A_STUDY, None),
-        ("admin:app_list", ["accounts"], ADMINISTRATOR, None),
-        ("admin:app_list", ["surveys"], ADMINISTRATOR, None),
+        ("admin:app_list", ["accounts"], ADMIN, None),
+        ("admin:app_list", ["surveys"], ADMIN, None),
         *((f"admin:robots_robot_{name}", args, who, data) for name, args, who, data in robot),
         ("admin:robots_robot_status", ["robot.pk"], ROBOT_OWNER, None),
-        ("admin:robots_floorplan_finish", ["plan.pk"], ADMINISTRATOR, None),
-        ("admin:robots_floorplan_finish", ["plan.pk"], ADMINISTRATOR, {"action": "check"}),
+        ("admin:robots_floorplan_finish", ["plan.pk"], ADMIN, None),
+        ("admin:robots_floorplan_finish", ["plan.pk"], ADMIN, {"action": "check"}),
         ("admin:telepresence_sessions_session_stop", ["session.pk"], ROBOT_OWNER, {}),
-        ("admin:telepresence_sessions_session_states", ["session.pk", "csv"], ADMINISTRATOR, None),
-        ("admin:telepresence_sessions_snapshot", ["photo.pk"], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_shipped", [], ADMINISTRATOR, {}),
-        ("admin:surveys_questionnaire_import", [], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_import", [], ADMINISTRATOR, {}),
-        ("admin:surveys_questionnaire_import_save", [], ADMINISTRATOR, {}),
-        ("admin:surveys_questionnaire_preview", ["questionnaire.pk"], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_export", ["questionnaire.pk"], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_answers", ["questionnaire.pk", "long"], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_new_version", ["questionnaire.pk"], ADMINISTRATOR, {}),
-        ("admin:surveys_questionnaire_write", [], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_editor", ["questionnaire.pk"], ADMINISTRATOR, None),
-        ("admin:surveys_questionnaire_section", ["questionnaire.pk", "about"], ADMINISTRATOR, None),
-        (
-            "admin:surveys_questionnaire_part",
-            ["questionnaire.pk", "questions", "q1"],
-            ADMINISTRATOR,
-            None,
-        ),
-        # nobody changes what is in use
+        ("admin:telepresence_sessions_session_states", ["session.pk", "csv"], ADMIN, None),
+        ("admin:telepresence_sessions_snapshot", ["photo.pk"], ADMIN, None),
+        ("admin:surveys_questionnaire_shipped", [], ADMIN, {}),
+        ("admin:surveys_questionnaire_import", [], ADMIN, None),
+        ("admin:surveys_questionnaire_import", [], ADMIN, {}),
+        ("admin:surveys_questionnaire_import_save", [], ADMIN, {}),
+        ("admin:surveys_questionnaire_preview", ["questionnaire.pk"], ADMIN, None),
+        ("admin:surveys_questionnaire_export", ["questionnaire.pk"], ADMIN, None),
+        ("admin:surveys_questionnaire_answers", ["questionnaire.pk", "long"], ADMIN, None),
+        ("admin:surveys_questionnaire_new_version", ["questionnaire.pk"], ADMIN, {}),
+        ("admin:surveys_questionnaire_write", [], ADMIN, None),
+        ("admin:surveys_questionnaire_editor", ["questionnaire.pk"], ADMIN, None),
+        ("admin:surveys_questionnaire_section", ["questionnaire.pk", "about"], ADMIN, None),
+        ("admin:surveys_questionnaire_part", ["questionnaire.pk", "questions", "q1"], ADMIN, None),
+        # a used questionnaire cannot be changed
         ("admin:surveys_questionnaire_editor", ["questionnaire.pk"], NOBODY, {}),
     ]
 
 
-# By model: which row, who sees lists, adds, looks at the row, changes it, deletes it.
+# By model: a row, and who sees the list, adds rows, sees the row, changes it, deletes it.
 MODELS = {
-    "auth_group": (None, ADMINISTRATOR, ADMINISTRATOR, NOBODY, NOBODY, NOBODY),
-    "account_emailaddress": (None, ADMINISTRATOR, ADMINISTRATOR, NOBODY, NOBODY, NOBODY),
-    "account_emailconfirmation": (None, ADMINISTRATOR, ADMINISTRATOR, NOBODY, NOBODY, NOBODY),
-    "accounts_user": (
-        "people.visitor",
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-    ),
-    "accounts_auditentry": (None, ADMINISTRATOR, NOBODY, NOBODY, NOBODY, NOBODY),
-    "robots_robot": ("robot", WITH_A_ROBOT, ADMINISTRATOR, ROBOT_OWNER, ROBOT_OWNER, ADMINISTRATOR),
-    "robots_robotelsewhere": (None, ADMINISTRATOR, ADMINISTRATOR, NOBODY, NOBODY, NOBODY),
-    "robots_floorplan": (
-        "plan",
-        WITH_A_ROBOT,
-        ADMINISTRATOR,
-        ROBOT_OWNER,
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-    ),
-    "telepresence_sessions_session": (
-        "session",
-        WITH_A_ROBOT,
-        NOBODY,
-        ROBOT_OWNER,
-        NOBODY,
-        ADMINISTRATOR,
-    ),
+    "auth_group": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
+    "account_emailaddress": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
+    "account_emailconfirmation": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
+    "accounts_user": ("people.visitor", ADMIN, ADMIN, ADMIN, ADMIN, ADMIN),
+    "accounts_auditentry": (None, ADMIN, NOBODY, NOBODY, NOBODY, NOBODY),
+    "robots_robot": ("robot", WITH_A_ROBOT, ADMIN, ROBOT_OWNER, ROBOT_OWNER, ADMIN),
+    "robots_robotelsewhere": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
+    "robots_floorplan": ("plan", WITH_A_ROBOT, ADMIN, ROBOT_OWNER, ADMIN, ADMIN),
+    "telepresence_sessions_session": ("session", WITH_A_ROBOT, NOBODY, ROBOT_OWNER, NOBODY, ADMIN),
     "telepresence_sessions_lease": ("lease", WITH_A_ROBOT, NOBODY, ROBOT_OWNER, NOBODY, NOBODY),
     "telepresence_sessions_systemlog": ("log", WITH_A_ROBOT, NOBODY, ROBOT_OWNER, NOBODY, NOBODY),
-    "telepresence_sessions_managerbeat": (
-        "beat",
-        ADMINISTRATOR,
-        NOBODY,
-        ADMINISTRATOR,
-        NOBODY,
-        NOBODY,
-    ),
+    "telepresence_sessions_managerbeat": ("beat", ADMIN, NOBODY, ADMIN, NOBODY, NOBODY),
     "telepresence_sessions_apikey": (
         "api_key",
-        WITH_A_ROBOT,
-        WITH_A_ROBOT,
+        *[WITH_A_ROBOT] * 2,
         ROBOT_OWNER,
         NOBODY,
         ROBOT_OWNER,
     ),
-    "surveys_questionnaire": (
-        "questionnaire",
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-        ADMINISTRATOR,
-        NOBODY,
-        ADMINISTRATOR,
-    ),
-    "surveys_response": ("response", ADMINISTRATOR, NOBODY, ADMINISTRATOR, NOBODY, ADMINISTRATOR),
+    "surveys_questionnaire": ("questionnaire", ADMIN, ADMIN, ADMIN, NOBODY, ADMIN),
+    "surveys_response": ("response", ADMIN, NOBODY, ADMIN, NOBODY, ADMIN),
     "experiments_participant": ("participation", WITH_A_STUDY, NOBODY, VIEWERS, NOBODY, NOBODY),
     "experiments_drive": ("drive", WITH_A_STUDY, NOBODY, VIEWERS, NOBODY, NOBODY),
     "experiments_rehearsal": ("rehearsal", WITH_A_STUDY, NOBODY, VIEWERS, NOBODY, NOBODY),
-    "experiments_study": (
-        "draft",
-        WITH_A_STUDY,
-        STUDY_OWNER | {"other_study_owner"},
-        VIEWERS,
-        STUDY_OWNER,
-        STUDY_OWNER,
-    ),
+    "experiments_study": ("draft", WITH_A_STUDY, ANY_OWNER, VIEWERS, STUDY_OWNER, STUDY_OWNER),
 }
 
 
@@ -457,7 +365,7 @@ def table() -> list[tuple]:
 
 
 class Reached(Exception):
-    """The page was let in, and what it would work out takes too long for this test."""
+    """Access was granted, and the work of the page would take too long for this test."""
 
 
 def address(name: str, args: list, world: dict) -> str:
@@ -466,7 +374,7 @@ def address(name: str, args: list, world: dict) -> str:
 
 
 def found(arg, world: dict):
-    """Return what "robot.name" stands for."""
+    """Return the value of a name such as "robot.name"."""
     first, *rest = str(arg).split(".")
     if first == "robot_type":
         return ContentType.objects.get_for_model(Robot).pk
@@ -479,23 +387,18 @@ def found(arg, world: dict):
 
 
 def lets_in(client: Client, url: str, data: dict | None) -> bool:
-    """Ask, and take back what was done; whoever is sent to the log-in, or to the administration's
-    first page, was not let in.
-    """
+    """Request and roll back. A redirection to the log-in or the admin's first page is a refusal."""
     try:
         with transaction.atomic():
             answer = client.get(url) if data is None else client.post(url, data)
             transaction.set_rollback(True)
     except Reached:
         return True
-    assert answer.status_code != 405, f"{url} is asked in the wrong way"
+    assert answer.status_code != 405, f"{url} is requested with the wrong method"
     assert answer.status_code != 500, url
     goes_to = answer.headers.get("Location", "").partition("?")[0]
-    return answer.status_code not in {401, 403, 404} and goes_to not in {
-        reverse("account_login"),
-        reverse("admin:login"),
-        reverse("admin:index"),
-    }
+    refusing = {reverse(name) for name in ("account_login", "admin:login", "admin:index")}
+    return answer.status_code not in {401, 403, 404} and goes_to not in refusing
 
 
 def names(resolver, space: str = "") -> set[str]:
@@ -509,10 +412,9 @@ def names(resolver, space: str = "") -> set[str]:
 
 
 def test_every_address_of_the_site_stands_in_the_table():
-    told = {line[0].partition("?")[0] for line in table()} | FOR_ALL
-    assert {
-        name for name in names(get_resolver()) if not name.startswith("account_")
-    } - told == set()
+    listed = {line[0].partition("?")[0] for line in table()} | FOR_ALL
+    own = {name for name in names(get_resolver()) if not name.startswith("account_")}
+    assert own - listed == set()
 
 
 @pytest.mark.parametrize("role", sorted(ALL))
@@ -528,7 +430,7 @@ def test_each_role_opens_what_the_table_says_and_nothing_else(role, world, monke
     cookies = client.cookies.copy()
     for name, args, allowed, data in table():
         if name.partition("?")[0] not in known:
-            continue  # of a part of the site that is not there
+            continue  # of a part of the site that is off
         client.cookies = cookies.copy()
         if lets_in(client, address(name, args, world), data) != (role in allowed):
             wrong.append(

@@ -1,10 +1,8 @@
-"""What collectstatic makes of the modules and style sheets."""
+"""The modules and style sheets after collectstatic."""
 
 import gzip
 import json
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from django.template import Context, Template
 
 from telepresence_site.web import module_graph
 from tests.support.paths import ROOT
+from tests.support.programs.finished import run, site_environment
 
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
@@ -21,39 +20,22 @@ STATIC_IMPORT = re.compile(r"^(?:import|export)[^()]*?\bfrom \"([^\"]+)\";$", re
 LISTED_SHEET = re.compile(r'^@import "(.+)";$', re.MULTILINE)
 LARGEST = 175_800  # bytes of script that the drive page is sent
 FIRST = 103_800  # and of it what it needs to connect
-LATER = {
-    "view/map",
-    "view/overlay",
-    "autonomy",
-    "study",
-    "presence",
-    "view/display",
-    "view/technical",
-}
+VIEWS = {f"view/{name}" for name in ("map", "overlay", "display", "technical")}
+LATER = {*VIEWS, "autonomy", "study", "presence"}
 pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory) -> Path:
     var = tmp_path_factory.mktemp("var")
-    environment = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in {"DEBUG", "DJANGO_SETTINGS_MODULE"}
-    }
-    subprocess.run(
-        [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"],
-        cwd=ROOT,
-        env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"},
-        check=True,
-        timeout=120,
-        umask=0o027,
-    )
+    environment = site_environment(var, HTTP_ONLY="1")
+    words = ["manage.py", "collectstatic", "--noinput", "-v", "0"]
+    run(sys.executable, *words, env=environment, check=True, umask=0o027)
     return var / "static"
 
 
 @pytest.mark.nightly
-def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(
+def test_the_proxys_user_can_read_static_files_collected_with_a_strict_umask(
     collected,
 ):
     shut = [
@@ -61,12 +43,12 @@ def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_
         for path in collected.rglob("*")
         if not path.stat().st_mode & (0o005 if path.is_dir() else 0o004)
     ]
-    # these are for the site's own processes
+    # compressed copies are for the site's own processes
     assert [path for path in shut if path.suffix != ".gz"] == []
 
 
 def modules_of(collected: Path) -> dict[str, Path]:
-    """Return the scripts of ours that pages are sent, by their name here."""
+    """Return our delivered scripts by their names in static/."""
     names = json.loads((collected / "staticfiles.json").read_text())["paths"]
     found = {
         plain: collected / hashed
@@ -91,7 +73,7 @@ def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(colle
     assert imports > len(list((ROOT / "static/js").rglob("*.js")))
 
 
-def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what_it_imports(
+def test_delivered_scripts_differ_from_their_sources_only_in_import_names(
     collected,
 ):
     for plain, path in modules_of(collected).items():

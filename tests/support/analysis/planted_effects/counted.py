@@ -12,7 +12,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 def reasons(dataset: Path) -> dict[str, str]:
     """Return why each drive of a bot does not count, by session; empty for those that do. In these
-    studies nobody has practised, been excluded or met a fault of the platform.
+    studies no participant practised, was excluded or met a fault of the platform.
     """
     sessions = rows_of(dataset / "data" / "description-sessions_data.csv")
     assert not any(int(one["practice"]) or one["excluded"] for one in sessions)

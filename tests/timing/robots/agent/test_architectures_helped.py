@@ -1,6 +1,4 @@
-"""Robots of a real ROS that localize themselves: our assistance works on their laser, and our
-navigation on their pose where they have none.
-"""
+"""Our assistance and navigation on robots of a real ROS that localize themselves."""
 
 import time
 

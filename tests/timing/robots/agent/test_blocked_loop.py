@@ -1,6 +1,4 @@
-"""A control loop that is stuck, with the simulated robot in its own process: the base's watchdog
-stops it, and nothing starts it again.
-"""
+"""The watchdog of a simulated base stops it when the control loop is stuck."""
 
 import time
 

@@ -1,6 +1,4 @@
-"""The control loop in its thread, in real time: how soon, how late, and what a thread that is stuck
-leaves behind.
-"""
+"""The control loop in its thread: latency, delays, and the end of a stuck thread."""
 
 import asyncio
 import sys

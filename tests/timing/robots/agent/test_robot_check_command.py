@@ -1,6 +1,4 @@
-"""`run_robot NAME --check` as its owner runs it: on the simulated robot, on one of ROS 1, and
-interrupted.
-"""
+"""`run_robot NAME --check` on the simulated robot, on ROS 1, and interrupted."""
 
 import asyncio
 import dataclasses

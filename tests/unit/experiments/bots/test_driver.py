@@ -24,7 +24,7 @@ DT, THINK, STATE, LOOK = 0.05, 2, 5, 10  # s a step; steps between decisions, st
 
 
 class Rig:
-    """A bot on a course. The truth stands in for the robot's own localization."""
+    """A bot on a course. The true pose replaces the robot's own localization."""
 
     def __init__(self, condition, *, skips=False, early=False):
         self.plan = load_site(condition.site).plan

@@ -14,8 +14,8 @@ def plan():
     return load_site("office").plan
 
 
-def length(way):
-    return sum(math.dist(a, b) for a, b in pairwise(way))
+def length(route):
+    return sum(math.dist(a, b) for a, b in pairwise(route))
 
 
 def test_a_route_takes_another_door_when_the_nearest_is_closed(
@@ -29,11 +29,11 @@ def test_a_route_takes_another_door_when_the_nearest_is_closed(
 
 
 def test_a_route_keeps_its_distance_from_furniture(plan):
-    way = RouteGrid(plan).route(OUTSIDE_LAB, LOUNGE)
+    route = RouteGrid(plan).route(OUTSIDE_LAB, LOUNGE)
     for piece in plan.furniture:
         if piece.shape == "cylinder":
             assert (
-                min(math.dist((piece.x, piece.y), point) for point in way)
+                min(math.dist((piece.x, piece.y), point) for point in route)
                 > piece.width / 2.0 + 0.28
             )
 

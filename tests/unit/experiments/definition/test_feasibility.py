@@ -21,7 +21,7 @@ def test_a_network_that_the_robot_cannot_make_worse_is_refused():
     assert found(slow, NETWORK_LAB) == []
 
 
-def test_a_delay_at_which_the_robot_slows_down_is_refused_with_the_speed_that_is_left():
+def test_a_delay_that_slows_the_robot_is_refused_with_the_remaining_speed():
     assert found({"control": {"delay": 0.1}}, NETWORK_LAB) == []
     assert found({"control": {"delay": 0.2}}, NETWORK_LAB) == [
         (

@@ -100,7 +100,7 @@ def test_the_operators_input_is_no_mismatch_and_the_rest_is():
     assert "controllers" not in conditions.mismatches(condition, applied, by_wizard=True)
 
 
-def test_the_participant_of_such_a_condition_keeps_photos_and_speech_and_no_controller():
+def test_participants_of_a_wizard_condition_have_photos_and_speech_but_no_controller():
     part = conditions.without_driving(wizard_study().conditions[0])
     assert part.controllers == ()
     allowed = conditions.allowed_actions(part)

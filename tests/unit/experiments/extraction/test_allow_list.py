@@ -87,7 +87,7 @@ def test_every_event_of_a_task_is_listed_with_every_field():
     assert listed == {stored.get(name, name) for name in whole}, DECIDE
 
 
-WRITES = re.compile(r"\b_(?:note|session_event)\(")
+WRITES = re.compile(r"\b_(?:note|event_row)\(")
 
 
 def written_by(*folders: str) -> set[str]:
@@ -98,7 +98,7 @@ def written_by(*folders: str) -> set[str]:
         for node in ast.walk(ast.parse(source)):
             name = getattr(getattr(node, "func", None), "attr", getattr(node, "func", None))
             called = getattr(name, "id", name)
-            at = {"_note": 1, "_session_event": 2}.get(called) if called else None
+            at = {"_note": 1, "_event_row": 2}.get(called) if called else None
             if at is not None and len(node.args) > at:
                 words = (one for one in ast.walk(node.args[at]) if isinstance(one, ast.Constant))
                 found |= {one.value for one in words if isinstance(one.value, str)}

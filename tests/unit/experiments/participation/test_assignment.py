@@ -284,7 +284,7 @@ def test_all_orders_are_all_and_the_fixed_order_is_as_written(count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
-def test_in_balanced_orders_each_condition_has_each_place_and_follows_each_other_equally_often(
+def test_balanced_orders_balance_the_places_and_successions_of_conditions(
     count,
 ):
     rows = balanced([f"c{n}" for n in range(count)])

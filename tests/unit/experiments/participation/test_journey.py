@@ -68,7 +68,7 @@ def test_a_study_without_repeats_has_one_round_whatever_is_asked():
     assert words(journey.route(once, 3, 2)) == "2.0.consent 2.0.task 2.0.after"
 
 
-def test_within_participants_there_are_as_many_rounds_as_conditions_that_are_open_to_them():
+def test_within_studies_have_a_round_for_each_available_condition():
     assert journey.rounds(TWICE, "open") == 2
     assert journey.rounds(TWICE, "invitation") == 1
     assert journey.rounds(shipped()["exploration"], "open") == 1

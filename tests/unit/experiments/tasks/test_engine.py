@@ -1,5 +1,6 @@
 import math
 import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -120,12 +121,9 @@ def test_a_later_checkpoint_is_told_once_a_visit_and_counts_for_nothing():
 
 
 def test_a_checkpoint_is_not_passed_through_a_wall():
-    near = track(
-        stops=(
-            track().stops[0].__class__(1, 4.5, 2.0, 0.8, track().stops[1].room),
-            track().stops[1],
-        )
-    )
+    first, second = track().stops
+    behind = replace(first, x=4.5, y=2.0, radius=0.8, room=second.room)
+    near = track(stops=(behind, second))
     assert run(Drive().go((3.8, 2.0)).records, near).result.checkpoints == ()
     assert len(run(Drive().go(*BY_ARCHWAY, (4.6, 2.0)).records, near).result.checkpoints) == 1
 
@@ -133,10 +131,9 @@ def test_a_checkpoint_is_not_passed_through_a_wall():
 def test_a_checkpoint_between_two_states_is_passed():
     drive = Drive()
     drive.speed = 1.9
-    engine = run(
-        drive.go((3.5, 1.3)).records,
-        track(stops=(track().stops[0].__class__(1, 2.0, 1.66, 0.1), track().stops[1])),
-    )
+    first, second = track().stops
+    small = replace(first, x=2.0, y=1.66, radius=0.1, room=())
+    engine = run(drive.go((3.5, 1.3)).records, track(stops=(small, second)))
     assert len(engine.result.checkpoints) == 1
 
 
@@ -251,7 +248,7 @@ def test_a_course_without_a_mirror_asks_for_no_photo():
 # --- time and ends --------------------------------------------------------------------------------
 
 
-def test_the_time_counts_from_the_first_picture_and_a_reloaded_page_does_not_begin_anew():
+def test_time_counts_from_the_first_frame_and_a_reload_does_not_restart_it():
     drive = Drive(frame=False)
     for _ in range(400):
         drive.see(docked=True)
@@ -343,7 +340,7 @@ def test_the_busy_drive_is_as_busy_as_it_should_be():
 
 @examples(15, thorough=600)
 @given(seed=st.integers(0, 2**32 - 1), copies=st.integers(0, 200), held_back=st.integers(0, 120))
-def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_outcome(
+def test_repeated_late_and_unordered_records_give_the_same_events_and_outcome(
     seed, copies, held_back
 ):
     rng = random.Random(seed)

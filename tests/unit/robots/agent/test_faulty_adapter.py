@@ -1,6 +1,4 @@
-"""What an adapter raises, where it hangs and what nonsense it returns is its own fault: the robot
-brakes, the reason is told, and it drives again.
-"""
+"""An adapter that raises, hangs or returns nonsense: the robot brakes and recovers."""
 
 import asyncio
 import contextlib

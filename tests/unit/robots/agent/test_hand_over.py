@@ -1,6 +1,4 @@
-"""Between a driver and an architecture that drives by itself the robot stands, as measured, and a
-cancel is done when it does.
-"""
+"""Between driver and RCA the robot is measured at rest; a cancel ends there."""
 
 from itertools import pairwise
 

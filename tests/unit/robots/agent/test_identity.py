@@ -53,9 +53,9 @@ async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_an
             {"TELEPRESENCE_TOKEN": "old"},
         )
     )
-    assert agent._endpoint("mqtt://127.0.0.1:1").username == "giraff"
+    assert agent._endpoints(("mqtt://127.0.0.1:1",))[0].username == "giraff"
     agent._link = link(username="giraff", password="old")
     agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})
-    after = agent._endpoint("mqtt://127.0.0.1:1")
+    after = agent._endpoints(("mqtt://127.0.0.1:1",))[0]
     assert (after.username, after.password) == ("giraff.1", "new")
     assert agent._link._client()._client._username == b"giraff.1"

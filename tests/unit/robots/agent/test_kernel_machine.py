@@ -587,9 +587,7 @@ class KernelMachine(RuleBasedStateMachine):
 
 
 class DrivenMachine(KernelMachine):
-    """The same without what ends a drive for long, so that most of what happens is driving: help,
-    limits, contacts, stops.
-    """
+    """The same without events that end a drive for long, so that most of it is driving."""
 
     is_stopped_for_good = a_button = its_base_is = takes_the_lease_back = an_old_lease_comes = None
     its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = (

@@ -83,9 +83,7 @@ programs = st.lists(
 
 
 class Account:
-    """What must hold, kept without looking into the kernel: time of the last accepted command and
-    of the live lease's end.
-    """
+    """What must hold, independent of the kernel: last accepted command, end of the lease."""
 
     def __init__(self, bench):
         self.bench, self.last, self.last_at, self.accepted_at, self.lease_until = (

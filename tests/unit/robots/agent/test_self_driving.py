@@ -1,6 +1,4 @@
-"""A robot whose navigation runs in the agent, or whose RCA assists by itself: the kernel rules
-them, and pages hear of them.
-"""
+"""A robot whose navigation runs in the agent, or whose RCA assists."""
 
 from dataclasses import replace
 
@@ -34,7 +32,7 @@ def test_only_an_adapter_that_offers_all_of_it_drives_by_itself():
     assert not isinstance(ScriptedRobot(), Navigating)
 
 
-def test_what_navigation_wants_reaches_the_wheels_within_the_leases_limits_and_a_visitor_takes_over(
+def test_navigation_drives_within_the_lease_and_a_visitor_takes_over(
     rig,
 ):
     rig.grant(limits=m.LeaseLimits(linear=0.25))

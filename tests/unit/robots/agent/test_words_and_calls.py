@@ -30,7 +30,7 @@ def outcome(rig, number):
     return status().status, status().reason
 
 
-def test_what_the_driver_says_goes_out_in_the_drivers_name(rig):
+def test_words_of_the_driver_are_sent_in_the_drivers_name(rig):
     rig.act(m.Say(**asked(1, user="Mallory"), text="Hello"), way="datachannel")
     assert outcome(rig, 1) == ("FINISHED", "")
     words = rig.link.all("words")[-1]
@@ -43,7 +43,7 @@ def test_what_the_driver_says_goes_out_in_the_drivers_name(rig):
     )
 
 
-def test_what_somebody_at_the_screen_writes_is_shown_and_never_spoken(rig):
+def test_words_from_the_screen_are_shown_and_never_spoken(rig):
     rig.act(m.Say(**at_screen(1), text="Come in", aloud=True))
     assert outcome(rig, 1) == ("FINISHED", "")
     words = rig.link.all("words")[-1]
@@ -94,9 +94,7 @@ def test_the_driver_confirms_nothing_and_words_of_the_other_side_need_no_receipt
 @pytest.mark.parametrize(
     ("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")]
 )
-def test_somebody_who_watches_neither_speaks_nor_calls_whatever_role_they_claim(
-    rig, kind, way, role
-):
+def test_viewer_neither_speaks_nor_calls_whatever_role_they_claim(rig, kind, way, role):
     fields = {"text": "I am the driver"} if kind is m.Say else {"audio": True}
     rig.act(kind(**asked(2, role=role), **fields), way=way, peer="somebody")
     assert outcome(rig, 2) == ("FAILED", "observer")
@@ -115,7 +113,7 @@ def test_a_call_goes_through_at_once_unless_the_owner_wants_it_answered(rig):
     )
 
 
-def test_somebody_at_the_screen_lets_a_visitor_through_and_hangs_up(rig):
+def test_screen_accepts_a_call_and_hangs_up(rig):
     rig.link.say("config", m.Config(stamp=rig.unix(), calls="ask"))
     rig.act(m.Call(**asked(1), video=True), way="datachannel")
     rig.wait(lambda: (call := rig.link.all("state")[-1].call) and call.status == "ringing")
@@ -154,7 +152,7 @@ def test_a_knock_rings_once_and_its_driver_reads_in_the_state_that_somebody_answ
 @pytest.mark.parametrize(
     ("way", "role"), [("datachannel", "driver"), ("mqtt", "observer"), ("mqtt", "screen")]
 )
-def test_nobody_but_the_driver_knocks(rig, way, role):
+def test_only_the_driver_knocks(rig, way, role):
     rig.media.audible = True
     rig.act(m.Knock(**asked(1, role=role)), way=way, peer="somebody")
     assert outcome(rig, 1) == ("FAILED", "observer")
@@ -216,7 +214,7 @@ def dots(rig):
     return [(dot.by, dot.at) for dot in rig.link.all("pointer")]
 
 
-def test_what_each_side_points_at_goes_to_the_server_and_to_the_pages_and_moves_nothing(rig):
+def test_dots_reach_server_and_pages_and_move_nothing(rig):
     shares(rig)
     rig.wait(
         lambda: (
@@ -247,7 +245,7 @@ def test_what_each_side_points_at_goes_to_the_server_and_to_the_pages_and_moves_
     assert all(velocity.linear == velocity.angular == 0.0 for _, velocity in rig.robot.velocities())
 
 
-def test_nobody_points_at_a_face_or_at_what_nobody_has_let_through(rig):
+def test_pointing_needs_a_shared_screen_that_was_accepted(rig):
     rig.link.say("config", m.Config(stamp=rig.unix(), calls="ask"))
     shares(rig)
     point(rig, 10.0)

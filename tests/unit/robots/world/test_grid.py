@@ -79,7 +79,7 @@ def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
         load_grid(write(tmp_path, None))
 
 
-def test_a_png_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_png_survives_encoding_and_decoding(tmp_path: Path) -> None:
     image = np.random.default_rng(1).integers(0, 256, (37, 53), dtype=np.uint8)
     (tmp_path / "x.png").write_bytes(encode_png(image))
     assert np.array_equal(decode_grey((tmp_path / "x.png").read_bytes(), "x.png"), image)

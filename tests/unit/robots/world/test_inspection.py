@@ -1,6 +1,7 @@
 """Sites in which something is wrong, drawn small."""
 
 import dataclasses
+import re
 from typing import Any
 
 import msgspec
@@ -86,7 +87,7 @@ def only(plan: FloorPlan, grid: OccupancyGrid | None = None) -> str:
     return found[0]
 
 
-def test_a_good_site_has_nothing_wrong_with_it() -> None:
+def test_good_site_has_no_errors() -> None:
     assert inspect_site(PLAN, rasterise(PLAN)) == ()
 
 
@@ -95,11 +96,8 @@ def test_a_map_from_a_robot_with_gaps_and_specks_is_good_enough() -> None:
     rng = np.random.default_rng(1)
     image = np.where(rng.random(grid.image.shape) < 0.15, 205, grid.image).astype(np.uint8)
     image[grid.free()] = 254
-    moved = MapTransform(
-        0.05,
-        Pose2D(grid.transform.origin.x + 0.04, grid.transform.origin.y - 0.03, 0.0),
-        image.shape[0],
-    )
+    origin = grid.transform.origin
+    moved = MapTransform(0.05, Pose2D(origin.x + 0.04, origin.y - 0.03, 0.0), image.shape[0])
     assert inspect_site(PLAN, OccupancyGrid(image, moved)) == ()
 
 
@@ -125,15 +123,8 @@ def test_a_map_of_another_scale_or_place_than_the_plan_is_found(
 ) -> None:
     grid = rasterise(PLAN)
     origin = Pose2D(grid.transform.origin.x + shift, grid.transform.origin.y, 0.0)
-    with pytest.raises(AssertionError, match=words):
-        raise AssertionError(
-            only(
-                PLAN,
-                dataclasses.replace(
-                    grid, transform=MapTransform(resolution, origin, grid.image.shape[0])
-                ),
-            )
-        )
+    transform = MapTransform(resolution, origin, grid.image.shape[0])
+    assert re.search(words, only(PLAN, dataclasses.replace(grid, transform=transform)))
 
 
 def test_a_map_that_is_a_tenth_too_large_is_found() -> None:
@@ -148,16 +139,9 @@ def test_a_turned_map_that_fits_is_taken() -> None:
     grid = rasterise(PLAN)
     height, width = grid.image.shape
     corner = grid.transform.to_world(width, height)
-    turned = np.rot90(grid.image, -1)  # its lower left corner is what was the lower right one
-    assert (
-        inspect_site(
-            PLAN,
-            OccupancyGrid(
-                np.ascontiguousarray(turned), MapTransform(0.05, Pose2D(*corner, np.pi / 2), width)
-            ),
-        )
-        == ()
-    )
+    turned = np.ascontiguousarray(np.rot90(grid.image, -1))  # its lower right corner is lower left
+    transform = MapTransform(0.05, Pose2D(*corner, np.pi / 2), width)
+    assert inspect_site(PLAN, OccupancyGrid(turned, transform)) == ()
 
 
 def test_a_place_in_furniture_or_too_near_to_it_is_found() -> None:
@@ -196,13 +180,9 @@ def test_a_dock_that_is_not_free_or_cannot_be_reached_is_found() -> None:
 
 
 def test_a_checkpoint_that_cannot_be_reached_is_found() -> None:
-    route = {
-        "type": "giraff",
-        "checkpoints": [
-            {"number": 0, "x": 0.5, "y": 2.0},
-            {"number": 1, "x": 7.9, "y": 2.0, "radius": 0.1},
-        ],
-    }
+    first = {"number": 0, "x": 0.5, "y": 2.0}
+    second = {"number": 1, "x": 7.9, "y": 2.0, "radius": 0.1}
+    route = {"type": "giraff", "checkpoints": [first, second]}
     found = only(changed(routes=(msgspec.convert(route, Route),)))
     assert found.startswith("checkpoint 1 of 'giraff' is too close to a wall")
 

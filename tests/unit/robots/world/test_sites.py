@@ -163,7 +163,7 @@ def test_a_site_with_a_bad_plan_or_no_map_is_refused(tmp_path: Path) -> None:
         sites.load_site(str(tmp_path))
 
 
-def test_doors_are_as_the_plan_has_them_unless_said_otherwise() -> None:
+def test_doors_are_as_in_the_plan_unless_given() -> None:
     assert sites.with_doors(PLAN, {}) == {"lab-door": "open", "lounge-door": "open"}
     assert sites.with_doors(PLAN, {"lab-door": "closed", "barn": "open"}) == {
         "lab-door": "closed",

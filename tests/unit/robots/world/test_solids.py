@@ -28,10 +28,8 @@ def area(outline: np.ndarray) -> float:
 
 
 def test_every_outline_of_the_office_is_convex_and_counter_clockwise() -> None:
-    for solid in (
-        *fixed_solids(PLAN),
-        *(leaf_solid(door, state) for door in PLAN.doors for state in ("open", "closed")),
-    ):
+    leaves = [leaf_solid(door, state) for door in PLAN.doors for state in ("open", "closed")]
+    for solid in (*fixed_solids(PLAN), *leaves):
         along = np.roll(solid.outline, -1, axis=0) - solid.outline
         turn = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
         assert (turn > 0).all(), solid.name
@@ -51,18 +49,15 @@ def test_a_cylinder_hides_its_whole_circle() -> None:
 
 def test_a_closed_door_fills_its_opening_and_an_open_one_leaves_it() -> None:
     for door in PLAN.doors:
-        middle = (
-            np.array([(door.start[0] + door.end[0]) / 2]),
-            np.array([(door.start[1] + door.end[1]) / 2]),
-        )
-        assert inside(leaf_solid(door, "closed").outline, *middle)[0]
-        assert not inside(leaf_solid(door, "open").outline, *middle)[0]
+        middle = np.mean([door.start, door.end], axis=0)
+        assert inside(leaf_solid(door, "closed").outline, *middle)
+        assert not inside(leaf_solid(door, "open").outline, *middle)
         assert math.dist(leaf_end(door, "open"), door.start) == pytest.approx(
             math.dist(door.end, door.start)
         )
 
 
-def test_a_station_stands_before_the_nose_of_the_docked_robot() -> None:
+def test_station_is_ahead_of_the_docked_robot() -> None:
     for dock in PLAN.docks:
         ahead = Pose2D(dock.x, dock.y, dock.theta).inverse()
         xs = [ahead.apply(*corner)[0] for corner in station_solid(dock).outline]

@@ -51,11 +51,11 @@ def test_beside_an_sfu_a_robot_keeps_places_for_its_driver_the_sfu_and_an_operat
     assert not room(direct=places - 2).has_place_beside_sfu(known, operates=True)
 
 
-def test_whoever_watches_through_the_sfu_takes_no_place(known):
+def test_page_that_watches_through_the_sfu_takes_no_place(known):
     assert room(direct=0, by_sfu=500).has_place_beside_sfu(known, operates=False)
 
 
-def test_whoever_waits_and_watches_meanwhile_counts_as_waiting_alone(known):
+def test_page_that_waits_and_watches_counts_as_waiting_only(known):
     peers = room(direct=2)
     waits = Authorization("peer-waits", "Ben")
     waits.wait("session")

@@ -38,7 +38,7 @@ def asked(kind, **fields):
     ],
     ids=lambda m: type(m).__name__,
 )
-def test_what_a_screen_says_is_said_as_the_screen(authorization, message):
+def test_messages_of_a_screen_have_the_role_screen(authorization, message):
     forged = type(message)(
         **{**{name: getattr(message, name) for name in message.__struct_fields__}, **FORGED}
     )

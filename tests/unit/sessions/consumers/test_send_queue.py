@@ -38,7 +38,7 @@ async def test_the_oldest_telemetry_goes_and_nothing_else():
     assert queue.dropped == 7
 
 
-async def test_whoever_waits_is_woken_by_a_frame():
+async def test_a_frame_wakes_the_waiting_task():
     queue = SendQueue()
     taking = asyncio.create_task(queue.take())
     await queue.wait_empty(5.0)
@@ -95,7 +95,7 @@ async def test_the_last_words_are_said_before_the_end_and_the_end_comes_once(net
 
 
 async def test_the_end_does_not_wait_for_a_page_that_takes_nothing(network, monkeypatch):
-    monkeypatch.setattr("sessions.consumers.sender.LAST_WORDS_SECONDS", 0.05)
+    monkeypatch.setattr("sessions.consumers.sender.DRAIN_SECONDS", 0.05)
     network.full = True
     for word in ("one", "two"):
         network.sender.put(Outgoing(word))

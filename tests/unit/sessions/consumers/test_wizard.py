@@ -1,4 +1,4 @@
-"""What a hidden operator's page may say and is told, and what the participant's page may not."""
+"""What a hidden operator's page may send and receives, and what the participant's page may not."""
 
 import msgspec
 import pytest
@@ -70,7 +70,7 @@ def test_a_page_that_the_lease_does_not_name_drives_nothing(lease):
     assert refused == DenyFrame("command/velocity", "observer")
 
 
-def test_a_wizard_drives_by_hand_only_where_the_study_says_so_and_may_always_let_go():
+def test_wizard_drives_by_hand_only_where_the_study_allows_it_and_may_always_stop():
     page = wizard(by_hand=False)
     assert say(page, "command/velocity", velocity()) == DenyFrame("command/velocity", "not_allowed")
     assert isinstance(say(page, "command/velocity", velocity(linear=0.0)), Publish)
@@ -135,7 +135,7 @@ def test_the_wizard_cancels_what_the_script_has_begun_while_it_drives():
 
 
 @pytest.mark.parametrize("signal", [m.Candidate(candidate="c", sdp_mid="0"), m.Bye(reason="left")])
-def test_what_the_page_says_of_its_picture_goes_to_its_own_connection(signal):
+def test_signals_of_the_wizards_page_go_to_its_own_connection(signal):
     assert say(wizard(), "signal", signal) == Publish("signal/wizard", signal)
 
 
@@ -153,7 +153,7 @@ def test_the_last_stop_of_a_page_that_is_gone_is_sent_only_while_it_drives():
     assert wizard().last_stop("s1", 1.0, NOBODY) is None
 
 
-# --- what is told ---------------------------------------------------------------------------------
+# --- relayed messages -----------------------------------------------------------------------------
 
 STATE = next(one for one in examples()["state"].values() if isinstance(one, m.State))
 LAB = m.LabReport(lab=m.NetworkLab(delay=0.123456))
@@ -173,7 +173,7 @@ def told(message, suffix="state"):
     return for_wizard(inbound, "wizard")
 
 
-def test_nothing_that_a_robot_says_tells_the_condition():
+def test_relayed_messages_do_not_reveal_the_condition():
     for frame in (told(TELLING).frame,):
         for word in ("steer", "wall", "assist", "0.123456", "0.987654", "etwork"):
             assert word not in frame
@@ -182,7 +182,7 @@ def test_nothing_that_a_robot_says_tells_the_condition():
 
 
 @pytest.mark.parametrize("suffix", ["event", "scan", "path", "words", "pointer", "factsheet"])
-def test_what_is_not_listed_does_not_pass(suffix):
+def test_unlisted_messages_are_not_relayed(suffix):
     assert for_wizard(ReceivedMessage(suffix, STATE, "x"), "wizard") is None
 
 

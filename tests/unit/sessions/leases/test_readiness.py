@@ -3,11 +3,11 @@ from dataclasses import replace
 import pytest
 
 from sessions.leases.readiness import (
-    AGAIN,
     ATTEMPTS,
-    LATE,
-    LONGEST,
-    PAUSE,
+    NETWORK_PAUSE_S,
+    PAUSED_RETRY_S,
+    RETRY_S,
+    TIMEOUTS_S,
     Order,
     Readiness,
     RobotCondition,
@@ -61,22 +61,26 @@ def test_docking_that_fails_is_tried_again_and_then_pauses_with_the_robots_reaso
         if turnaround.phase == "paused":
             break
     assert (orders, turnaround.reason) == (ATTEMPTS, "the laboratory door is closed")
-    assert now >= (ATTEMPTS - 1) * AGAIN
+    assert now >= (ATTEMPTS - 1) * RETRY_S
     assert decide(turnaround, AWAY, now)[1] is None
-    again, kind = decide(turnaround, AWAY, now + PAUSE)
+    again, kind = decide(turnaround, AWAY, now + PAUSED_RETRY_S)
     assert (again.phase, kind) == ("paused", "dock"), "a door may have been opened meanwhile"
     assert (
-        decide(answered(again, "dock", now + PAUSE, "FINISHED"), HOME, now + PAUSE + 60)[0].phase
+        decide(
+            answered(again, "dock", now + PAUSED_RETRY_S, "FINISHED"),
+            HOME,
+            now + PAUSED_RETRY_S + 60,
+        )[0].phase
         == "ready"
     )
 
 
 def test_a_robot_that_never_answers_is_told_again():
     turnaround = answered(Readiness(), "dock", 0.0)
-    assert decide(turnaround, AWAY, LONGEST["dock"])[1] is None
-    waiting, kind = decide(turnaround, AWAY, LONGEST["dock"] + 1)
+    assert decide(turnaround, AWAY, TIMEOUTS_S["dock"])[1] is None
+    waiting, kind = decide(turnaround, AWAY, TIMEOUTS_S["dock"] + 1)
     assert (waiting.reason, kind) == ("no_answer", None)
-    assert decide(waiting, AWAY, LONGEST["dock"] + 1 + AGAIN)[1] == "dock"
+    assert decide(waiting, AWAY, TIMEOUTS_S["dock"] + 1 + RETRY_S)[1] == "dock"
 
 
 def test_pushing_the_robot_into_its_dock_ends_the_attempt():
@@ -140,13 +144,13 @@ def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
             turnaround = answered(turnaround, kind, now, "FAILED", "no_picture")
         now += 1.0
     assert (turnaround.phase, turnaround.reason, orders) == ("paused", "no_picture", ATTEMPTS)
-    again, kind = decide(turnaround, replace(HOME, has_camera=True), now + PAUSE)
+    again, kind = decide(turnaround, replace(HOME, has_camera=True), now + PAUSED_RETRY_S)
     assert (again.phase, kind) == ("paused", "picture")
     assert (
         decide(
-            answered(again, "picture", now + PAUSE, "FINISHED"),
+            answered(again, "picture", now + PAUSED_RETRY_S, "FINISHED"),
             replace(HOME, has_camera=True),
-            now + PAUSE + 1,
+            now + PAUSED_RETRY_S + 1,
         )[0].phase
         == "ready"
     )
@@ -174,7 +178,7 @@ def test_a_robot_that_answers_too_late_is_waited_for_and_pauses_the_queue_in_the
     late = replace(HOME, has_camera=True, is_responsive=False)
     turnaround, kind = decide(Readiness(), late, 100.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "network", None)
-    turnaround, _ = decide(turnaround, late, 100.0 + LATE)
+    turnaround, _ = decide(turnaround, late, 100.0 + NETWORK_PAUSE_S)
     assert (turnaround.phase, turnaround.reason) == ("paused", "network")
     assert decide(turnaround, replace(late, is_responsive=True), 200.0)[1] == "picture"
     assert decide(turnaround, replace(late, has_camera=False, is_responsive=True), 200.0)[

@@ -10,14 +10,14 @@ from sessions.leases.transitions import (
     IDLE,
     ROBOT_SILENCE,
     ROUND_TRIP_MARGIN_S,
-    Free,
-    Move,
+    ReleaseLease,
     RobotLink,
+    SetState,
     TurnLimited,
     TurnUnlimited,
-    Withdraw,
+    WithdrawOffer,
 )
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 from tests.support.sessions.lease_world import ASKING, RULES, World
 
 
@@ -26,6 +26,10 @@ def world() -> World:
     world = World()
     world.take("ana")
     return world
+
+
+def ended(session: str, outcome: str, reason: str) -> Ended:
+    return Ended(session=session, outcome=outcome, reason=reason)
 
 
 def drive(world: World) -> str:
@@ -52,16 +56,16 @@ def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbea
     old_epoch = RobotLink(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
     assert world.tick(old_epoch) == ()
     assert world.tick(RobotLink(0.0, world.now, world.now, session, world.hold.epoch, 0.1)) == (
-        Move(session, "driving"),
+        SetState(session, "driving"),
     )
 
 
 def test_a_silent_visitor_is_reconnecting_and_drives_again_when_back(world):
     session = drive(world)
     world.connected.clear()
-    assert world.tick() == (Move(session, "reconnecting", world.now),)
+    assert world.tick() == (SetState(session, "reconnecting", world.now),)
     world.connected.add("ana")
-    assert world.tick() == (Move(session, "driving"),)
+    assert world.tick() == (SetState(session, "driving"),)
 
 
 def test_a_closed_page_alone_does_not_interrupt_the_drive(world):
@@ -74,7 +78,7 @@ def test_the_grace_period_ends_as_connection_lost(world):
     session = drive(world)
     world.connected.clear()
     acts = pass_time(world, RULES.grace + 2.0)
-    assert Ended(session=session, outcome="connection_lost", reason="visitor_silent") in acts
+    assert ended(session, "connection_lost", "visitor_silent") in acts
     assert world.scene.hold.session is None
 
 
@@ -89,16 +93,16 @@ def test_a_reconnection_within_the_grace_period_restores_all_of_it(world):
 
 def test_a_visit_that_never_connects_ends_as_connection_refused(world):
     session = world.session_of("ana").id
-    assert Ended(
-        session=session, outcome="connection_refused", reason="never_connected"
-    ) in pass_time(world, RULES.start + 1.0)
+    assert ended(session, "connection_refused", "never_connected") in pass_time(
+        world, RULES.start + 1.0
+    )
 
 
 def test_a_robot_that_falls_silent_ends_the_visit_as_robot_fault(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now
     acts = pass_time(world, ROBOT_SILENCE + 2.0)
-    assert acts == [Ended(session=session, outcome="robot_fault", reason="robot_offline")], (
+    assert acts == [ended(session, "robot_fault", "robot_offline")], (
         "the visitor is there, so it is the robot that is lost"
     )
 
@@ -110,13 +114,13 @@ def begun_anew(world: World, session: str | None = None) -> RobotLink:
 
 def test_a_robot_that_dies_again_and_again_is_not_taken_for_a_visitor_who_is_lost(world):
     session = drive(world)
-    assert world.tick(begun_anew(world)) == (Move(session, "reconnecting", world.now),)
+    assert world.tick(begun_anew(world)) == (SetState(session, "reconnecting", world.now),)
     while world.scene.hold.session is not None:
         world.now += 1.0
         world.pages_say_they_are_open({"ana"})
         died_at = world.now - world.now % 10.0  # it reconnects every ten seconds, for a moment
         acts = world.tick(replace(begun_anew(world), last_received_at=died_at, state_at=died_at))
-    assert acts == (Ended(session=session, outcome="robot_fault", reason="robot_offline"),)
+    assert acts == (ended(session, "robot_fault", "robot_offline"),)
 
 
 def test_a_robot_that_falls_silent_while_the_visitor_reconnects_is_the_one_that_is_lost(world):
@@ -130,7 +134,7 @@ def test_a_robot_that_falls_silent_while_the_visitor_reconnects_is_the_one_that_
         world.now += 1.0
         world.pages_say_they_are_open({"ana"})
         acts += world.tick(last)
-    assert acts == [Ended(session=session, outcome="robot_fault", reason="robot_offline")]
+    assert acts == [ended(session, "robot_fault", "robot_offline")]
     assert world.now - last.state_at == ROBOT_SILENCE + 1.0
 
 
@@ -138,9 +142,7 @@ def test_a_robot_that_never_hears_of_the_visit_is_not_the_visitors_network(world
     session = world.session_of("ana").id
     world.now += RULES.start + 1.0
     world.pages_say_they_are_open({"ana"})
-    assert world.tick(begun_anew(world)) == (
-        Ended(session=session, outcome="robot_fault", reason="robot_offline"),
-    )
+    assert world.tick(begun_anew(world)) == (ended(session, "robot_fault", "robot_offline"),)
 
 
 def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_who_is_lost(world):
@@ -148,15 +150,13 @@ def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_wh
     world.online, world.offline_since = False, world.now
     world.change(session, seen_at=None)
     world.now += 5.0
-    assert world.tick() == (Move(session, "reconnecting", world.now),)
+    assert world.tick() == (SetState(session, "reconnecting", world.now),)
 
 
 def test_a_disabled_robot_ends_the_visit_as_stopped_by_operator(world):
     session = drive(world)
     world.enabled = False
-    assert world.tick() == (
-        Ended(session=session, outcome="stopped_by_operator", reason="robot_disabled"),
-    )
+    assert world.tick() == (ended(session, "stopped_by_operator", "robot_disabled"),)
 
 
 def test_a_turn_has_no_limit_while_nobody_waits(world):
@@ -173,7 +173,7 @@ def test_a_turn_ends_after_its_minutes_when_somebody_waits_with_a_warning_before
     assert acts[0] == TurnLimited(session, start + RULES.turn)
     warnings = [act.remaining for act in acts if isinstance(act, TurnWarning)]
     assert max(warnings) == pytest.approx(RULES.warning, abs=0.6)
-    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
+    assert ended(session, "timed_out", "turn_over") in acts
 
 
 def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
@@ -188,7 +188,7 @@ def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
     )
     pass_time(world, RULES.warning - 1.0)
     assert world.sessions[session].state == "driving"
-    assert Ended(session=session, outcome="timed_out", reason="turn_over") in pass_time(world, 2.0)
+    assert ended(session, "timed_out", "turn_over") in pass_time(world, 2.0)
 
 
 def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
@@ -217,7 +217,7 @@ def test_a_turn_that_is_not_taken_passes_to_the_next(world):
     acts = pass_time(world, RULES.start + 1.0)
     assert acts[:3] == [
         Offered(session=ben, seconds=RULES.start),
-        Ended(session=ben, outcome="cancelled", reason="turn_not_taken"),
+        ended(ben, "cancelled", "turn_not_taken"),
         Offered(session=cem, seconds=RULES.start),
     ]
     assert isinstance(world.take("cem"), Grant)
@@ -229,7 +229,7 @@ def test_an_offer_is_withdrawn_while_the_robot_is_away_and_made_again(world):
     world.end(world.session_of("ana").id, "completed", "left")
     world.tick()
     world.online = False
-    assert world.tick() == (Withdraw(ben),)
+    assert world.tick() == (WithdrawOffer(ben),)
     assert world.tick() == ()
     world.online = True
     assert world.tick() == (Offered(session=ben, seconds=RULES.start),)
@@ -242,7 +242,7 @@ def test_an_offer_that_could_not_be_taken_does_not_lapse(world):
     world.online = False
     world.now += RULES.start + 1.0
     world.pages_say_they_are_open({"ben"})
-    assert world.tick() == (Withdraw(world.session_of("ben").id),)
+    assert world.tick() == (WithdrawOffer(world.session_of("ben").id),)
 
 
 def test_no_session_ends_because_the_session_manager_was_away(world):
@@ -254,27 +254,25 @@ def test_no_session_ends_because_the_session_manager_was_away(world):
     world.change(session, seen_at=None)
     assert world.tick(started) == ()
     world.now += RULES.grace + 0.1
-    assert world.tick(started) == (
-        Ended(session=session, outcome="connection_lost", reason="visitor_silent"),
-    )
+    assert world.tick(started) == (ended(session, "connection_lost", "visitor_silent"),)
 
 
 def test_a_grant_whose_process_died_half_way_is_carried_on(world):
     session = world.session_of("ana").id
     world.change(session, state="waiting")
-    assert world.tick() == (Move(session, "connecting"),)
+    assert world.tick() == (SetState(session, "connecting"),)
 
 
 def test_a_lease_of_an_ended_visit_is_freed(world):
     epoch = world.hold.epoch
     world.sessions.clear()
-    assert world.tick() == (Free(epoch),)
+    assert world.tick() == (ReleaseLease(epoch),)
 
 
 def test_a_visit_that_lost_its_lease_is_ended(world):
     session = drive(world)
     world.hold = type(world.hold)(world.hold.epoch + 1)
-    assert world.tick()[0] == Ended(session=session, outcome="connection_lost", reason="lease_gone")
+    assert world.tick()[0] == ended(session, "connection_lost", "lease_gone")
 
 
 def test_waiting_visits_are_offered_nothing_while_somebody_drives(world):
@@ -298,16 +296,16 @@ def test_an_idle_driver_is_asked_and_then_the_next_visitor_gets_the_robot(asking
     session = asking.session_of("ana").id
     assert isinstance(asking.take("ben"), Wait)
     asking.rules = replace(ASKING, turn=3600.0)
-    assert AskedThere(session=session, seconds=ANSWER_SECONDS) not in pass_time(
+    assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) not in pass_time(
         asking, ASKING.idle - 1.0
     )
-    assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
+    assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
     acts = pass_time(asking, ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     assert [act for act in acts if isinstance(act, Ended | Offered)] == [
-        Ended(session=session, outcome="timed_out", reason=IDLE),
+        ended(session, "timed_out", IDLE),
         Offered(session=asking.session_of("ben").id, seconds=RULES.start),
     ]
-    assert not [act for act in acts if isinstance(act, AskedThere)]
+    assert not [act for act in acts if isinstance(act, PresenceAsked)]
 
 
 def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(
@@ -316,9 +314,9 @@ def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_a
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + 5.0)
     asking.active_at = asking.now
-    assert FoundThere(session=session) in asking.tick()
+    assert PresenceConfirmed(session=session) in asking.tick()
     assert pass_time(asking, ASKING.idle - 1.0) == []
-    assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 2.0)
+    assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 2.0)
 
 
 def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(
@@ -327,7 +325,7 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S - 1.0)
     asking.signs[session] = asking.now
-    assert asking.tick() == (FoundThere(session=session),)
+    assert asking.tick() == (PresenceConfirmed(session=session),)
     assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, Ended)]
 
 
@@ -336,7 +334,7 @@ def test_a_sign_of_another_visit_keeps_nothing(asking):
     assert [
         type(act)
         for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
-    ] == [AskedThere, Ended]
+    ] == [PresenceAsked, Ended]
 
 
 def test_an_active_driver_is_never_asked(asking):
@@ -349,7 +347,7 @@ def test_no_driver_is_removed_before_there_was_time_to_answer(asking):
     asking.now += 1000.0  # the session manager could not look for so long
     asking.pages_say_they_are_open({"ana"})
     assert asking.tick() == (
-        AskedThere(session=asking.session_of("ana").id, seconds=ANSWER_SECONDS),
+        PresenceAsked(session=asking.session_of("ana").id, seconds=ANSWER_SECONDS),
     )
     assert pass_time(asking, ANSWER_SECONDS - 1.0) == []
 
@@ -362,7 +360,7 @@ def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
     assert not [
         act
         for act in pass_time(asking, ASKING.idle - 1.0)
-        if isinstance(act, FoundThere | AskedThere | Ended)
+        if isinstance(act, PresenceConfirmed | PresenceAsked | Ended)
     ]
 
 
@@ -377,15 +375,15 @@ def test_no_driver_is_asked_where_rules_or_terms_say_never(asking):
 
 def test_terms_of_a_visit_have_it_asked_sooner(asking):
     asking.change(asking.session_of("ana").id, idle=20.0)
-    assert [type(act) for act in pass_time(asking, 22.0)] == [AskedThere]
+    assert [type(act) for act in pass_time(asking, 22.0)] == [PresenceAsked]
 
 
 def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     session = asking.session_of("ana").id
     asking.connected.clear()
     acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S)
-    assert [type(act) for act in acts] == [Move, Ended]
-    assert acts[-1] == Ended(session=session, outcome="connection_lost", reason="visitor_silent")
+    assert [type(act) for act in acts] == [SetState, Ended]
+    assert acts[-1] == ended(session, "connection_lost", "visitor_silent")
 
 
 def test_a_turn_that_the_terms_always_limit_ends_though_nobody_waits(world):
@@ -394,7 +392,7 @@ def test_a_turn_that_the_terms_always_limit_ends_though_nobody_waits(world):
     world.change(session, turn_always=True)
     acts = pass_time(world, RULES.turn + 1.0)
     assert acts[0] == TurnLimited(session, start + RULES.turn)
-    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
+    assert ended(session, "timed_out", "turn_over") in acts
 
 
 def test_a_limited_turn_may_be_shorter_than_its_warning(world):
@@ -403,7 +401,7 @@ def test_a_limited_turn_may_be_shorter_than_its_warning(world):
     world.change(session, turn_always=True, turn=short)
     acts = pass_time(world, short + 1.0)
     assert acts[0] == TurnLimited(session, start + short)
-    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
+    assert ended(session, "timed_out", "turn_over") in acts
 
 
 def test_a_turn_is_not_called_while_the_page_has_no_connection_and_the_place_is_kept(world):
@@ -414,7 +412,7 @@ def test_a_turn_is_not_called_while_the_page_has_no_connection_and_the_place_is_
     assert [act.session for act in pass_time(world, 2.0) if isinstance(act, Offered)] == [ben]
     world.change(ben, seen_at=None)
     acts = pass_time(world, RULES.grace - 2.0, open_pages=("ana",))
-    assert Withdraw(ben) in acts
+    assert WithdrawOffer(ben) in acts
     assert not any(isinstance(act, Ended) for act in acts)
     acts = pass_time(world, 2.0)
     assert [act.session for act in acts if isinstance(act, Offered)] == [ben]

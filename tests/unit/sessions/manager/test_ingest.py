@@ -1,5 +1,7 @@
 """What a session manager takes of what arrives: its own robots', and others that become its own."""
 
+from unittest import mock
+
 import msgspec
 import pytest
 from aiomqtt import Message, Topic
@@ -9,7 +11,9 @@ from robots.api import messages as m
 from robots.bridge.known import DOUBT_SECONDS
 from sessions import protocol
 from sessions.manager import ingest as module
-from sessions.manager.ingest import EARLY_SECONDS, Intake, PresenceNews
+from sessions.manager.ingest import Intake, PresenceNews
+from sessions.manager.intake_gate import IntakeGate
+from sessions.shards.foreign_messages import EARLY_SECONDS
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 from tests.support import words
@@ -17,37 +21,31 @@ from tests.support import words
 ONLINE = words.online()
 
 
-class Kept(list):
-    """A recorder that keeps what it is given."""
-
-    put = list.append
-
-
 class Manager:
     """An intake with a clock, without robots until `own` names some."""
 
     def __init__(self):
-        self.now, self.recorded, self.woken = 1000.0, Kept(), 0
+        self.now, self.recorded, self.woken = 1000.0, [], 0
         self.ownership = Ownership(lambda: self.now)
         self.intake = Intake(
-            self.recorded,
+            mock.Mock(put=self.recorded.append),
             lambda: self.now,
             wake_signals=lambda: None,
             wake_scheduler=self._wake,
-            ownership=self.ownership,
             monotonic=lambda: self.now,
         )
+        self.gate = IntakeGate(self.intake, self.ownership, lambda: self.now)
 
     def _wake(self):
         self.woken += 1
 
     def own(self, *robots):
         self.ownership.become({shard_of(robot): 1 for robot in robots})
-        self.intake.follow_ownership()
+        self.gate.follow()
 
     def hear(self, topic, payload):
         said = payload if isinstance(payload, bytes) else codec.encode(payload)
-        self.intake.receive(Message(Topic(topic), said, 1, retain=False, mid=1, properties=None))
+        self.gate.receive(Message(Topic(topic), said, 1, retain=False, mid=1, properties=None))
 
     def robot_says(self, suffix, message, robot="giraff"):
         self.hear(topics.of(robot, suffix), message)
@@ -100,7 +98,7 @@ def test_older_messages_are_not_taken(manager):
 def test_without_a_change_of_owners_nothing_is_taken_again(manager):
     manager.own("giraff")
     manager.robot_says("event", event(1))
-    manager.intake.follow_ownership()
+    manager.gate.follow()
     assert len(manager.recorded) == 1
 
 

@@ -1,10 +1,7 @@
 """LimeSurvey structures as questionnaires: every type of question, languages, conditions."""
 
-import json
-
 import pytest
 
-from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome

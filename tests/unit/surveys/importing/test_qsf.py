@@ -1,10 +1,7 @@
 """Qualtrics files as questionnaires: what each kind of question becomes, and its remarks."""
 
-import json
-
 import pytest
 
-from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft
 from surveys.importing.reading import read

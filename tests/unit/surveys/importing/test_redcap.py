@@ -1,10 +1,7 @@
 """REDCap data dictionaries as questionnaires: field types, matrices, branching, annotations."""
 
-import json
-
 import pytest
 
-from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome

@@ -77,19 +77,16 @@ class MoveBase:
                 await self._came.wait()
 
     def send(self, target: dict[str, Any], goal: str) -> None:
-        """Send a goal to a server that has published its status lately.
-
-        Raises:
-            ActionRefusedError: none has.
+        """Send a goal; raises ActionRefusedError when the server has not published its status
+        lately.
         """
         if time.monotonic() - self._status_at > self._params.status_age:
             raise ActionRefusedError(
                 f"navigation does not answer: {self._action}/status is not published"
             )
-        now = time.time()
         content = {
             "header": target["header"],
-            "goal_id": {"stamp": messages.time_of(now, 1), "id": goal},
+            "goal_id": {"stamp": messages.time_of(time.time(), 1), "id": goal},
             "goal": {"target_pose": target},
         }
         self._bus.publish(f"{self._action}/goal", content)
@@ -103,8 +100,7 @@ class MoveBase:
         self._publish_cancel(goal)
         return False
 
-    def server_gone(self) -> None:
-        """All goals have ended with the server."""
+    def server_ended(self) -> None:
         for goal in list(self._sent):
             self._end(goal, "FAILED", "navigation has ended")
 
@@ -122,11 +118,15 @@ class MoveBase:
             goal, status = str(entry.get("goal_id", {}).get("id", "")), entry.get("status")
             listed[goal] = status
             if status in ENDED:
-                self._end(goal, ENDED[status], str(entry.get("text", "")))
+                self._result({"status": entry})
             elif goal in self._sent:
-                self._list(goal, status)
-            elif goal.startswith(OURS):
-                self._cancel_stranger(goal, now)
+                self._sent[goal].listed |= status != RECALLING
+                self._goals.accepted(goal)
+            elif goal.startswith(OURS) and (
+                now - self._strangers.get(goal, -math.inf) > self._params.cancel_again
+            ):
+                self._strangers[goal] = now
+                self._publish_cancel(goal)
         self._look_for_unlisted(listed, now, is_steady=is_steady)
         self._came.set()
 
@@ -137,19 +137,9 @@ class MoveBase:
             goal = str(entry.get("goal_id", {}).get("id", ""))
             self._end(goal, ENDED[status], str(entry.get("text", "")))
 
-    def _list(self, goal: str, status: Any) -> None:
-        if status != RECALLING:
-            self._sent[goal].listed = True
-        self._goals.accepted(goal)
-
-    def _cancel_stranger(self, goal: str, now: float) -> None:
-        if now - self._strangers.get(goal, -math.inf) > self._params.cancel_again:
-            self._strangers[goal] = now
-            self._publish_cancel(goal)
-
     def _look_for_unlisted(self, listed: dict[str, Any], now: float, *, is_steady: bool) -> None:
-        """End a goal that the server had listed and does not list any more (it was restarted), and
-        one that was cancelled and that it has not received after so long.
+        """End a goal that the server had listed and no longer lists (it was restarted), and a
+        cancelled one that it has not received within `unlisted` seconds.
         """
         for goal, sent in list(self._sent.items()):
             if goal in listed and listed[goal] != RECALLING:

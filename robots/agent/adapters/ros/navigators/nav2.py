@@ -21,17 +21,11 @@ class Nav2:
         """Do nothing: the bus has done it."""
 
     def send(self, target: dict[str, Any], goal: str) -> None:
-        """Send a goal.
-
-        Raises:
-            AdapterError: the connection takes none.
-        """
         content = {"pose": target, "behavior_tree": ""}
         self._bus.send_goal(self._action, "nav2_msgs/NavigateToPose", content, goal)
 
     async def cancel(self, goal: str) -> bool:
-        """Cancel a goal; return True when it certainly does not run and never will."""
         return await self._bus.cancel_goal(self._action, goal)
 
-    def server_gone(self) -> None:
+    def server_ended(self) -> None:
         """Do nothing: the bus reports the end of goals."""

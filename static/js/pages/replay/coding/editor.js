@@ -1,7 +1,6 @@
-/**
- * One coded event, to be moved, annotated and deleted.
- */
+/** One coded event, to be moved, annotated and deleted. */
 
+import { make, makeButton } from "../../../lib/dom.js";
 import { edited, moved } from "./events.js";
 
 const NUDGE_S = 0.1;
@@ -10,23 +9,12 @@ const NUDGE_S = 0.1;
 /** @typedef {import("./events.js").CodedEvent} CodedEvent */
 /** @typedef {import("./events.js").Edit} Edit */
 
-/** @param {string} tag @param {string} name @param {string} [text] @returns {any} */
-export const make = (tag, name, text = "") => {
-  const made = document.createElement(tag);
-  made.className = name;
-  made.textContent = text;
-  return made;
-};
-
 /**
- * @param {CodedEvent} event @param {Code} code @param {import("../../../lib/words.js").Words} words
- * @param {object} page
+ * @param {CodedEvent} event @param {Code} code @param {Words} words @param {object} page
  * @param {() => number} page.now s
  * @param {number} page.duration s
- * @param {() => string} page.newId
- * @param {(edits: Edit[]) => void} page.change
- * @param {(t: number) => void} page.seek
- * @param {(text: string) => void} page.say
+ * @param {() => string} page.newId @param {(edits: Edit[]) => void} page.change
+ * @param {(t: number) => void} page.seek @param {(text: string) => void} page.say
  * @returns {HTMLElement}
  */
 export const createEditor = (event, code, words, page) => {
@@ -39,29 +27,23 @@ export const createEditor = (event, code, words, page) => {
     box.append(modifierRow(event, modifier, words, page));
   }
   box.append(commentRow(event, words, page));
-  const remove = button(words.say("coding.delete"), "button button--danger coding__delete");
-  remove.addEventListener("click", () =>
-    page.change([edited(event, { is_deleted: true }, page.newId)]),
+  box.append(
+    makeButton("button button--danger coding__delete", words.say("coding.delete"), () =>
+      page.change([edited(event, { is_deleted: true }, page.newId)]),
+    ),
   );
-  box.append(remove);
   return box;
 };
 
-/** @param {string} text @param {string} [name] @param {string} [label] */
-const button = (text, name = "button button--plain", label = "") => {
-  const made = make("button", name, text);
-  made.type = "button";
-  if (label) {
-    made.setAttribute("aria-label", label);
-  }
-  return made;
+/** A button of a row. @param {string} text @param {string} label @param {() => void} press */
+const sideButton = (text, label, press) => {
+  const button = makeButton("button button--plain", text, press);
+  button.setAttribute("aria-label", label);
+  return button;
 };
 
 /**
- * @param {CodedEvent} event
- * @param {"begin" | "end"} side
- * @param {import("../../../lib/words.js").Words} words
- * @param {any} page
+ * @param {CodedEvent} event @param {"begin" | "end"} side @param {Words} words @param {any} page
  */
 const sideRow = (event, side, words, page) => {
   const row = make("div", "coding__side");
@@ -80,33 +62,23 @@ const sideRow = (event, side, words, page) => {
     make("span", "coding__side-name", title),
     make("span", "coding__side-time numbers", at === null ? "–" : `${at.toFixed(2)} s`),
   );
-  const now = button(
-    words.say("coding.here"),
-    "button button--plain",
-    `${title}: ${words.say("coding.here")}`,
-  );
-  now.addEventListener("click", () => put(page.now()));
-  row.append(now);
+  const here = words.say("coding.here");
+  row.append(sideButton(here, `${title}: ${here}`, () => put(page.now())));
   for (const [sign, step] of /** @type {[string, number][]} */ ([
     ["−", -NUDGE_S],
     ["+", NUDGE_S],
   ])) {
-    const nudge = button(
-      sign,
-      "button button--plain coding__nudge",
-      `${title} ${sign} ${NUDGE_S} s`,
-    );
+    const label = `${title} ${sign} ${NUDGE_S} s`;
+    const nudge = sideButton(sign, label, () => put((at ?? 0) + step));
+    nudge.classList.add("coding__nudge");
     nudge.disabled = at === null;
-    nudge.addEventListener("click", () => put((at ?? 0) + step));
     row.append(nudge);
   }
   return row;
 };
 
 /**
- * @param {CodedEvent} event
- * @param {{name: string, values: string[]}} modifier
- * @param {import("../../../lib/words.js").Words} words
+ * @param {CodedEvent} event @param {{name: string, values: string[]}} modifier @param {Words} words
  * @param {any} page
  */
 const modifierRow = (event, modifier, words, page) => {
@@ -127,11 +99,7 @@ const modifierRow = (event, modifier, words, page) => {
   return label;
 };
 
-/**
- * @param {CodedEvent} event
- * @param {import("../../../lib/words.js").Words} words
- * @param {any} page
- */
+/** @param {CodedEvent} event @param {Words} words @param {any} page */
 const commentRow = (event, words, page) => {
   const label = make("label", "coding__field", words.say("coding.comment"));
   const input = make("input", "");

@@ -44,9 +44,7 @@ export const withEdits = (saved, edits) => {
 
 /**
  * A change of an event.
- * @param {CodedEvent} event
- * @param {Partial<Edit>} changes
- * @param {() => string} newId
+ * @param {CodedEvent} event @param {Partial<Edit>} changes @param {() => string} newId
  * @returns {Edit}
  */
 export const edited = (
@@ -60,8 +58,7 @@ export const edited = (
 
 /**
  * The state event that is on, as a coder left it: begun and not ended.
- * @param {CodedEvent[]} events
- * @param {string} code
+ * @param {CodedEvent[]} events @param {string} code
  */
 export const openOne = (events, code) =>
   events.find((event) => event.code === code && event.end === null);
@@ -69,12 +66,9 @@ export const openOne = (events, code) =>
 /**
  * What the key of a code does at a moment: sets a point; begins a state, which ends the others of
  * its group; or ends the state that is on.
- * @param {CodedEvent[]} events
- * @param {Code[]} codes
- * @param {Code} code
+ * @param {CodedEvent[]} events @param {Code[]} codes @param {Code} code
  * @param {number} at s
- * @param {() => string} newId
- * @returns {{edits: Edit[], problem: "" | "too_early"}}
+ * @param {() => string} newId @returns {{edits: Edit[], problem: "" | "too_early"}}
  */
 export const press = (events, codes, code, at, newId) => {
   const t = rounded(at);
@@ -110,12 +104,10 @@ const created = (code, begin, newId) => ({
 
 /**
  * An event with its beginning or end somewhere else; null where it would end before it begins.
- * @param {CodedEvent} event
- * @param {"begin" | "end"} side
+ * @param {CodedEvent} event @param {"begin" | "end"} side
  * @param {number} at s
  * @param {number} duration s
- * @param {() => string} newId
- * @returns {Edit | null}
+ * @param {() => string} newId @returns {Edit | null}
  */
 export const moved = (event, side, at, duration, newId) => {
   const t = rounded(Math.min(Math.max(at, 0), duration));

@@ -4,9 +4,10 @@
  */
 
 import { isShortcut, openHolder } from "../../../input/key_dispatcher.js";
-import { write } from "../../../lib/dom.js";
+import { make, makeButton, write } from "../../../lib/dom.js";
 import { written } from "../timeline.js";
-import { createEditor, make } from "./editor.js";
+import { createEditor } from "./editor.js";
+import { newUuid } from "../../../lib/ids.js";
 import { openOne, press, withEdits } from "./events.js";
 import { SaveQueue } from "./save_queue.js";
 
@@ -15,26 +16,9 @@ import { SaveQueue } from "./save_queue.js";
 
 const TYPED = "input:not([type=range], [type=checkbox]), textarea, select";
 
-/** crypto.randomUUID exists in secure contexts only. @returns {string} */
-const newId = () => {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  bytes[6] = (bytes[6] & 0x0f) | 0x40; // RFC 9562: version 4
-  bytes[8] = (bytes[8] & 0x3f) | 0x80;
-  const hex = Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
-  return [
-    hex.slice(0, 8),
-    hex.slice(8, 12),
-    hex.slice(12, 16),
-    hex.slice(16, 20),
-    hex.slice(20),
-  ].join("-");
-};
-
 export class CodingPanel {
   /**
-   * @param {(id: string) => any} element
-   * @param {any} config
-   * @param {import("../../../lib/words.js").Words} words
+   * @param {(id: string) => any} element @param {any} config @param {Words} words
    * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
    */
   constructor(element, config, words, player) {
@@ -87,7 +71,7 @@ export class CodingPanel {
     if (this.isDone) {
       return;
     }
-    const { edits, problem } = press(this.events, this.codes, code, this.player.now(), newId);
+    const { edits, problem } = press(this.events, this.codes, code, this.player.now(), newUuid);
     this.change(edits);
     this.#say(problem ? this.words.say(`coding.${problem}`, { code: code.name }) : "");
     if (edits.length) {
@@ -122,10 +106,7 @@ export class CodingPanel {
     this.mark(this.player.now());
   }
 
-  /**
-   * A comment that is being typed is kept.
-   * @param {CodedEvent[]} events
-   */
+  /** A comment that is being typed is kept. @param {CodedEvent[]} events */
   #renderList(events) {
     const text = JSON.stringify([events, this.selected, this.isDone]);
     if (text === this.drawn) {
@@ -159,15 +140,13 @@ export class CodingPanel {
 
   /** @param {Code} code */
   #button(code) {
-    const button = make("button", "coding__code");
-    button.type = "button";
+    const button = makeButton("coding__code", "", () => this.press(code));
     button.title = code.description;
     button.append(make("span", "coding__name", code.name));
     if (code.key) {
       button.append(make("kbd", "coding__key", code.key));
       button.setAttribute("aria-keyshortcuts", code.key);
     }
-    button.addEventListener("click", () => this.press(code));
     return button;
   }
 
@@ -184,8 +163,10 @@ export class CodingPanel {
           : ` – ${words.say("coding.open")}`
         : ` – ${written(event.end, true)}`;
     const more = [...Object.values(event.modifiers), event.comment].filter(Boolean).join(" · ");
-    const button = make("button", "coding__row");
-    button.type = "button";
+    const button = makeButton("coding__row", "", () => {
+      this.#select(event.event === this.selected ? "" : event.event);
+      this.player.seek(event.begin);
+    });
     button.setAttribute("aria-expanded", String(event.event === this.selected));
     button.append(
       make("span", "coding__when numbers", `${written(event.begin, true)}${end}`),
@@ -194,24 +175,11 @@ export class CodingPanel {
     if (more) {
       button.append(make("span", "coding__more", more));
     }
-    button.addEventListener("click", () => {
-      this.#select(event.event === this.selected ? "" : event.event);
-      this.player.seek(event.begin);
-    });
     row.append(button);
     if (event.event === this.selected && code && !this.isDone) {
-      const { now, seek, duration } = this.player;
       const change = (/** @type {any} */ edits) => this.change(edits);
-      row.append(
-        createEditor(event, code, words, {
-          now,
-          seek,
-          duration,
-          newId,
-          change,
-          say: (/** @type {string} */ text) => this.#say(text),
-        }),
-      );
+      const say = (/** @type {string} */ text) => this.#say(text);
+      row.append(createEditor(event, code, words, { ...this.player, newId: newUuid, change, say }));
     }
     return row;
   }
@@ -330,8 +298,7 @@ export class CodingPanel {
 
 /**
  * Bring a row into sight without moving the page, on which somebody watches the map.
- * @param {Element} list
- * @param {Element} row
+ * @param {Element} list @param {Element} row
  */
 const scrollInside = (list, row) => {
   const [box, own] = [list.getBoundingClientRect(), row.getBoundingClientRect()];

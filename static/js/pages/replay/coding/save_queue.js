@@ -14,8 +14,7 @@ const LONGEST_S = 30;
 
 export class SaveQueue {
   /**
-   * @param {object} options
-   * @param {Storage | null} options.storage
+   * @param {object} options @param {Storage | null} options.storage
    * @param {string} options.key begins the names under which this coder's changes of this session
    *   are kept
    * @param {(edits: Edit[]) => Promise<Answer>} options.send rejects where there is no network

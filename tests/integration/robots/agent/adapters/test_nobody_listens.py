@@ -1,5 +1,5 @@
-"""Velocities that nobody hears: another topic, another type, no base yet. Real rospy and rclpy; of
-rosbridge a double that refuses as it does.
+"""Velocities without a subscriber: another topic, another type, no base yet. Real rospy and rclpy;
+a double of rosbridge that refuses the same.
 """
 
 import asyncio

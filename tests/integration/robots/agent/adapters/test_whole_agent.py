@@ -1,5 +1,5 @@
-"""The whole agent with only the adapter changed: a visitor drives, the architecture is killed under
-them, and the robot comes back.
+"""The whole agent with each adapter: a visitor drives, the architecture is killed, and the robot is
+available again after a restart.
 """
 
 import time

@@ -1,6 +1,4 @@
-"""Cameras of the network on a real RTSP server: seconds from one whole picture to the next, a
-password, gone and back.
-"""
+"""Network cameras on a real RTSP server: sparse key frames, passwords, reconnection."""
 
 import contextlib
 import logging
@@ -24,9 +22,7 @@ SECRET = "hunter2"
 
 @contextlib.contextmanager
 def feed_of(said: str):
-    """A feed that somebody watches, the pictures that it gives, and the states that it went
-    through.
-    """
+    """A watched feed, its images and its states."""
     pictures, states = [], []
     feed = CameraFeed(DeviceCamera(words.read(said, "camera")), RtpClock(0), pictures.append)
     tell = feed._set_state

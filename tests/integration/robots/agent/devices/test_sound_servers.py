@@ -1,6 +1,4 @@
-"""Microphone and loudspeaker on a real PulseAudio and a real PipeWire, named as an owner names them
-and with an owner's environment.
-"""
+"""Microphone and loudspeaker on a real PulseAudio and a real PipeWire."""
 
 import os
 import threading

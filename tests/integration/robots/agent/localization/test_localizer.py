@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robots.agent.localization.localizer import Localizer
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
+from robots.agent.simulator.wire import Faults
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
 from robots.world.grid import MapError, OccupancyGrid
 from robots.world.render_plan import rasterise

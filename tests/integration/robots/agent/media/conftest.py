@@ -1,11 +1,12 @@
 """A media side with a synthetic camera, and pages that close with the test."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 
 import pytest
 
 from robots.agent.media import MediaSide
+from robots.api.messages import Role
 from tests.support.media.loopback_peer import Exchange, LoopbackPage
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
@@ -52,3 +53,15 @@ async def new_page(media: MediaSide, exchange: Exchange) -> AsyncIterator:
     yield make
     for page in pages:
         await page.close()
+
+
+@pytest.fixture
+async def connected(new_page) -> Callable[..., Awaitable[LoopbackPage]]:
+    """Return a function that makes a page and connects it; it counts pictures without decoding."""
+
+    async def make(peer: str, role: Role = "observer", *, decode: bool = False) -> LoopbackPage:
+        page = new_page(peer, decode=decode)
+        await page.connect(role)
+        return page
+
+    return make

@@ -52,7 +52,7 @@ async def watched(media, new_page):
     return driver, observer, times
 
 
-async def test_the_drivers_picture_is_late_by_the_delay_and_nobody_elses_is(media, watched) -> None:
+async def test_lab_delay_affects_only_the_drivers_video(media, watched) -> None:
     driver, _, (late, clean) = watched
     media.impair(NetworkLab(delay=0.4, seed=1))
     report = await until(
@@ -68,9 +68,7 @@ async def test_the_drivers_picture_is_late_by_the_delay_and_nobody_elses_is(medi
     assert media.network.lost == media.network.overflowed == 0
 
 
-async def test_a_lost_picture_loses_neither_connection_nor_data_channel_nor_the_observers_picture(
-    media, watched
-) -> None:
+async def test_lab_loss_keeps_connection_data_channel_and_observers_video(media, watched) -> None:
     driver, observer, _ = watched
     media.impair(NetworkLab(loss=1.0))
     await losing(media)
@@ -114,11 +112,10 @@ async def test_only_the_present_drivers_video_is_impaired(media, watched) -> Non
     await until(lambda: len(observer.pictures) > seen + 5, what="pictures without a driver")
 
 
-async def test_a_driver_who_comes_back_has_the_same_network(media, new_page) -> None:
+async def test_driver_who_reconnects_has_the_same_network(media, connected) -> None:
     media.lease_changed("p1")
     media.impair(NetworkLab(loss=1.0))
-    page = new_page("p1", decode=False)
-    await page.connect("driver")
+    page = await connected("p1", "driver")
     await until(lambda: media.network is not None and media.network.lost > 20, what="lost packets")
     assert page.pictures == []
 
@@ -140,9 +137,7 @@ async def slow(camera):
     await asyncio.to_thread(side.close)
 
 
-async def test_through_the_server_everybody_gets_pictures_of_their_own_and_only_drivers_are_held(
-    slow,
-) -> None:
+async def test_fallback_pictures_are_delayed_only_for_the_driver(slow) -> None:
     side, sent = slow
     side.impair(NetworkLab(delay=0.5))
     await until(lambda: side.network is not None)

@@ -37,15 +37,12 @@ from tests.support.media.synthetic_camera import TICKS_PER_SECOND, apart, code_o
 
 
 def step(before: tuple[int, bool], after: tuple[int, bool]) -> int:
-    """Return the ticks between two pictures by RTP's time, which begins at random, and anew after
-    2^32 of them.
-    """
+    """Return the RTP ticks between two pictures; timestamps start at random and wrap at 2^32."""
     return (after[0] - before[0] + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
-async def test_a_page_sees_the_camera_and_hears_the_microphone(media, new_page) -> None:
-    page = new_page("p1")
-    await page.connect()
+async def test_a_page_sees_the_camera_and_hears_the_microphone(media, connected) -> None:
+    page = await connected("p1", decode=True)
     await until(lambda: len(page.images) > 5, what="decoded pictures")
     assert page.images[-1].shape == (480, 640, 3)
     assert page.images[-1].std() > 20
@@ -55,9 +52,8 @@ async def test_a_page_sees_the_camera_and_hears_the_microphone(media, new_page) 
     assert media.camera.status == "live"
 
 
-async def test_the_page_learns_when_each_picture_was_captured(new_page) -> None:
-    page = new_page("p1")
-    await page.connect()
+async def test_the_page_learns_when_each_picture_was_captured(connected) -> None:
+    page = await connected("p1", decode=True)
     clock = await until(lambda: page.clocks() and page.clocks()[-1], what="a media clock")
     await until(lambda: len(page.images) > 10)
     newest = page.pictures[-1][0]
@@ -68,9 +64,8 @@ async def test_the_page_learns_when_each_picture_was_captured(new_page) -> None:
 
 
 @pytest.mark.nightly
-async def test_the_clock_is_told_again_every_second(new_page) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+async def test_media_clock_is_sent_every_second(connected) -> None:
+    page = await connected("p1")
     await until(lambda: len(page.clocks()) >= 6, what="six clocks")
     assert (
         0.9
@@ -81,16 +76,15 @@ async def test_the_clock_is_told_again_every_second(new_page) -> None:
     )
 
 
-async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> None:
-    first, second = new_page("p1"), new_page("p2")
-    await first.connect()
-    await second.connect()
+async def test_one_encoder_serves_every_viewer_the_same_pictures(connected) -> None:
+    first = await connected("p1", decode=True)
+    second = await connected("p2", decode=True)
     await until(lambda: len(second.pictures) > 10)
     common = {rtp for rtp, _ in first.pictures} & {rtp for rtp, _ in second.pictures}
     assert len(common) > 8
 
 
-async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(
+async def test_late_viewer_starts_with_a_key_frame_without_gap_for_others(
     media, new_page, monkeypatch
 ) -> None:
     # A computer that is late for 100 ms empties a queue, too: that is another test's matter.
@@ -108,36 +102,30 @@ async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(
 
 
 @pytest.mark.nightly
-async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(
-    media, new_page
-) -> None:
-    narrow, wide = new_page("narrow"), new_page("wide")
-    await narrow.connect()
-    await wide.connect()
+async def test_only_the_viewer_on_a_narrow_network_gets_smaller_pictures(media, connected) -> None:
+    narrow = await connected("narrow", decode=True)
+    wide = await connected("wide", decode=True)
     await until(lambda: narrow.images and wide.images)
 
-    said = [time.monotonic()]
+    sent = [time.monotonic()]
 
     def crowd() -> bool:
-        """Say five times a second, as a page does, that its picture becomes older and older."""
-        if time.monotonic() - said[-1] > 0.2:
-            said.append(time.monotonic())
-            beat = CommandHeartbeat(n=len(said), stamp=1.0, frame_age=min(5.0, 0.3 * len(said)))
+        """Report five times a second, as a page does, a picture that becomes older and older."""
+        if time.monotonic() - sent[-1] > 0.2:
+            sent.append(time.monotonic())
+            beat = CommandHeartbeat(n=len(sent), stamp=1.0, frame_age=min(5.0, 0.3 * len(sent)))
             narrow.channel.send(encode_frame("command/heartbeat", beat))
         return narrow.images[-1].shape[0] == 240
 
-    await until(crowd, 20.0, "pictures of the lowest rung")
+    await until(crowd, 20.0, "pictures of the lowest layer")
     seen = media.statistics()["wide"]["pictures"]
     await until(lambda: media.statistics()["wide"]["pictures"] > seen + 5)
     assert wide.images[-1].shape[0] == 480
-    assert media.statistics()["narrow"]["rung"] > media.statistics()["wide"]["rung"]
+    assert media.statistics()["narrow"]["layer"] > media.statistics()["wide"]["layer"]
 
 
-async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_not_bring_many(
-    new_page,
-) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+async def test_lost_picture_brings_a_key_frame_and_many_requests_bring_few(connected) -> None:
+    page = await connected("p1")
     await until(lambda: len(page.pictures) > 15)
     before = len(page.pictures)
     began = time.monotonic()
@@ -149,12 +137,11 @@ async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_no
     assert 1 <= keys <= 1 + (time.monotonic() - began) / 0.3
 
 
-async def test_a_viewer_that_cannot_keep_up_restarts_on_a_key_frame_without_disturbing_the_others(
-    media, new_page
+async def test_slow_viewer_restarts_on_a_key_frame_without_affecting_others(
+    media, connected
 ) -> None:
-    slow, other = new_page("slow", decode=False), new_page("other", decode=False)
-    await slow.connect()
-    await other.connect()
+    slow = await connected("slow")
+    other = await connected("other")
     await until(lambda: len(slow.pictures) > 10)
     outbox = media._pages._viewers["slow"]._pictures
     backlog, outbox.backlog = outbox.backlog, lambda: 1_000_000
@@ -191,10 +178,9 @@ async def test_a_packet_that_was_lost_is_sent_again_when_asked_for(new_page) -> 
     assert again[0].payload[2:] == lost.payload
 
 
-async def test_the_camera_runs_only_while_somebody_watches(camera, media, new_page) -> None:
+async def test_camera_runs_only_while_it_has_viewers(camera, media, connected) -> None:
     assert camera.starts == 0
-    page = new_page("p1", decode=False)
-    await page.connect()
+    await connected("p1")
     await until(lambda: camera.running)
     media.signal("p1", Bye(reason="left"))
     await until(lambda: not camera.running, what="a stopped camera")
@@ -202,11 +188,10 @@ async def test_the_camera_runs_only_while_somebody_watches(camera, media, new_pa
     assert media.camera.status == "idle"
 
 
-async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_back(
-    camera, media, new_page
+async def test_failed_camera_reports_why_and_video_resumes_with_it(
+    camera, media, connected
 ) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+    page = await connected("p1")
     await until(lambda: len(page.pictures) > 5)
     camera.fail("the camera is unplugged")
     await until(lambda: media.camera.status == "failed")
@@ -224,9 +209,8 @@ async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_b
     assert not page.exchange.byes("p1")
 
 
-async def test_a_camera_that_falls_silent_is_started_anew(camera, media, new_page) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+async def test_silent_camera_is_restarted(camera, media, connected) -> None:
+    page = await connected("p1")
     await until(lambda: len(page.pictures) > 5)
     camera.fall_silent()
     await until(lambda: media.camera.status == "failed")
@@ -237,9 +221,8 @@ async def test_a_camera_that_falls_silent_is_started_anew(camera, media, new_pag
     assert camera.starts >= 2
 
 
-async def test_an_outage_of_the_camera_leaves_the_clock_right(camera, new_page) -> None:
-    page = new_page("p1")
-    await page.connect()
+async def test_an_outage_of_the_camera_leaves_the_clock_right(camera, connected) -> None:
+    page = await connected("p1", decode=True)
     await until(lambda: len(page.images) > 5)
     camera.fail("away")
     await until(lambda: not camera.running)
@@ -263,11 +246,10 @@ async def test_there_is_no_snapshot_from_a_camera_that_fails(camera, media) -> N
     assert await asyncio.to_thread(media.snapshot) is None
 
 
-async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, new_page) -> None:
+async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, connected) -> None:
     media.lease_changed("p1")
-    driver, observer = new_page("p1", decode=False), new_page("p2", decode=False)
-    await driver.connect("driver")
-    await observer.connect("observer")
+    driver = await connected("p1", "driver")
+    observer = await connected("p2", "observer")
     driver.channel.send(encode_frame("command/point", PointCommand(peer="p1", stamp=1.0)))
     await until(lambda: exchange.heard)
     observer.channel.send(encode_frame("command/point", PointCommand(peer="p2", stamp=1.0)))
@@ -278,13 +260,12 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
     ]
 
 
-async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame_and_is_sent_away(
-    media, exchange, new_page, monkeypatch
+async def test_driver_without_lease_is_observer_at_once_and_then_disconnected(
+    media, exchange, connected, monkeypatch
 ) -> None:
     monkeypatch.setattr("robots.agent.media.peers.registry.STAYS_AFTER_DRIVING", 1.0)
     media.lease_changed("p1")
-    page = new_page("p1", decode=False)
-    await page.connect("driver")
+    page = await connected("p1", "driver")
     page.channel.send("one")
     await until(lambda: len(exchange.heard) == 1)
     media.lease_changed("p2")
@@ -292,8 +273,7 @@ async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame
     await until(lambda: len(exchange.heard) == 2)
     assert [role for _, role, _ in exchange.heard] == ["driver", "observer"]
     await until(lambda: exchange.byes("p1") == ["lease_changed"] and media.connected == 0)
-    again = new_page("p1", decode=False)
-    await again.connect("observer")
+    again = await connected("p1", "observer")
     await until(
         lambda: len(again.pictures) > 5,
         what="pictures for a page that watches by an offer of its own",
@@ -323,20 +303,18 @@ async def test_observer_is_sent_away_when_the_server_vouches_no_more(
 
 
 async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(
-    media, exchange, new_page
+    media, exchange, connected
 ) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect("driver")
+    page = await connected("p1", "driver")
     page.channel.send("one")
     await until(lambda: exchange.heard)
     assert exchange.heard[0][1] == "observer"
 
 
 async def test_oversized_and_too_many_frames_are_dropped_and_counted(
-    media, exchange, new_page
+    media, exchange, connected
 ) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+    page = await connected("p1")
     page.channel.send(" " * (MAX_BYTES + 1))
     sent = 0
 
@@ -360,11 +338,10 @@ async def test_oversized_and_too_many_frames_are_dropped_and_counted(
 
 @pytest.mark.nightly
 async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
-    media, exchange, new_page
+    media, exchange, connected
 ) -> None:
     for refusals in (300, 0):  # on two connections: a new one does not reset the limits
-        page = new_page("p1", decode=False)
-        await page.connect()
+        page = await connected("p1")
         for _ in range(450):
             page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
         await until(
@@ -380,15 +357,14 @@ async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
     refused()
     await until(lambda: exchange.byes("p1") == ["flooded", "flooded"], what="the refusal")
     await until(lambda: not refused(), 2 * FLOOD_PAUSE, what="an offer that is looked at")
-    await new_page("p1", decode=False).connect()
+    await connected("p1")
 
 
-async def test_telemetry_reaches_every_page(media, new_page) -> None:
+async def test_telemetry_reaches_every_page(media, connected) -> None:
     from robots.api.messages import Pose, Velocity
 
-    first, second = new_page("p1", decode=False), new_page("p2", decode=False)
-    await first.connect()
-    await second.connect()
+    first = await connected("p1")
+    second = await connected("p2")
     update = PoseUpdate(
         stamp=5.0, pose=Pose(x=1.0, y=2.0, theta=0.5), velocity=Velocity(linear=0.1, angular=0.0)
     )
@@ -396,7 +372,7 @@ async def test_telemetry_reaches_every_page(media, new_page) -> None:
     await until(lambda: ("pose", update) in first.messages and ("pose", update) in second.messages)
 
 
-async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -> None:
+async def test_heartbeat_sends_each_page_only_its_own_echo(media, new_page) -> None:
     pages = [new_page("p1", decode=False), new_page("p2", decode=False)]
     for page in pages:
         await page.connect()
@@ -434,9 +410,8 @@ async def test_pointer_reaches_the_other_side_alone(media, new_page) -> None:
     assert dots == [[from_screen], [], [from_driver]]
 
 
-async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, new_page) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, connected) -> None:
+    page = await connected("p1")
     viewer = media._pages._viewers["p1"]
     channel = viewer.page.channels[0]
     channel._addBufferedAmount(10_000_000)
@@ -447,43 +422,41 @@ async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, ne
 
 
 async def test_the_robot_is_full_for_observers_and_never_for_the_driver(
-    media, exchange, new_page
+    media, exchange, new_page, connected
 ) -> None:
     for number in range(3):
-        await new_page(f"p{number}", decode=False).connect()
+        await connected(f"p{number}")
     late = new_page("late", decode=False)
     media.signal("late", SdpOffer(sdp=await late.offer_sdp()))
     await until(lambda: exchange.byes("late") == ["full"])
-    await new_page("driver", decode=False).connect("driver")
+    await connected("driver", "driver")
     assert exchange.byes("p2") == ["full"], "the observer who came last makes room"
     assert media.connected == 3
 
 
-async def test_a_repeated_offer_replaces_the_connection(media, exchange, new_page) -> None:
-    await new_page("p1", decode=False).connect()
-    again = new_page("p1", decode=False)
-    await again.connect()
+async def test_a_repeated_offer_replaces_the_connection(media, exchange, connected) -> None:
+    await connected("p1")
+    again = await connected("p1")
     await until(lambda: len(again.pictures) > 3)
     assert media.connected == 1
     assert exchange.byes("p1") == [], "the page knows that it offered again"
 
 
-async def test_a_bye_frees_the_place(media, new_page) -> None:
-    await new_page("p1", decode=False).connect()
+async def test_a_bye_frees_the_place(media, connected) -> None:
+    await connected("p1")
     media.signal("p1", Bye())
     await until(lambda: media.connected == 0)
     assert media.statistics() == {}
 
 
-async def test_a_page_that_closes_its_connection_is_gone(media, exchange, new_page) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+async def test_a_page_that_closes_its_connection_is_gone(media, exchange, connected) -> None:
+    page = await connected("p1")
     await page.connection.close()
     await until(lambda: exchange.byes("p1") == ["failed"], what="the end")
     assert media.statistics() == {}
 
 
-async def test_a_page_that_never_comes_frees_its_place(
+async def test_page_that_never_connects_frees_its_place(
     media, exchange, new_page, monkeypatch
 ) -> None:
     monkeypatch.setattr(signalling, "CONNECT_TIMEOUT", 0.5)
@@ -493,15 +466,12 @@ async def test_a_page_that_never_comes_frees_its_place(
     assert media.statistics() == {}
 
 
-async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_it(
-    media, exchange, new_page, monkeypatch
-) -> None:
-    quiet, speaking = new_page("quiet", decode=False), new_page("speaking", decode=False)
-    await quiet.connect()
-    await speaking.connect()
+async def test_only_a_silent_page_frees_its_place(media, exchange, connected, monkeypatch) -> None:
+    quiet = await connected("quiet")
+    speaking = await connected("speaking")
     for page in (quiet, speaking):
         page.fall_silent()
-        media._pages._viewers[page.peer]._pictures.heard(None)
+        media._pages._viewers[page.peer]._pictures.on_report(None)
     monkeypatch.setattr(signalling, "SILENCE", 1.5)
     await until(
         lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"),
@@ -511,28 +481,25 @@ async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_
     assert exchange.byes("speaking") == []
 
 
-async def test_a_page_whose_video_can_no_longer_be_sent_is_told_and_may_connect_again(
-    media, exchange, new_page, monkeypatch, caplog
+async def test_page_gets_a_bye_when_its_video_fails_and_may_reconnect(
+    media, exchange, connected, monkeypatch, caplog
 ) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+    page = await connected("p1")
     await until(lambda: len(page.pictures) > 5)
     with monkeypatch.context() as broken:
         broken.setattr(RtpStream, "packets", lambda *_, **__: 1 / 0)
         await until(lambda: exchange.byes("p1") == ["failed"], what="a goodbye")
     assert "sender_failed" in caplog.text
     assert "ZeroDivisionError" in caplog.text
-    again = new_page("p1", decode=False)
-    await again.connect()
+    again = await connected("p1")
     await until(lambda: len(again.pictures) > 5, what="pictures again")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(
-    camera, media, new_page, monkeypatch
+async def test_camera_is_restarted_after_an_unexpected_error(
+    camera, media, connected, monkeypatch
 ) -> None:
-    page = new_page("p1", decode=False)
-    await page.connect()
+    page = await connected("p1")
     await until(lambda: len(page.pictures) > 5)
     monkeypatch.setattr(camera, "read", lambda timeout: {}["unforeseen"])
     await until(lambda: not media._camera._thread.is_alive(), what="a dead thread")
@@ -555,7 +522,7 @@ async def test_candidates_that_arrive_before_their_offer_count(media, exchange, 
     await until(lambda: len(page.pictures) > 3, what="pictures")
 
 
-async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, new_page) -> None:
+async def test_unresolvable_candidate_name_delays_nothing(media, exchange, new_page) -> None:
     page = new_page("p1", decode=False)
     sdp = await page.offer_sdp()
     unknown = (
@@ -569,11 +536,10 @@ async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, ne
     await until(lambda: len(page.pictures) > 3, what="pictures")
 
 
-async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(
-    media, exchange, new_page
+async def test_unusable_offer_is_refused_without_affecting_others(
+    media, exchange, new_page, connected
 ) -> None:
-    watcher = new_page("p0", decode=False)
-    await watcher.connect()
+    watcher = await connected("p0")
     good = await new_page("x", decode=False).offer_sdp()
     rubbish = [
         "",
@@ -629,11 +595,10 @@ async def test_offers_that_replace_one_another_leave_no_socket(
         await until(lambda: open_sockets() <= before, 3.0, "as many sockets as before")
 
 
-async def test_a_page_that_offers_too_often_is_refused_and_disturbs_nobody(
-    media, exchange, new_page
+async def test_page_that_offers_too_often_is_refused_without_affecting_others(
+    media, exchange, new_page, connected
 ) -> None:
-    watcher = new_page("p1", decode=False)
-    await watcher.connect()
+    watcher = await connected("p1")
     for number in range(40):
         media.signal("p2", SdpOffer(sdp="rubbish"))
         media.signal(f"other{number}", SdpOffer(sdp="rubbish"))
@@ -649,7 +614,7 @@ async def test_a_page_that_offers_too_often_is_refused_and_disturbs_nobody(
 
 @pytest.mark.nightly
 async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
-    media, exchange, new_page, caplog
+    media, exchange, new_page, connected, caplog
 ) -> None:
     good = (await new_page("x", decode=False).offer_sdp()).splitlines()
     generator, before = random.Random(5), open_sockets()
@@ -680,7 +645,7 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
     await until(lambda: open_sockets() <= before, 3.0, "as many sockets as before")
     assert "media_task_failed" not in caplog.text
     media.lease_changed("p1")
-    await new_page("p1").connect()
+    await connected("p1", decode=True)
 
 
 async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None:
@@ -707,9 +672,9 @@ async def test_a_media_loop_that_fails_has_ended(media, monkeypatch) -> None:
 
 
 async def test_closing_says_goodbye_and_stops_everything(
-    camera, microphone, media, exchange, new_page
+    camera, microphone, media, exchange, connected
 ) -> None:
-    await new_page("p1", decode=False).connect()
+    await connected("p1")
     await asyncio.to_thread(media.close)
     await until(lambda: exchange.byes("p1") == ["left"])
     assert not camera.running
@@ -720,9 +685,7 @@ async def test_closing_says_goodbye_and_stops_everything(
     media.telemetry("heartbeat", Heartbeat(n=1, stamp=1.0))
 
 
-async def test_a_page_that_asks_again_at_the_goodbye_is_told_it_again_and_leaves_nothing_half_done(
-    camera, exchange
-) -> None:
+async def test_offer_after_the_bye_gets_another_bye_and_leaves_no_tasks(camera, exchange) -> None:
     unknown = Candidate(
         candidate=(
             "candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"

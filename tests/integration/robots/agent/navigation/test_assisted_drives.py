@@ -1,6 +1,4 @@
-"""The assistance on a simulated robot: a laser with noise and lost beams, wheels that slip,
-odometry that drifts.
-"""
+"""Assistance on a simulated robot with noisy laser, lost beams, slip and odometry drift."""
 
 import numpy as np
 import pytest
@@ -16,8 +14,8 @@ from benchmarks.driving.assist import (
 )
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision_monitor import MONITOR
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
+from robots.agent.simulator.wire import Faults
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, MODELS
 from robots.world.sites import load_site, shipped_sites

@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.agent.navigation.navigator import Navigator
+from robots.agent.navigation.navigator import IN_VAIN, Navigator, WheelWatch
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.pose_buffer import PoseBuffer
-from robots.agent.navigation.wheels import IN_VAIN, WheelWatch
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D

@@ -6,7 +6,7 @@ from tests.support.agents.simulators import eventually
 from tests.support.agents.truth import Onlooker, SimulatorOperator
 
 
-def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_was_told() -> None:
+def test_agents_options_reach_the_simulator() -> None:
     options = {
         "plan": "clinic",
         "people": "2",

@@ -1,4 +1,4 @@
-"""The simulator as a process: the base that stands when everything above it is dead."""
+"""The simulator as a process: the base stops when the agent is dead."""
 
 import asyncio
 import os
@@ -15,8 +15,8 @@ import pytest
 from robots.agent import framing
 from robots.agent.adapters.simulator.media import MediaSocket
 from robots.agent.simulator import wire
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
+from robots.agent.simulator.wire import Faults
 from robots.world.robot_models import GIRAFF
 from tests.support.agents.simulators import (
     ROOT,
@@ -36,10 +36,30 @@ ONE_STATE = 0.02  # s between two states
 TOLERANCE = 0.12  # of a busy machine; the bound itself is watchdog + braking
 
 
-def standing_time(rows: list) -> tuple[float, float]:
-    """Return (seconds from the last nonzero velocity's arrival to the stand, speed when the brakes
-    went on).
-    """
+def run_simulator(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "robots.agent.simulator", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=patient(30),
+        check=False,
+    )
+
+
+def replies(port: int, *messages: bytes) -> bytes:
+    """Return what the simulator sends to a client until it closes the connection."""
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as client:
+        client.sendall(b"".join(messages))
+        return b"".join(iter(lambda: client.recv(65536), b""))
+
+
+def hello(role: wire.Role) -> bytes:
+    return framing.pack(wire.SimulatorHello(role))
+
+
+def time_to_rest(rows: list) -> tuple[float, float]:
+    """Return the seconds from the last nonzero velocity to rest, and the speed before braking."""
     last = max(i for i, row in enumerate(rows) if row.linear != 0.0)
     peak = max(row.linear for row in rows)
     braking = max(i for i, row in enumerate(rows) if row.linear == peak)
@@ -71,7 +91,7 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
         # what had come while the robot's own process was late
         assert last_command <= struck + tolerance + LONGEST_LAG
         assert stood - last_command <= bound + tolerance
-        duration, peak = standing_time(rows)
+        duration, peak = time_to_rest(rows)
         assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
         onlooker.close()
         if fault == signal.SIGSTOP:
@@ -101,7 +121,7 @@ def test_a_new_agent_takes_over_from_one_that_hangs() -> None:
         assert hanging.wait(timeout=40) != 0  # it was hung up on
 
 
-def test_after_its_driver_is_gone_for_good_the_process_ends_but_not_before_it_stands() -> None:
+def test_process_ends_after_its_driver_left_and_the_robot_is_at_rest() -> None:
     with simulator(*QUIET, "--linger", "0.05") as robot:
         with driving_agent(robot.address) as agent:
             onlooker = robot.onlooker()
@@ -153,7 +173,7 @@ def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) ->
 
 
 @pytest.mark.nightly
-def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
+def test_frames_are_drawn_only_while_there_are_viewers() -> None:
     with simulator("--linger", "30") as robot:
         line = MediaSocket(("127.0.0.1", robot.port), "camera")
         numbers = []
@@ -187,12 +207,9 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
             b"GET / HTTP/1.1\r\n\r\n",
             framing.pack(wire.DriveOrder(0.5, 0.0)),
             b"\x00\x00\x00\x02xx",
-            framing.pack(wire.SimulatorHello("observer")) * 2,
+            hello("observer") * 2,
         ):
-            with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as stranger:
-                stranger.sendall(nonsense)
-                data = b"".join(iter(lambda s=stranger: s.recv(4096), b""))
-                assert b"Refused" in data
+            assert b"Refused" in replies(robot.port, nonsense)
         assert onlooker.truth().linear == 0.0
         onlooker.close()
 
@@ -217,7 +234,7 @@ def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
 
 
 @pytest.mark.nightly
-def test_people_walk_about_and_an_observer_is_told_where() -> None:
+def test_observer_gets_the_places_of_walking_people() -> None:
     with simulator(*QUIET, "--people", "2") as robot:
         onlooker = robot.onlooker()
         before = onlooker.truth().people
@@ -237,27 +254,19 @@ def test_a_number_that_cannot_be_is_refused_with_a_sentence(arguments: tuple[str
 
 def test_an_observer_cannot_drive() -> None:
     with simulator(*QUIET) as robot:
-        with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as observer:
-            observer.sendall(
-                framing.pack(wire.SimulatorHello("observer"))
-                + framing.pack(wire.DriveOrder(0.5, 0.0))
-            )
-            assert b"Refused" in b"".join(iter(lambda: observer.recv(4096), b""))
+        order = framing.pack(wire.DriveOrder(0.5, 0.0))
+        assert b"Refused" in replies(robot.port, hello("observer"), order)
         onlooker = robot.onlooker()
         assert onlooker.truth().commanded == (0.0, 0.0)
         onlooker.close()
 
 
-def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands() -> None:
+def test_non_finite_velocity_closes_the_connection_and_stops_the_base() -> None:
     with simulator(*QUIET) as robot:
         onlooker = robot.onlooker()
         for bad in (float("nan"), float("inf")):
-            with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as driver:
-                driver.sendall(
-                    framing.pack(wire.SimulatorHello("driver"))
-                    + framing.pack(wire.DriveOrder(bad, 0.0))
-                )
-                assert b"Refused" in b"".join(iter(lambda s=driver: s.recv(65536), b""))
+            order = framing.pack(wire.DriveOrder(bad, 0.0))
+            assert b"Refused" in replies(robot.port, hello("driver"), order)
         assert onlooker.truth().linear == 0.0
         onlooker.close()
 
@@ -275,39 +284,25 @@ def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands
 def test_a_robot_that_cannot_be_is_refused_with_one_sentence(
     arguments: tuple[str, ...], words: str
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "robots.agent.simulator", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=patient(30),
-        check=False,
-    )
+    done = run_simulator(*arguments)
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_busy_port_is_said_in_one_sentence() -> None:
+def test_busy_port_is_reported_in_one_sentence() -> None:
     with simulator(*QUIET) as robot:
-        done = subprocess.run(
-            [sys.executable, "-m", "robots.agent.simulator", "--listen", robot.address, *QUIET],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            timeout=patient(30),
-            check=False,
-        )
+        done = run_simulator("--listen", robot.address, *QUIET)
         assert done.returncode == 1
         assert "cannot listen" in done.stderr
 
 
-def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> None:
+def test_client_that_does_not_read_costs_no_memory_and_delays_no_other() -> None:
     with (
         simulator(*QUIET) as robot,
         socket.create_connection(("127.0.0.1", robot.port), timeout=5) as deaf,
     ):
-        deaf.sendall(framing.pack(wire.SimulatorHello("driver")))
+        deaf.sendall(hello("driver"))
         onlooker = robot.onlooker()
         begun = onlooker.truth().stamp
         assert eventually(lambda: onlooker.truth().stamp > begun + 1.5, 10.0)
@@ -317,15 +312,15 @@ def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> No
 
 
 def test_everything_is_closed_when_a_loop_ends_early() -> None:
-    async def visit(port: int) -> None:
+    async def greet(port: int) -> None:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(framing.pack(wire.SimulatorHello("observer")))
+        writer.write(hello("observer"))
         writer.close()
         await writer.wait_closed()
 
     with simulator(*QUIET) as robot:
         for _ in range(20):
-            asyncio.run(visit(robot.port))
+            asyncio.run(greet(robot.port))
         onlooker = robot.onlooker()
         assert onlooker.truth().docked is False
         onlooker.close()

@@ -1,14 +1,13 @@
-"""Every adapter, with every end of what stands on its way: how old an order moves the robot, when
-it stands, when it drives again.
+"""Every adapter, with every part between agent and robot ended: how old a velocity moves the robot,
+when it stops, and when it drives again.
 
 The agent and its driver are a process in a network of its own, joined to the robot's architecture
 by a cable. `pytest -m soak -s` prints the table. What stops a base whose agent is dead is its own
 watchdog, half a second here: that of ROS's diff_drive_controller (`cmd_vel_timeout`), and for MOOS
 what connect-a-robot.md asks for. OpenMORA's MQTTMosquitto (CMQTTMosquitto::Iterate) needs up to a
 second, and stops at once when its broker reports the agent's death.
-OpenMORA's own program of the Giraff has none (CRobotGiraffApp::Iterate repeats the last velocity);
-the row without a watchdog is that one: it runs on for as long as nobody can tell it anything, and
-stands as soon as somebody can.
+OpenMORA's own program of the Giraff has none (CRobotGiraffApp::Iterate repeats the last velocity):
+the row without a watchdog moves until it is connected again.
 """
 
 import contextlib

@@ -1,8 +1,7 @@
-"""A robot control architecture that hangs for four seconds while it is driven, and goes on: what it
-was told then is not obeyed.
+"""A robot control architecture that hangs for four seconds while it is driven, and resumes, does
+not obey velocities of that time.
 
-The process that takes the adapter's orders is stopped by a signal, so that its sockets go on to
-receive, as those of a real one.
+The process that receives them is stopped by a signal, so that its sockets still receive.
 """
 
 import time

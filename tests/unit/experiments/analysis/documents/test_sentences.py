@@ -20,7 +20,7 @@ GROUPS = [ComparedSide({"a": 1.0, "b": 3.0}), ComparedSide({"a": 0.5, "b": 1.5})
 
 def said(test, corrected=0.0486, groups=GROUPS):
     body = (compared("path", groups, test, corrected),)
-    table = Table("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
+    table = Table.of("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
     (sentence,) = sentences_of(table, 0.05)
     return sentence
 
@@ -39,15 +39,17 @@ def test_the_corrected_value_decides_what_is_significant():
 
 def test_the_alpha_of_the_plan_decides_what_is_significant():
     body = (compared("path", GROUPS, FOUND, 0.0486),)
-    table = Table("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
+    table = Table.of("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
     for alpha, verdict in ((0.05, "a significant"), (0.01, "no significant")):
         (sentence,) = sentences_of(table, alpha)
         assert f"showed {verdict} difference" in sentence.text
 
 
 def test_a_test_of_hypotheses_has_a_sentence_for_each_with_p_in_its_family():
-    body = ((words("path"), *compared("slow - fast", GROUPS, FOUND, 0.2)),)
-    table = Table("analysis-a", "T.", ("Measure", "Contrast", *head_of(("first", "second"))), body)
+    body = (("path", *compared("slow - fast", GROUPS, FOUND, 0.2)),)
+    table = Table.of(
+        "analysis-a", "T.", ("Measure", "Contrast", *head_of(("first", "second"))), body
+    )
     decisions = {("analysis-a", "path", "slow - fast"): [("h1", 0.031), ("h2", 0.06)]}
     first, second = sentences_of(table, 0.05, decisions)
     assert first.text.startswith("h1, path, slow - fast: A paired t test showed a significant")
@@ -73,10 +75,10 @@ def test_p_has_three_decimals_and_no_zero_before_the_point(p, text):
     assert probability(p) == text
 
 
-def test_what_cannot_exceed_one_has_no_zero_before_the_point():
+def test_values_that_cannot_exceed_one_have_no_zero_before_the_point():
     test = correlation(np.arange(9.0), np.array([2.0, 1, 3, 5, 4, 6, 9, 7, 8]) * -1.0)
-    row = (words("loss"), words("speed"), *rows.tested(test, test.p))
-    table = Table("n", "N.", ("Of the network", "Of the driving", *TESTED), (row,))
+    row = ("loss", "speed", *rows.tested(test, test.p))
+    table = Table.of("n", "N.", ("Of the network", "Of the driving", *TESTED), (row,))
     (sentence,) = sentences_of(table, 0.05)
     assert sentence.text.startswith(
         "loss, speed: Spearman’s rank correlation showed a significant relation, r_s(7) = −.92"
@@ -98,7 +100,7 @@ def test_degrees_of_freedom_and_n_stand_where_the_apa_wants_them():
 
 
 def test_a_row_without_a_test_has_no_sentence():
-    table = Table(
+    table = Table.of(
         "c", "T.", ("Metric", *head_of(("slow", "fast"))),
         (compared("path", GROUPS, Found("–", 0, remark="too few"), float("nan")),),
     )  # fmt: skip

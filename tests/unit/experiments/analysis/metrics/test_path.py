@@ -119,7 +119,7 @@ def test_wheels_that_spin_at_a_wall_drive_nowhere():
     x = np.where(at < 40.0, 0.3 * at, np.where(at < 60.0, 12.0, 12.0 + 0.3 * (at - 60.0)))
     found = driven(noisy(np.column_stack((x, 0.0 * x))), wheels)
     assert found.by_odometry
-    # Of five seconds that slipped in part, up to a third is not told from noise.
+    # When the robot slips in part of five seconds, up to a third looks like noise.
     assert found.slipped == pytest.approx(6.0, abs=0.6)
     assert found.length == pytest.approx(x[-1], abs=0.6)
 

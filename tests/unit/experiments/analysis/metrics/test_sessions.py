@@ -83,7 +83,7 @@ def test_the_segments_of_a_completed_task_fill_its_time():
             )
 
 
-def test_nobody_drives_less_than_the_shortest_way():
+def test_no_driven_distance_is_below_the_shortest_path():
     found = [
         one.values["efficiency"] for one in MEASURED if not math.isnan(one.values["efficiency"])
     ]

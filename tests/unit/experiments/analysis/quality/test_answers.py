@@ -3,8 +3,13 @@ import dataclasses
 import msgspec
 import pytest
 
-from experiments.analysis.quality.answers import answer_flags, speeding, straight_lining
-from experiments.analysis.quality.flags import flags_of, network_flags
+from experiments.analysis.quality import (
+    answer_flags,
+    flags_of,
+    network_flags,
+    speeding,
+    straight_lining,
+)
 from experiments.dataset.records import (
     Dataset,
     PageRecord,

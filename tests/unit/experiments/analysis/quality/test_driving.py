@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.analysis.quality.driving import (
+from experiments.analysis.quality import (
     frozen_video,
     input_lengths,
     never_moved,

@@ -82,7 +82,7 @@ def kendalls_w(table):
     return 12.0 * ((sums - sums.mean()) ** 2).sum() / (n**2 * (k**3 - k))
 
 
-def test_several_conditions_of_the_same_participants_have_friedmans_test_and_kendalls_w():
+def test_several_within_conditions_are_compared_by_friedmans_test_and_kendalls_w():
     table = np.random.default_rng(6).normal((0.0, 1.0, 2.0), 1.0, (11, 3))
     expected = stats.friedmanchisquare(*table.T)
     found = several_ranked_within(table)

@@ -1,6 +1,4 @@
-"""What is planted in answers and driving is found in the tables that researchers read; where
-nothing is planted little is.
-"""
+"""The tables show the effects planted in answers and driving, and few others."""
 
 import functools
 import math

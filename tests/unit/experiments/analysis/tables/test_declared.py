@@ -205,7 +205,7 @@ def test_the_papers_study_compares_doors_within_a_robot():
         ("task_time", "Giraff: laboratory door closed − all doors open", "Welch t", "20"),
         ("task_time", "Giraff: living room door closed − all doors open", "Welch t", "20"),
     ]
-    assert all(row[2:] == ("–", "0") for row in task_time[2:])  # nobody was invited to Rhodon
+    assert all(row[2:] == ("–", "0") for row in task_time[2:])  # no invitations to Rhodon
     for one in PAPER.analyses:
         for contrast in one.contrasts:
             robots = {PAPER.condition(key).robot for key in (*contrast.first, *contrast.second)}
@@ -218,7 +218,7 @@ def crossing(coding="treatment", **more):
     return study_of({**model, "effects": effects, "coding": coding, **more})
 
 
-def test_a_main_effect_is_the_average_over_the_other_factor_whatever_coding_is_printed():
+def test_a_main_effect_averages_over_the_other_factor_with_any_printed_coding():
     """A pure interaction: delay takes 10 s more alone, and 10 s less with help."""
     rng = np.random.default_rng(6)
     noise = rng.normal(0.0, 3.0, (20, 4))
@@ -336,7 +336,7 @@ def test_success_is_a_proportion_that_is_tested_between_and_within():
     assert rows(table, "Test", "n tested") == [("N−1 χ²", "20")]
 
 
-def test_success_on_sides_of_several_conditions_is_a_logistic_regression_by_participants():
+def test_success_in_sets_of_conditions_is_a_logistic_regression_by_participants():
     study = study_of(
         {"key": "d", "measures": ["completed"], "test": "proportions", "contrasts": [CONTRAST]}
     )

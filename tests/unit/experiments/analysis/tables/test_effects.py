@@ -145,7 +145,7 @@ def test_every_session_with_a_known_delay_falls_into_one_class():
     assert cell(table, row(table, "control way", "datachannel"), "Sessions") > 0
 
 
-def test_what_visitors_learn_is_the_difference_of_the_same_visitors():
+def test_learning_is_the_difference_within_visitors():
     rng = np.random.default_rng(37)
     first = rng.normal(100.0, 20.0, 15)
     second = first - rng.normal(10.0, 2.0, 15)

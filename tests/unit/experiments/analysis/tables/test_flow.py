@@ -1,4 +1,4 @@
-"""Nobody is lost from the flow, and the funnel says where people left."""
+"""The flow counts every participant, and the funnel shows where they left."""
 
 import itertools
 from dataclasses import replace
@@ -96,7 +96,7 @@ def test_no_finisher_is_said_not_to_have_continued():
     assert dict(lines(table))["left: finished without a drive"] == 1
 
 
-def test_what_the_platform_ended_counts_nowhere_and_the_flow_says_how_often_and_why():
+def test_drives_ended_by_the_platform_are_only_counted_in_the_flow():
     found = counting(every_ending())
     assert "1 session (platform fault: web process away)" in " ".join(flow(found).notes)
     row = next(row for row in flow(found).rows if row[2].text.startswith("excluded: platform"))
@@ -153,7 +153,7 @@ def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
     assert found["docked"] == [0, 0, 0, None]
 
 
-def test_who_arrives_at_the_last_page_has_gone_on():
+def test_participants_on_the_last_page_did_not_leave():
     (last,) = (row for row in funnel(counting(every_ending()), []).rows if row[0].text == "Bye")
     assert (last[1].value, last[2].value, last[3].value) == (5, 5, 0)
 

@@ -13,7 +13,7 @@ from scipy import stats
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.response_selection import counted
+from experiments.analysis.tables.scored_responses import counted
 from experiments.analysis.tables.table import (
     NOTHING,
     Table,
@@ -127,7 +127,7 @@ def table_5_of_scores(scores, interval):
     )
 
 
-def test_nobody_who_answered_gives_a_table_of_dashes():
+def test_a_questionnaire_without_answers_gives_a_table_of_dashes():
     found = table_5(answered())
     assert len(found.rows) == 13
     assert {cell.text for row in found.rows for cell in row[1:]} == {NOTHING, "0"}

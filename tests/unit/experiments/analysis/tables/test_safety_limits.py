@@ -97,7 +97,7 @@ def test_a_condition_with_young_commands_gets_no_such_sentence():
     assert len(table(slowed=0.1, too_old=0.1, allowed=0.4).notes) == 1
 
 
-def test_what_a_robot_does_not_say_is_unknown_and_no_error():
+def test_values_that_a_robot_does_not_report_are_unknown():
     found = table(slowed=0.0, too_old=0.0, allowed=0.0, known=False)
     values = cells(found, 1)
     assert values["% slowed"] is None

@@ -1,6 +1,4 @@
-"""What is written in a profile counts, or is refused with the name that was meant; and a watchdog
-is what the profile states.
-"""
+"""Every key of a profile is used, or refused with the closest name, and has a watchdog."""
 
 import math
 

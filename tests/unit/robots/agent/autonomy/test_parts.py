@@ -1,6 +1,4 @@
-"""The small parts of autonomy: whereabouts, perceptions, and the wire between control loop and
-mind.
-"""
+"""Pose extrapolation, snapshots, and the wire to the navigation process."""
 
 import math
 import socket

@@ -2,8 +2,8 @@
 
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
+    KNOCK_REPORTED,
     KNOCK_RINGS,
-    KNOCK_TOLD,
     NOTHING,
     RINGS,
     CallControl,
@@ -32,7 +32,7 @@ def test_without_a_call_nothing_passes():
     assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
 
 
-def test_where_the_owner_says_so_a_visitor_is_through_at_once():
+def test_rule_accept_lets_a_visitor_through_at_once():
     calls = CallControl()
     calls.ask(call(video=False, volume=0.5), lease(), 0.0)
     assert status(calls) == "accepted"
@@ -54,7 +54,7 @@ def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
     assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
 
 
-def test_where_somebody_must_answer_nothing_passes_until_they_do():
+def test_rule_ask_lets_no_media_through_before_an_answer():
     calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
@@ -72,7 +72,7 @@ def test_a_call_that_nobody_answers_says_so_and_may_still_be_answered():
     assert status(calls, now=RINGS + 2) == "accepted"
 
 
-def test_who_is_declined_is_cut_off_and_rings_again_only_after_hanging_up():
+def test_declined_visitor_is_cut_off_and_rings_again_only_after_hanging_up():
     calls = CallControl()
     calls.ask(call(), lease(), 0.0)
     calls.answer(accept=False, lease=lease(), now=1.0)
@@ -99,7 +99,7 @@ def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
     assert status(calls, other, 4.0) == "ringing"
 
 
-def test_nobody_passes_when_the_lease_is_gone():
+def test_no_media_passes_without_a_lease():
     calls = CallControl()
     calls.ask(call(), lease(), 0.0)
     assert calls.passing(None, 0.0) == NOTHING
@@ -125,7 +125,7 @@ def test_a_knock_rings_until_somebody_answers_or_nobody_does():
     assert knocking(calls, KNOCK_RINGS + 1) == ("k1", "unanswered")
     assert calls.answer_knock("k1", accept=True, lease=lease(), now=KNOCK_RINGS + 2) is None
     assert knocking(calls, KNOCK_RINGS + 3) == ("k1", "answered")
-    assert knocking(calls, KNOCK_TOLD + 1) is None
+    assert knocking(calls, KNOCK_REPORTED + 1) is None
 
 
 def test_a_knock_sends_nothing_but_whoever_answers_it_lets_the_visitor_through():
@@ -164,7 +164,7 @@ def test_knocks_of_all_drivers_together_have_a_pause_between_them():
     assert knocking(calls, KNOCK_PAUSE, lease("s2")) == ("k4", "ringing")
 
 
-def test_where_nobody_can_hear_it_nobody_knocks():
+def test_knock_without_display_and_loudspeaker_is_refused():
     calls = CallControl()
     assert knock(calls, audible=False) == "nobody_there"
     assert calls.knock("k1", None, 0.0, audible=True) == "nobody_there"
@@ -176,7 +176,7 @@ def test_only_the_knock_that_rings_is_answered():
     calls = CallControl()
     knock(calls)
     answers = [("k2", lease(), 1.0), ("k1", lease("s2"), 1.0), ("k1", None, 1.0)]
-    answers.append(("k1", lease(), KNOCK_TOLD + 1))
+    answers.append(("k1", lease(), KNOCK_REPORTED + 1))
     for name, of, now in answers:
         assert calls.answer_knock(name, accept=True, lease=of, now=now) == "nobody_knocks"
     assert knocking(calls, 1.0) == ("k1", "ringing")

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from robots.agent.broker_link.reconnection import SPREAD, Reconnection
-from robots.agent.control import attention, reports
+from robots.agent.control import dispatcher, reports
 from robots.api import messages as m
 from robots.api.idle import WATCHER, is_news
 from tests.support.agents.control_rig import ControlRig, staff
@@ -19,7 +19,7 @@ SETTLED = 1.5  # s after which a robot that has just started is idle
 
 @pytest.fixture
 def rig(tmp_path, monkeypatch):
-    monkeypatch.setattr(attention, "INTEREST_SECONDS", INTEREST)
+    monkeypatch.setattr(dispatcher, "INTEREST_SECONDS", INTEREST)
     monkeypatch.setattr(reports, "IDLE_STATE_SECONDS", SILENCE)
     with ControlRig(tmp_path) as rig:
         yield rig
@@ -94,7 +94,7 @@ CHANGES = (
 )
 
 
-def test_what_somebody_would_act_on_is_said_at_once_and_a_small_change_is_not(idle):
+def test_important_change_is_reported_at_once_and_a_small_one_is_not(idle):
     small = still(
         pose=m.Pose(x=1.1, y=2.0, theta=0.6),
         battery=m.Battery(charge=0.795, voltage=25.1, charging=False),

@@ -53,7 +53,7 @@ def test_stops_of_all_pages_come_before_everything_else() -> None:
     ]
 
 
-def test_what_a_page_said_before_its_stop_moves_nothing_after_it() -> None:
+def test_stop_voids_earlier_motion_of_its_page() -> None:
     loop = Loop()
     goto = Goto(action_id="g1", stamp=1.0, x=1.0, y=2.0)
     stop, cancel = Stop(action_id="s1", stamp=1.0), Cancel(action_id="c1", stamp=1.0)
@@ -65,7 +65,7 @@ def test_what_a_page_said_before_its_stop_moves_nothing_after_it() -> None:
     assert rejected == {"stopped": 2}
 
 
-def test_what_one_page_wants_is_heard_in_the_order_in_which_it_was_said() -> None:
+def test_commands_of_one_page_keep_their_order() -> None:
     loop = Loop()
     goto = Goto(action_id="g1", stamp=1.0, x=1.0, y=2.0)
     for said in (velocity(1), Cancel(action_id="c1", stamp=1.0), goto, velocity(2)):
@@ -95,7 +95,7 @@ def test_a_page_has_room_for_some_actions_and_takes_no_other_pages_room() -> Non
     assert rejected == {"too_many": 100 - ACTIONS_WAITING}
 
 
-def test_what_could_not_be_read_is_counted_and_not_kept() -> None:
+def test_unreadable_packets_are_counted_and_not_kept() -> None:
     loop = Loop()
     for _ in range(1000):
         loop.ingress.put("p1", "driver", Rejection("malformed"))

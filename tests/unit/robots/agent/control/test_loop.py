@@ -603,9 +603,7 @@ def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
 
 
 class NavigatedRobot(ScriptedRobot):
-    """A robot with a laser whose architecture assists by itself, and for which our own navigation
-    looks for the way.
-    """
+    """A robot with a laser whose RCA assists, and which our navigation drives."""
 
     def __post_init__(self):
         super().__post_init__()

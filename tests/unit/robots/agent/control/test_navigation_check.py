@@ -1,6 +1,4 @@
-"""What stops the robot's own navigation when the agent is lost, as `run_robot NAME --check`
-determines it.
-"""
+"""What stops the robot's own navigation without the agent (`run_robot NAME --check`)."""
 
 import asyncio
 import dataclasses

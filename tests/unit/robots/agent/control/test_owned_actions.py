@@ -1,6 +1,4 @@
-"""An action that moves the robot is the agent's until the RCA has confirmed its end, in every state
-and for every fault.
-"""
+"""The agent owns a moving action until the RCA confirms its end, whatever fails."""
 
 from dataclasses import replace
 

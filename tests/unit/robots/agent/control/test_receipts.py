@@ -8,16 +8,16 @@ from robots.agent.control.receipts import KEPT, Receipts
 @pytest.fixture
 def receipts():
     made = Receipts()
-    made.said("a1", "s1")
+    made.sent("a1", "s1")
     return made
 
 
-def test_nothing_is_known_of_words_before_a_display_says_so(receipts):
+def test_words_have_no_receipt_before_a_display_confirms_them(receipts):
     assert receipts.of("a1") is None
     assert receipts.of("never said") is None
 
 
-def test_what_is_known_only_grows(receipts):
+def test_better_receipt_replaces_a_worse_one_and_never_the_reverse(receipts):
     said = [
         receipts.confirm("a1", state, "s1")
         for state in ("shown", "shown", "not_spoken", "spoken", "not_spoken", "shown")
@@ -35,6 +35,6 @@ def test_words_that_nobody_said_or_of_another_session_are_not_confirmed(receipts
 
 def test_only_the_newest_words_are_remembered(receipts):
     for number in range(KEPT):
-        receipts.said(f"b{number}", "s1")
+        receipts.sent(f"b{number}", "s1")
     assert receipts.confirm("a1", "shown", "s1") == ("unknown_words", False)
     assert receipts.confirm("b0", "shown", "s1") == ("", True)

@@ -64,7 +64,7 @@ def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, 
         (at_screen(), CommandSender("datachannel", "p2", role="driver"), "observer"),
     ],
 )
-def test_nobody_else_does_whatever_they_say_of_themselves(command, sender, reason):
+def test_others_cannot_point_whatever_role_they_claim(command, sender, reason):
     pointing = Pointing()
     assert take(pointing, command, sender) is None
     assert pointing.refused == {reason: 1}
@@ -80,7 +80,7 @@ def test_a_way_that_a_study_keeps_its_driver_from_is_no_way_for_dots_either():
     assert pointing.refused == {"not_allowed": 1}
 
 
-def test_what_is_overtaken_is_dropped_until_a_clock_may_have_been_set():
+def test_overtaken_dot_is_dropped_until_a_clock_may_have_been_set():
     pointing = Pointing()
     assert take(pointing, dot(100.0)) == "driver"
     assert take(pointing, dot(99.9), now=0.1) is None

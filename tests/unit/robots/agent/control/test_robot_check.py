@@ -1,6 +1,4 @@
-"""A robot tried with its wheels off the ground: what its readings say, and when its base stops
-without its agent. Its navigation is tried in test_navigation_check.py.
-"""
+"""A robot tested with its wheels off the ground: its readings and its base's watchdog."""
 
 import asyncio
 import dataclasses
@@ -28,9 +26,7 @@ NEVER = 1e9
 
 
 class Base(ScriptedRobot):
-    """A robot whose odometry says what its base does: the last velocity until its watchdog strikes,
-    after `watchdog` seconds.
-    """
+    """A robot whose base keeps the last velocity for `watchdog` seconds."""
 
     def __init__(self, time, watchdog, stuck=False):
         super().__init__(
@@ -102,7 +98,7 @@ def test_a_base_keeps_its_watchdog_up_to_what_can_be_measured(measured, is_well)
     assert verdict(measured, 0.5, CheckParams())[0] is is_well
 
 
-def test_what_is_missing_is_named():
+def test_missing_data_is_named():
     state = still(battery=UNKNOWN_BATTERY, estop=True, errors=("laser disconnected",))
     lines = reported([state] * 30, ("velocity", "scan"), 3.0)
     assert (True, "Battery: unknown.") in lines

@@ -23,9 +23,7 @@ def equipped(adapter, **arguments):
 
 @pytest.fixture
 def giraff():
-    """The paper's Giraff, whose architecture gives velocities and readings, and nothing to see or
-    hear.
-    """
+    """The paper's Giraff, whose architecture has no camera, microphone or loudspeaker."""
     return registry.create("moos", "giraff")
 
 

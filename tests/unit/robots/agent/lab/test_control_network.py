@@ -1,6 +1,4 @@
-"""A worse network for the driver's commands, in the control loop as it is: held, lost, reported;
-and what never is.
-"""
+"""An emulated network for the driver's commands in the control loop."""
 
 import statistics
 

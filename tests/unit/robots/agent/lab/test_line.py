@@ -1,6 +1,4 @@
-"""The bad line as decisions: order, rate, chance, and that the same seed and the same arrivals end
-in the same fates.
-"""
+"""The emulated network: order, rate, chance, and reproducible fates."""
 
 import functools
 import itertools

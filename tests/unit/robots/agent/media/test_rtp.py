@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from robots.agent.media.rtp import (
     ASKED_AGAIN,
     HISTORY,
-    ClockTeller,
     ExtensionIds,
+    MediaClockSender,
     RtpClock,
     RtpStream,
     capture_stamp,
@@ -48,15 +48,15 @@ def test_a_page_computes_the_stamp_across_the_wrap_of_32_bits() -> None:
     assert capture_stamp(clock, 2**32 - 90_000) == NOW - 0.5
 
 
-def test_the_clock_is_told_once_a_second_and_when_it_does_not_fit_any_more() -> None:
-    teller = ClockTeller()
-    assert teller.tell(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
-    assert teller.tell(45_000, NOW + 0.5, 0.5) is None
-    assert teller.tell(90_000, NOW + 1.0, 1.0) is not None
-    assert teller.tell(93_000, NOW + 3600.0, 1.03) is not None, "the robot's clock was set"
-    assert teller.tell(96_000, NOW + 3600.0 + 3_000 / 90_000, 1.07) is None
-    teller.forget()
-    assert teller.tell(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
+def test_media_clock_is_sent_every_second_and_when_it_no_longer_fits() -> None:
+    sender = MediaClockSender()
+    assert sender.before(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
+    assert sender.before(45_000, NOW + 0.5, 0.5) is None
+    assert sender.before(90_000, NOW + 1.0, 1.0) is not None
+    assert sender.before(93_000, NOW + 3600.0, 1.03) is not None, "the robot's clock was set"
+    assert sender.before(96_000, NOW + 3600.0 + 3_000 / 90_000, 1.07) is None
+    sender.forget()
+    assert sender.before(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
 
 
 @examples(50, thorough=1000)
@@ -94,7 +94,7 @@ def test_header_extensions_are_read_back(
     assert raw[16 + 4 * words :] == b"data"
 
 
-def test_only_what_was_agreed_stands_in_the_header() -> None:
+def test_header_has_only_the_agreed_extensions() -> None:
     assert extension_block(ExtensionIds(), "0") == b""
     stream = RtpStream(ssrc=5, payload_type=97, sequence=9)
     assert RtpPacket.parse(stream.packets((b"x",), 1, NOW)[0]).payload == b"x"

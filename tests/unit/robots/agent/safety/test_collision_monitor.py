@@ -113,9 +113,7 @@ def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
 
 
 class Scripted:
-    """A shaper that answers what the test says, as assist.Assisted has it, and remembers what it
-    was asked.
-    """
+    """A shaper that returns what the test says, and records its calls."""
 
     def __init__(self, turn=0.0, share=1.0):
         self.turn, self.share, self.asked = turn, share, []
@@ -186,7 +184,7 @@ def test_ramp_leads_a_base_that_takes_less_by_a_third_of_a_second_at_most():
     )
 
 
-def test_who_lets_go_is_braked_on_the_course_that_was_looked_at_and_nothing_is_added():
+def test_released_robot_brakes_on_the_checked_course_without_an_added_turn():
     made = bench(Scripted(turn=0.2))
     made.run(1.5, every=0.06, linear=0.4)
     asked = len(made.kernel.monitor.asked)
@@ -196,7 +194,7 @@ def test_who_lets_go_is_braked_on_the_course_that_was_looked_at_and_nothing_is_a
     assert made.kernel.commanded == ZERO
 
 
-def test_what_the_agents_own_navigation_wants_is_not_shaped():
+def test_velocity_of_the_agents_own_navigation_is_not_shaped():
     made = bench(Scripted(share=0.0))
     made.run(1.0)
     made.kernel.navigate("g", "goto", ordered_by_server=True, now=made.now)

@@ -47,7 +47,7 @@ def test_every_direction_is_on_one_side(bearing, side):
 
 
 @given(SIDE_SETS, VELOCITIES)
-def test_nothing_moves_towards_what_is_touched_and_nothing_is_added(sides, velocity):
+def test_no_velocity_is_towards_a_contact_and_none_is_added(sides, velocity):
     contacts = Contacts()
     contacts.felt(sides)
     left = contacts.clamp(velocity)
@@ -74,7 +74,7 @@ def test_a_driver_backs_away_from_any_one_contact_and_is_free_again(side):
     assert not contacts
 
 
-def test_who_goes_back_and_touches_something_may_only_go_on():
+def test_contact_while_reversing_allows_only_forward_motion():
     bench = Bench()
     bench.at_speed(-0.3)
     bench.kernel.touched(["behind"])
@@ -83,7 +83,7 @@ def test_who_goes_back_and_touches_something_may_only_go_on():
     assert bench.run(0.3, every=0.06, linear=0.3) > 0.0
 
 
-def test_what_hits_a_standing_robot_beside_keeps_it_from_turning_until_it_has_driven_along():
+def test_contact_beside_a_robot_at_rest_prevents_turns_until_it_has_driven_along():
     bench = Bench()
     bench.lease()
     bench.know_clock()

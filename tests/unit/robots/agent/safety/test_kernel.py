@@ -1,6 +1,4 @@
-"""The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at
-once.
-"""
+"""The kernel's rules, one by one; test_safety_properties.py combines them."""
 
 import msgspec
 import pytest
@@ -451,7 +449,7 @@ def test_a_repeated_stop_is_one_stop(bench):
         {"way": "mqtt", "role": "observer"},
     ],
 )
-def test_somebody_elses_stop_holds_the_robot_until_the_driver_lets_go(bench, how):
+def test_stop_by_another_holds_the_robot_until_the_driver_releases(bench, how):
     bench.run(2.0, every=0.06, linear=0.5)
     bench.stop(**how)
     bench.run(2.0, every=0.06, linear=0.5)
@@ -672,7 +670,7 @@ def test_an_estop_that_was_held_when_the_agent_ended_is_held_when_it_begins():
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
-def test_what_the_robots_screen_has_stopped_on_either_way_the_screen_lets_go(bench, way):
+def test_screen_releases_its_own_estop_on_either_transport(bench, way):
     stop = m.EStop(
         action_id="e1",
         stamp=bench.unix,
@@ -799,7 +797,7 @@ def test_the_servers_clock_counts_once_it_is_known(bench):
     assert bench.ask(m.Photo(action_id="a1", stamp=bench.unix - 500.0, role="staff")) is None
 
 
-def test_what_the_robot_cannot_do_is_refused():
+def test_action_beyond_the_capabilities_is_refused():
     bench = Bench()
     bench.kernel.capabilities = frozenset({"velocity"})
     bench.lease()
@@ -807,7 +805,7 @@ def test_what_the_robot_cannot_do_is_refused():
     assert bench.ask(goto(bench)) == "unsupported"
 
 
-def test_nothing_moves_by_itself_under_an_estop_a_stop_or_a_fault(bench):
+def test_estop_stop_or_fault_prevents_navigation(bench):
     bench.stop(peer="p2")
     assert bench.ask(goto(bench)) == "stopped"
     bench.estop()
@@ -822,7 +820,7 @@ def test_manual_input_cancels_navigation_and_a_zero_does_not(bench):
     assert bench.kernel.drain_cancelled() == [("g1", "manual")]
 
 
-def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_and_robot(bench):
+def test_navigation_in_the_agent_is_ramped_within_limits_of_lease_and_robot(bench):
     bench.run(2.0)
     bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.2, angular=0.3))
     bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
@@ -892,7 +890,7 @@ def test_return_to_the_dock_goes_on_while_the_server_sends_heartbeats(bench, ans
 
 
 @pytest.mark.parametrize("order", [m.Tilt, m.Relocalize, m.Photo, m.Dock])
-def test_what_the_server_orders_between_two_visits_needs_no_lease(bench, order):
+def test_server_orders_between_sessions_need_no_lease(bench, order):
     assert (
         bench.ask(
             order(

@@ -1,6 +1,4 @@
-"""What each kind of sensor tells the collision monitor, what its loss means, and how fast a robot
-moves where no sensor observes.
-"""
+"""The sensors of the collision monitor, their loss, and speeds where none observes."""
 
 import math
 from dataclasses import replace
@@ -100,7 +98,7 @@ def test_an_echo_may_come_from_anywhere_on_its_arc():
     assert np.diff(arc[:, 1]).max() <= SonarSource.SPACING
 
 
-def test_what_is_too_near_to_be_measured_is_taken_to_be_half_so_near_so_that_a_robot_gets_away():
+def test_echo_below_the_nearest_distance_counts_at_half_of_it():
     assert np.allclose(np.hypot(*(Ear(FRONT).hear(0.05) - (0.3, 0.0)).T), 0.025)
 
 
@@ -111,14 +109,14 @@ def test_one_echo_that_is_lost_takes_nothing_away_and_two_do():
     assert len(ear.hear(None)) == 0
 
 
-def test_what_has_come_between_two_cones_is_still_known():
+def test_point_between_two_cones_is_kept():
     ear = Ear(FRONT)
     ear.hear(0.5)
     kept = ear.hear(2.0, at=Pose2D(0.3, 0.0, 1.2))
     assert any(math.hypot(x, y) < 0.6 for x, y in kept)
 
 
-def test_what_was_heard_long_ago_is_forgotten_by_the_way_driven_and_not_by_time():
+def test_echo_is_forgotten_by_distance_driven_and_not_by_time():
     ear = Ear(FRONT)
     ear.hear(0.6)
     ear.stamp += 3600.0
@@ -331,7 +329,7 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     )
 
 
-def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
+def test_point_that_left_the_view_of_a_depth_camera_is_forgotten():
     source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)

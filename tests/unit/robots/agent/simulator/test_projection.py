@@ -38,40 +38,25 @@ def cases(model: RobotModel, rng: np.random.Generator) -> list[dict]:
     """
     found: list[dict] = []
     while len(found) < CASES:
-        tilt = (
-            round(float(rng.uniform(model.tilt.minimum, model.tilt.maximum)), 4)
-            if model.tilt
-            else 0.0
-        )
-        pose = Pose2D(
-            *(
-                round(float(value), 4)
-                for value in rng.uniform((-5.0, -5.0, -math.pi), (20.0, 10.0, math.pi))
-            )
-        )
+        tilt = 0.0
+        if model.tilt:
+            tilt = round(float(rng.uniform(model.tilt.minimum, model.tilt.maximum)), 4)
+        place = rng.uniform((-5.0, -5.0, -math.pi), (20.0, 10.0, math.pi))
+        pose = Pose2D(*(round(float(value), 4) for value in place))
         lens = grind(model.camera, model.camera.pitch + tilt)
         for _ in range(10):
             column, row = int(rng.integers(0, lens.width)), int(rng.integers(0, lens.height))
             distance = model.camera.z / -float(lens.up[row]) if lens.up[row] < 0.0 else math.inf
             forward, left = distance * float(lens.ahead[row]), -distance * float(lens.right[column])
             if math.hypot(forward, left) < FARTHEST:
-                floor = pose.compose(Pose2D(model.camera.x + forward, left, 0.0))
-                pixel = [column + 0.5, row + 0.5]
-                found.append(
-                    {
-                        "pose": [pose.x, pose.y, pose.theta],
-                        "tilt": tilt,
-                        "pixel": pixel,
-                        "floor": [round(floor.x, 5), round(floor.y, 5)],
-                    }
-                )
+                x, y, _ = pose.compose(Pose2D(model.camera.x + forward, left, 0.0))
+                pixel, floor = [column + 0.5, row + 0.5], [round(x, 5), round(y, 5)]
+                found.append({"pose": list(pose), "tilt": tilt, "pixel": pixel, "floor": floor})
     return found[:CASES]
 
 
 def drives(model: RobotModel, rng: np.random.Generator) -> list[dict]:
-    """Return how the robot moved, what it was told, and where it came to from the origin, its
-    wheels slipping as they do.
-    """
+    """Return initial and commanded speeds, and the end of the drive from the origin, with slip."""
     found = []
     for _ in range(DRIVES):
         limits = model.limits

@@ -48,6 +48,6 @@ def test_bytes_that_are_no_message_are_refused_and_nothing_else(data: bytes) -> 
             continue
 
 
-def test_a_browser_that_comes_by_is_refused_by_its_first_four_bytes() -> None:
+def test_http_request_is_refused_by_its_first_four_bytes() -> None:
     with pytest.raises(framing.WireError):
         framing.length(b"GET ")

@@ -45,6 +45,13 @@ def along(segment: Segment) -> np.ndarray:
     return np.linspace(segment.start, segment.end, max(2, int(segment.length / 0.1)))
 
 
+def centres(grid: OccupancyGrid, mask: np.ndarray) -> np.ndarray:
+    """Return the centres (n, 2) of a mask's cells in the world."""
+    return np.array(
+        [grid.transform.to_world(c + 0.5, r + 0.5) for r, c in np.argwhere(mask).tolist()]
+    )
+
+
 def turn(a: float, b: float) -> float:
     return abs((a - b + math.pi / 2.0) % math.pi - math.pi / 2.0)
 
@@ -71,9 +78,7 @@ class TestBuilding:
     def test_each_room_is_one_room(self, turned, door, seed):
         truth, plan, grid = furnished(door, turned, seed)
         assert len(plan.rooms) == 3
-        rows, columns = grid.free().nonzero()
-        pixels = zip((columns + 0.5)[::7].tolist(), (rows + 0.5)[::7].tolist(), strict=True)
-        points = [grid.transform.to_world(u, v) for u, v in pixels]
+        points = centres(grid, grid.free())[::7].tolist()
         for room in truth.rooms:
             mine = [p for p in points if contains(room.polygon, *p)]
             shares = [np.mean([contains(r.polygon, *p) for p in mine]) for r in plan.rooms]
@@ -99,7 +104,7 @@ class TestBuilding:
         assert len(plan.places) == 3
 
 
-def test_furniture_that_stands_free_is_an_obstacle_and_no_wall():
+def test_free_standing_furniture_is_an_obstacle_and_no_wall():
     truth = building(furnished=True)
     plan, grid = proposed(truth, noise=False)
     for piece in truth.furniture[:2]:
@@ -107,13 +112,7 @@ def test_furniture_that_stands_free_is_an_obstacle_and_no_wall():
         for wall in segments(plan):
             x, y = along(wall).T
             assert not inside(outline, x, y).any()
-        rows, columns = grid.occupied().nonzero()
-        points = np.array(
-            [
-                grid.transform.to_world(column + 0.5, row + 0.5)
-                for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-            ]
-        )
+        points = centres(grid, grid.occupied())
         mine = points[inside(outline, *points.T)]
         covered = np.zeros(len(mine), dtype=np.bool_)
         for obstacle in plan.furniture:
@@ -128,12 +127,8 @@ def test_a_station_is_at_a_wall_that_the_map_has_where_the_plan_has_it(thick):
     truth = building()
     layers = Layers.of(mapped(truth, np.random.default_rng(0), noise=False))
     origin = layers.world_from_map
-    walls = [
-        Segment(
-            origin.inverse().apply(*wall.start), origin.inverse().apply(*wall.end), wall.thickness
-        )
-        for wall in truth.walls
-    ]
+    in_map = origin.inverse().apply
+    walls = [Segment(in_map(*w.start), in_map(*w.end), w.thickness) for w in truth.walls]
     walls[thick] = dataclasses.replace(walls[thick], thickness=0.6)
     docks = propose_docks(structure_of(layers), walls, "Station")
     assert len(docks) == 2
@@ -146,13 +141,7 @@ def test_a_station_is_at_a_wall_that_the_map_has_where_the_plan_has_it(thick):
 
 def test_a_robot_that_is_free_on_the_map_touches_no_obstacle():
     plan, grid = proposed(building(furnished=True), seed=4)
-    rows, columns = grid.free().nonzero()
-    points = np.array(
-        [
-            grid.transform.to_world(column + 0.5, row + 0.5)
-            for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
-        ]
-    )
+    points = centres(grid, grid.free())
     covered = np.zeros(len(points), dtype=np.bool_)
     for obstacle in plan.furniture:
         covered |= inside(furniture_solid(obstacle).outline, *points.T)
@@ -182,10 +171,8 @@ def test_rays_through_a_window_are_no_floor():
 def test_a_turned_origin_turns_the_plan_and_nothing_else():
     grid = mapped(building(), np.random.default_rng(3))
     world = Pose2D(3.0, -2.0, math.radians(50.0))
-    turned = dataclasses.replace(
-        grid,
-        transform=dataclasses.replace(grid.transform, origin=world.compose(grid.transform.origin)),
-    )
+    transform = dataclasses.replace(grid.transform, origin=world.compose(grid.transform.origin))
+    turned = dataclasses.replace(grid, transform=transform)
     straight, other = (propose_plan(each, "traced", "Traced") for each in (grid, turned))
     assert len(straight.walls) == len(other.walls)
     for wall, same in zip(straight.walls, other.walls, strict=True):

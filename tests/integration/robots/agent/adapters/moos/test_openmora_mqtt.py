@@ -1,5 +1,5 @@
-"""The paper's Giraff over MQTT: the conformance suite on a real Mosquitto, and what is particular
-to its dialect.
+"""The paper's Giraff over MQTT: the conformance suite on a real Mosquitto, and tests of its
+dialect.
 """
 
 import asyncio

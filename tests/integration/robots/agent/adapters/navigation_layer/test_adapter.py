@@ -1,5 +1,5 @@
 """A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite,
-real drives, and a mind that dies.
+real drives, and a navigation process that dies.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ from robots.agent.autonomy.area import update_of
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Adapter, AdapterError, Navigating
 from robots.agent.simulator import wire as simulated
-from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.wire import Faults
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from robots.world.sites import load_site
@@ -49,7 +49,7 @@ def goto(action_id="g", **fields):
     return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
 
 
-# --- what is wrapped ------------------------------------------------------------------------------
+# --- which adapters are wrapped -------------------------------------------------------------------
 
 
 def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():

@@ -1,6 +1,4 @@
-"""A source that starts slowly, stalls, fails and comes back: how long it is given, and what is said
-of it meanwhile.
-"""
+"""A source that starts slowly, stalls, fails and recovers: its time limits and reported states."""
 
 import time
 from typing import Self
@@ -56,7 +54,7 @@ def test_a_source_may_take_longer_to_start_than_between_two_that_it_gives():
         )
 
 
-def test_a_source_that_never_begins_is_given_up_and_tried_again():
+def test_source_that_never_starts_is_retried():
     with Scripted(
         CaptureLimits(opening=0.1, stall=60.0, read=0.02, first_retry=0.02, last_retry=0.02)
     ) as source:
@@ -68,13 +66,9 @@ def test_why_it_failed_is_known_while_it_starts_again_and_forgotten_when_it_work
     with Scripted() as source:
         source.gives = True
         assert eventually(lambda: source.capture.state.status == "live")
-        source.gives, source.broken = False, "somebody has pulled it out"
-        assert eventually(
-            lambda: source.capture.state == CaptureState("failed", "somebody has pulled it out")
-        )
+        source.gives, source.broken = False, "unplugged"
+        assert eventually(lambda: source.capture.state == CaptureState("failed", "unplugged"))
         source.broken = ""
-        assert eventually(
-            lambda: source.capture.state == CaptureState("starting", "somebody has pulled it out")
-        )
+        assert eventually(lambda: source.capture.state == CaptureState("starting", "unplugged"))
         source.gives = True
         assert eventually(lambda: source.capture.state == CaptureState("live"))

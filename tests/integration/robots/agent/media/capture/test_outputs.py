@@ -1,6 +1,4 @@
-"""A loudspeaker that fails: it is let go of, tried again after a pause, and nothing that it raises
-ends the others' sound.
-"""
+"""A loudspeaker that fails: it is closed and retried after a pause; no error ends the thread."""
 
 import time
 
@@ -60,7 +58,7 @@ def talk(feed: OutputFeed, until) -> bool:
 
 
 @pytest.mark.parametrize("what", ["start", "play"])
-def test_a_loudspeaker_that_refuses_is_let_go_of_and_tried_again_after_a_pause(quick, what):
+def test_loudspeaker_that_fails_is_closed_and_retried_after_a_pause(quick, what):
     speaker = Loudspeaker()
     speaker.refuses = {what}
     feed = OutputFeed(speaker, None)
@@ -76,7 +74,7 @@ def test_a_loudspeaker_that_refuses_is_let_go_of_and_tried_again_after_a_pause(q
     feed.close()
 
 
-def test_a_loudspeaker_that_cannot_even_be_let_go_of_plays_again(quick):
+def test_loudspeaker_that_cannot_be_closed_plays_again(quick):
     speaker = Loudspeaker()
     feed = OutputFeed(speaker, None)
     feed.start()
@@ -89,7 +87,7 @@ def test_a_loudspeaker_that_cannot_even_be_let_go_of_plays_again(quick):
     feed.close()
 
 
-def test_a_knock_is_heard_from_the_robots_own_loudspeaker_as_two_notes(quick):
+def test_knock_plays_two_notes_on_the_robots_own_loudspeaker(quick):
     speaker = MeasuringSpeaker()
     feed = OutputFeed(speaker, None)
     feed.start()
@@ -107,7 +105,7 @@ def test_a_knock_is_heard_from_the_robots_own_loudspeaker_as_two_notes(quick):
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_thread_that_dies_of_a_loudspeaker_is_started_anew(monkeypatch) -> None:
+def test_thread_that_a_loudspeaker_kills_is_restarted(monkeypatch) -> None:
     speaker = Loudspeaker()
     feed = OutputFeed(speaker, None)
     feed.start()

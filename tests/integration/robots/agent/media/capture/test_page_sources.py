@@ -62,9 +62,7 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
 
 
 @pytest.mark.nightly
-async def test_media_of_the_robots_page_reach_viewers_before_and_after(
-    robot,
-) -> None:
+async def test_media_of_the_robots_page_reach_viewers_before_and_after(robot) -> None:
     before = await robot.viewer("before")
     assert robot.media.camera.status == "starting"
     await until(
@@ -89,7 +87,7 @@ async def test_of_two_such_pages_the_newer_gives_and_the_picture_goes_on(robot) 
 
 
 @pytest.mark.nightly
-async def test_a_page_that_is_closed_is_told_as_missing_and_the_next_one_shows_again(robot) -> None:
+async def test_closed_page_is_reported_and_the_next_page_shows_video(robot) -> None:
     viewer = await robot.viewer()
     screen = await robot.screen("screen", GREEN)
     await until(lambda: shows(viewer, GREEN))

@@ -13,10 +13,10 @@ def test_a_tone_survives_encoding() -> None:
     encoder = SoundEncoder()
     codec = CodecContext.create("libopus", "r")
     codec.format, codec.layout, codec.sample_rate = "s16", "mono", 48_000
-    heard: list[AudioFrame] = []
+    decoded: list[AudioFrame] = []
     for _ in range(20):
-        heard += codec.decode(Packet(encoder.encode(TONE)[0]))
-    spectrum = np.abs(np.fft.rfft(heard[-1].to_ndarray().ravel().astype(float)))
+        decoded += codec.decode(Packet(encoder.encode(TONE)[0]))
+    spectrum = np.abs(np.fft.rfft(decoded[-1].to_ndarray().ravel().astype(float)))
     assert np.argmax(spectrum) * 48_000 / BLOCK == pytest.approx(480, abs=50)
 
 

@@ -82,7 +82,7 @@ def test_a_larger_camera_is_scaled_into_the_tier_in_its_own_shape() -> None:
     assert (frame.width, frame.height) == (640, 360)
 
 
-def test_a_camera_that_changes_its_size_begins_again_with_a_key_frame() -> None:
+def test_camera_that_changes_its_size_restarts_with_a_key_frame() -> None:
     encoder = _encoder()
     small, large = np.zeros((240, 320, 3), np.uint8), np.zeros((480, 640, 3), np.uint8)
     pictures = [
@@ -92,7 +92,7 @@ def test_a_camera_that_changes_its_size_begins_again_with_a_key_frame() -> None:
     assert [p.key for p in pictures] == [True, False, True, False]
 
 
-def test_a_picture_that_comes_in_the_encoders_own_colours_is_the_same_picture() -> None:
+def test_yuv_frame_is_encoded_like_the_rgb_frame() -> None:
     source = SyntheticCamera(fps=1e6)._frame(100.0)
     planes = video_frame(source).reformat(format="yuv420p").to_ndarray()
     frame = Frame(planes, source.stamp, "yuv420p")
@@ -102,7 +102,7 @@ def test_a_picture_that_comes_in_the_encoders_own_colours_is_the_same_picture() 
     assert np.abs(decoded.astype(float) - source.image).mean() < 8
 
 
-def test_a_picture_in_the_encoders_own_colours_is_scaled_into_the_tier_too() -> None:
+def test_yuv_frame_is_scaled_into_the_tier() -> None:
     frame = Frame(np.full((1080, 1280), 128, dtype=np.uint8), 1.0, "yuv420p")
     decoded = _decoded([_encoder().of(frame, key=True)])[0]
     assert (decoded.width, decoded.height) == (640, 360)

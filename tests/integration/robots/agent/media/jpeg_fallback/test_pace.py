@@ -1,5 +1,5 @@
-"""When a picture goes through the server: one on its way, for whoever asked, at the driver's pace,
-as large as comes through in time.
+"""When a picture is sent through the server: one at a time, at the driver's pace, as large as
+arrives in time.
 """
 
 import itertools
@@ -109,7 +109,7 @@ def test_on_a_good_network_the_picture_becomes_the_best(pace):
     assert pace.quality.layer == 0
 
 
-def test_on_a_narrow_network_it_shrinks_until_it_comes_in_time(pace):
+def test_on_a_narrow_network_pictures_shrink_until_they_arrive_in_time(pace):
     ages = drive(15_000.0, 30.0, pace)
     assert sum(age > 0.5 for age in ages[10:]) / len(ages) < 0.1
     assert len(ages) / 30.0 > 2.0
@@ -146,7 +146,7 @@ def test_steps_up_that_come_to_nothing_become_rarer():
     assert gaps[-1] >= 8 * gaps[0]
 
 
-def test_whatever_is_asked_there_is_a_rung():
+def test_any_sequence_of_requests_has_a_layer():
     rng, pace = random.Random(4), StillPace(lambda peer: peer == "p1")
     now = 0.0
     for _ in range(3000):

@@ -99,9 +99,7 @@ def nothing(*_):
     """Hear nothing of a page's frames and answers."""
 
 
-async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_camera_after_them(
-    camera,
-):
+async def test_fallback_viewers_count_and_the_camera_stops_after_them(camera):
     pictures = []
     side = MediaSide(
         video=camera,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media import MediaSide
-from robots.agent.media.peers.visitor import Continuous
+from robots.agent.media.rtp import JoinedTicks
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from tests.support.browsers.visitor_tracks import SpeakingPage
 from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
@@ -76,9 +76,7 @@ async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_disp
     )
 
 
-async def test_the_robots_screen_gets_the_same_tone_and_colour_while_the_loudspeaker_is_silent(
-    robot,
-) -> None:
+async def test_visitor_is_sent_to_the_screen_while_the_loudspeaker_is_silent(robot) -> None:
     screen = await robot.screen()
     page = await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
@@ -128,7 +126,7 @@ async def test_voice_of_an_earlier_driver_is_dropped(robot) -> None:
     await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
 
 
-async def test_a_screen_that_comes_late_begins_with_a_whole_picture(robot) -> None:
+async def test_late_screen_starts_with_a_key_frame(robot) -> None:
     await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
     await until(lambda: robot.display.shown > 5)
@@ -145,7 +143,7 @@ async def test_the_volume_that_the_visitor_wants_is_that_of_the_loudspeaker(robo
 
 
 def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
-    clock = Continuous(960)
+    clock = JoinedTicks(960)
     counted = [
         clock.tick("a", 0),
         clock.tick("a", 960),

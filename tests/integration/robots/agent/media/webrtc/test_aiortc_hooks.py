@@ -19,7 +19,7 @@ class _Outbox:
     def key_frame_wanted(self) -> None:
         self.keys += 1
 
-    def heard(self, loss: float | None) -> None:
+    def on_report(self, loss: float | None) -> None:
         self.reports.append(loss)
 
 

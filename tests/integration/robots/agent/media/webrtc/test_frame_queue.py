@@ -40,9 +40,7 @@ def viewer(monkeypatch: pytest.MonkeyPatch) -> Viewer:
     return made
 
 
-async def test_hold_up_before_the_first_frame_gets_a_key_frame_at_once(
-    viewer: Viewer,
-) -> None:
+async def test_hold_up_before_the_first_frame_gets_a_key_frame_at_once(viewer: Viewer) -> None:
     first = await viewer.connect()
     viewer.put()
     assert viewer.asked == ["joined"]
@@ -52,9 +50,7 @@ async def test_hold_up_before_the_first_frame_gets_a_key_frame_at_once(
     assert (await first).timestamp == viewer.number
 
 
-async def test_rare_hold_up_gets_a_key_frame_soon_a_constant_one_waits(
-    viewer: Viewer,
-) -> None:
+async def test_rare_hold_up_gets_a_key_frame_soon_a_constant_one_waits(viewer: Viewer) -> None:
     first = await viewer.connect()
     viewer.put(key=True)
     await first

@@ -33,9 +33,9 @@ class World:
 
     async def probe(self, server: RTCIceServer) -> bool:
         scheme, _, rest = server.urls[0].partition(":")
-        way = {"turns": "tls", "turn": rest[-3:], "stun": rest.partition(".")[0]}[scheme]
-        self.asked.append(way)
-        delay = self.delays[way]
+        transport = {"turns": "tls", "turn": rest[-3:], "stun": rest.partition(".")[0]}[scheme]
+        self.asked.append(transport)
+        delay = self.delays[transport]
         await asyncio.sleep(0.6 if delay is None else delay)
         return delay is not None
 
@@ -68,7 +68,7 @@ async def test_found_relays_are_kept_for_a_while():
         assert [server.urls for server in await relays.usable((TURN,))] == [
             ["turn:a?transport=tcp"]
         ]
-        await asyncio.gather(*relays._tries.values())
+        await asyncio.gather(*relays._probes.values())
         assert len(world.asked) == asked, f"after {moment} s"
 
 
@@ -144,7 +144,7 @@ async def test_doubted_relays_are_probed_again():
         "stun:near.example.org",
         "turn:a?transport=udp",
     ]
-    await asyncio.gather(*relays._tries.values())
+    await asyncio.gather(*relays._probes.values())
     world.delays |= {"udp": None, "near": None, "tcp": 0.0}
     relays.doubt()
     assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
@@ -184,8 +184,8 @@ async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credential
 ):
     with Coturn(tmp_path) as coturn:
         coturn.trust(monkeypatch)
-        for way in ("udp", "tcp", "tls"):
-            assert await answers(as_aiortc(coturn.server(way))), way
+        for transport in ("udp", "tcp", "tls"):
+            assert await answers(as_aiortc(coturn.server(transport))), transport
         assert not await answers(as_aiortc(coturn.server("tcp", secret="another")))
         closed = RTCIceServer(
             urls=[f"turn:127.0.0.1:{free_port()}?transport=tcp"], username="u", credential="c"
@@ -196,7 +196,7 @@ async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credential
         assert not await answers(RTCIceServer(urls=[silent])), silent
 
 
-async def test_the_log_tells_why_a_silent_server_is_not_used(caplog):
+async def test_log_says_why_a_silent_server_is_not_used(caplog):
     caplog.set_level("INFO")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.bind(("127.0.0.1", 0))

@@ -147,7 +147,7 @@ def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, poi
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES)
-def test_what_may_be_steered_holds_the_driver_s_own_turn_and_grows_steadily_out_of_it(wanted):
+def test_steering_bounds_contain_the_driver_s_turn_and_grow_steadily_around_it(wanted):
     low, high = bounds(wanted, STEERING)
     assert low <= wanted.angular <= high
     firmer = bounds(Velocity(linear=wanted.linear, angular=wanted.angular + 1e-6), STEERING)

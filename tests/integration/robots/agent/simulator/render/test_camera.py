@@ -1,6 +1,4 @@
-"""The picture is a pinhole's: what stands at a place of the world is where the camera model puts
-it.
-"""
+"""Frames are those of a pinhole camera: each point of the world is at the pixel of the model."""
 
 import dataclasses
 import math
@@ -10,8 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.media.pixels import video_frame
-from robots.agent.robot_interface import Frame
 from robots.agent.simulator.physics.people import Person
 from robots.agent.simulator.render import camera as camera_module
 from robots.agent.simulator.render.camera import SceneCamera
@@ -21,45 +17,7 @@ from robots.agent.simulator.render.scene import Glass
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF, RHODON
-from robots.world.sites import load_plan
-
-PLAN, _ = load_plan("office")
-OPEN: dict[str, DoorState] = {door.name: "open" for door in PLAN.doors}
-HOME = GIRAFF.tilt.home
-
-
-@pytest.fixture(scope="module")
-def camera() -> SceneCamera:
-    return SceneCamera(GIRAFF, PLAN, seed=1)
-
-
-def picture(
-    camera: SceneCamera,
-    pose: tuple[float, float, float],
-    tilt: float = HOME,
-    doors: dict[str, DoorState] = OPEN,
-    people: tuple[Person, ...] = (),
-) -> np.ndarray:
-    out = np.zeros((720, 640), dtype=np.uint8)
-    camera.render(Pose2D(*pose), tilt, doors, people, out)
-    return video_frame(Frame(out, 0.0, "yuv420p")).to_ndarray(format="rgb24")
-
-
-def pixel_of(pose: Pose2D, tilt: float, point: tuple[float, float, float]) -> tuple[float, float]:
-    """Project with a rotation matrix and K, as a page that draws an overlay does; independent of
-    lens.py.
-    """
-    model = GIRAFF.camera
-    focal = model.width / 2 / math.tan(model.hfov / 2)
-    yaw, pitch = pose.theta, model.pitch + tilt
-    centre = np.array([pose.x + model.x * math.cos(yaw), pose.y + model.x * math.sin(yaw), model.z])
-    forward = np.array(
-        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
-    )
-    right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
-    down = np.cross(forward, right)
-    seen = np.array([right, down, forward]) @ (np.array(point) - centre)
-    return model.width / 2 + focal * seen[0] / seen[2], model.height / 2 + focal * seen[1] / seen[2]
+from tests.support.media.office_camera import HOME, OPEN, PLAN, office_camera, picture, pixel_of
 
 
 @pytest.mark.nightly
@@ -71,7 +29,7 @@ def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(
     lens = grind(GIRAFF.camera, tilt)
     pose = Pose2D(0.0, 0.0, 0.0)
     point = (GIRAFF.camera.x + ahead * math.cos(bearing), ahead * math.sin(bearing), 0.0)
-    u, v = pixel_of(pose, tilt, point)
+    u, v = pixel_of(pose, point, tilt)
     if not (0 <= u < 640 and 0 <= v < 480):
         return
     row, column = int(v), int(u)
@@ -106,12 +64,12 @@ def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(
     """
     dock = PLAN.dock_of("giraff")
     assert dock is not None
-    image = picture(camera, pose, tilt).astype(int)
+    image = picture(camera, pose, tilt)
     lane = Pose2D(dock.x, dock.y, dock.theta).compose(Pose2D(-0.25, 0.0, 0.0))
     aside = dock.station.width / 2 + 0.04
 
     def yellow(x: float, y: float) -> bool | None:
-        u, v = pixel_of(Pose2D(*pose), tilt, (*lane.apply(x, y), 0.0))
+        u, v = pixel_of(pose, (*lane.apply(x, y), 0.0), tilt)
         if not (2 <= u < 638 and 2 <= v < 478):
             return None
         red, _, blue = image[int(v), int(u)]
@@ -133,10 +91,10 @@ def test_an_edge_of_furniture_is_where_the_pinhole_puts_it(camera: SceneCamera) 
     it.
     """
     cabinet = next(piece for piece in PLAN.furniture if piece.name == "cabinet-1")
-    pose, image = (4.9, 1.0, 0.2), picture(camera, (4.9, 1.0, 0.2)).astype(int)
+    pose, image = (4.9, 1.0, 0.2), picture(camera, (4.9, 1.0, 0.2))
     left, front, top = cabinet.x - cabinet.width / 2, cabinet.y - cabinet.depth / 2, cabinet.height
     for share in (0.2, 0.4, 0.6):
-        u, v = pixel_of(Pose2D(*pose), HOME, (left + share * cabinet.width, front, top - 0.03))
+        u, v = pixel_of(pose, (left + share * cabinet.width, front, top - 0.03))
         below, above = image[int(v) + 3, int(u)], image[int(v) - 4, int(u)]
         assert below[2] > 120
         assert above[2] < below[2] - 30
@@ -149,16 +107,16 @@ def test_the_picture_of_every_start_is_rich_and_each_is_different(camera: SceneC
         image = picture(camera, (start.x, start.y, start.theta))
         assert image.std() > 25
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 2000
-        means.append(image.astype(int))
+        means.append(image)
     for number, one in enumerate(means):
         assert all(np.abs(one - other).mean() > 5 for other in means[number + 1 :])
 
 
 def test_a_closed_door_is_seen(camera: SceneCamera) -> None:
     before = (2.02, 3.7, -math.pi / 2)
-    opened = picture(camera, before).astype(int)
-    closed = picture(camera, before, doors={**OPEN, "lab-door": "closed"}).astype(int)
-    u, v = pixel_of(Pose2D(*before), HOME, (2.0, 2.1, 1.0))
+    opened = picture(camera, before)
+    closed = picture(camera, before, doors={**OPEN, "lab-door": "closed"})
+    u, v = pixel_of(before, (2.0, 2.1, 1.0))
     patch = (slice(int(v) - 20, int(v) + 20), slice(int(u) - 20, int(u) + 20))
     assert np.abs(opened[patch] - closed[patch]).mean() > 40
     red, _, blue = closed[patch].reshape(-1, 3).mean(axis=0)
@@ -170,12 +128,12 @@ def test_however_the_head_is_tilted_the_docks_marker_is_where_the_pinhole_puts_i
     camera: SceneCamera, tilt: float
 ) -> None:
     pose = Pose2D(10.2, 1.0, 0.0)
-    image = picture(camera, tuple(pose), tilt).astype(int)
+    image = picture(camera, tuple(pose), tilt)
     station = PLAN.docks[1].station
     middle, half = station.height + 0.35, 0.2
     for side in (-1, 1):
         for offset, bright in ((half + 0.027, True), (half - 0.033, False)):
-            u, v = pixel_of(pose, tilt, (11.95, 1.0 + side * offset, middle))
+            u, v = pixel_of(pose, (11.95, 1.0 + side * offset, middle), tilt)
             if 2 <= v < 478:
                 assert (image[int(v), int(u)].mean() > 140) == bright
 
@@ -184,13 +142,13 @@ def test_facing_the_mirror_the_robot_sees_itself_and_beside_it_not(camera: Scene
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
     pose = Pose2D(7.9, middle, math.pi)
-    image = picture(camera, tuple(pose)).astype(int)
+    image = picture(camera, tuple(pose))
     # its display, as far behind the glass as it stands before it
-    u, v = pixel_of(pose, HOME, (2 * mirror.start[0] - (7.9 - 0.07), middle, 1.26))
+    u, v = pixel_of(pose, (2 * mirror.start[0] - (7.9 - 0.07), middle, 1.26))
     face = image[int(v) - 14 : int(v) + 14, int(u) - 14 : int(u) + 14].reshape(-1, 3)
     skin = (face[:, 0] > 200) & (face[:, 2] < 200) & (face[:, 0] - face[:, 2] > 40)
     assert skin.mean() > 0.3
-    away = picture(camera, (7.9, middle, 0.0)).astype(int).reshape(-1, 3)
+    away = picture(camera, (7.9, middle, 0.0)).reshape(-1, 3)
     blue_display = (np.abs(away - (43, 108, 176)).max(axis=1) < 12).mean()
     assert blue_display < 0.001
 
@@ -216,10 +174,10 @@ def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
     """A mirror does not swap sides: a thing at the robot's left appears at the left."""
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
-    image = picture(camera, tuple(pose), 0.15).astype(int)
+    image = picture(camera, tuple(pose), 0.15)
     # south: at the left of who looks west
     sideboard = next(piece for piece in PLAN.furniture if piece.name == "sideboard")
-    u, v = pixel_of(pose, 0.15, (2 * mirror.start[0] - sideboard.x - 0.5, sideboard.y + 0.2, 0.3))
+    u, v = pixel_of(pose, (2 * mirror.start[0] - sideboard.x - 0.5, sideboard.y + 0.2, 0.3), 0.15)
     assert u < 320
     assert image[int(v) - 3 : int(v) + 3, int(u) - 3 : int(u) + 3].mean() < 110  # dark wood
 
@@ -228,8 +186,8 @@ def test_nearer_things_hide_farther_ones(camera: SceneCamera) -> None:
     """From the north of the coffee table, its board hides the rug behind its near edge."""
     table = next(piece for piece in PLAN.furniture if piece.name == "coffee-table")
     pose = Pose2D(9.4, 4.2, math.pi / 2)
-    image = picture(camera, tuple(pose)).astype(int)
-    u, v = pixel_of(pose, HOME, (table.x, table.y, table.height))
+    image = picture(camera, tuple(pose))
+    u, v = pixel_of(pose, (table.x, table.y, table.height))
     red, green, blue = image[int(v), int(u)]
     assert red > green > blue
     assert green > 60  # wood, not the rug's dark red
@@ -257,24 +215,16 @@ def test_no_pose_breaks_the_picture(
 ) -> None:
     state: DoorState = "closed" if closed else "open"
     with np.errstate(all="ignore"):
-        image = picture(CAMERA[0], (x, y, theta), tilt, dict.fromkeys(OPEN, state))
+        image = picture(office_camera(), (x, y, theta), tilt, dict.fromkeys(OPEN, state))
     assert image.shape == (480, 640, 3)
     assert image.max() > 0
-
-
-CAMERA: list[SceneCamera] = []
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_camera_for_all(camera: SceneCamera) -> None:
-    CAMERA.append(camera)
 
 
 def test_many_lenses_and_doors_do_not_pile_up(camera: SceneCamera) -> None:
     for number in range(12):
         picture(camera, (5.0, 1.0, 0.0), 0.01 * number, {"lab-door": "open", f"x{number}": "open"})
-    assert len(camera._lenses) <= 2
-    assert len(camera._things) <= 8
+    assert camera._lens.cache_info().currsize <= 2
+    assert camera._at_rest.cache_info().currsize <= 8
 
 
 def test_unchanged_frame_is_not_drawn_again(

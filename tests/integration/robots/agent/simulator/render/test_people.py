@@ -1,6 +1,4 @@
-"""People in the picture: they stand where they stand, walk as they walk, and walls, doors and
-mirrors treat them like anything else.
-"""
+"""People in frames: place, size and walk, and how walls, doors and mirrors hide and show them."""
 
 import math
 
@@ -9,38 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.media.pixels import video_frame
-from robots.agent.robot_interface import Frame
 from robots.agent.simulator.physics.people import Person
 from robots.agent.simulator.render.body import limbs, look_of
 from robots.agent.simulator.render.camera import SceneCamera
 from robots.agent.simulator.render.people import PHASES, STANDING, VIEWS, chosen
 from robots.agent.simulator.render.sprite import draw
 from robots.api.floorplan import DoorState
-from robots.api.geometry import Pose2D
-from robots.world.robot_models import GIRAFF
-from robots.world.sites import load_plan
+from tests.support.media.office_camera import OPEN, PLAN, office_camera, picture, pixel_of
 
-PLAN, _ = load_plan("office")
-OPEN: dict[str, DoorState] = {door.name: "open" for door in PLAN.doors}
-HOME = GIRAFF.tilt.home
 Box = tuple[int, int, int, int]
-
-
-@pytest.fixture(scope="module")
-def camera() -> SceneCamera:
-    return SceneCamera(GIRAFF, PLAN, seed=1)
-
-
-def picture(
-    camera: SceneCamera,
-    pose: tuple[float, float, float],
-    people: tuple[Person, ...],
-    doors: dict[str, DoorState] = OPEN,
-) -> np.ndarray:
-    out = np.zeros((720, 640), dtype=np.uint8)
-    camera.render(Pose2D(*pose), HOME, doors, people, out)
-    return video_frame(Frame(out, 0.0, "yuv420p")).to_ndarray(format="rgb24").astype(int)
 
 
 def changed(
@@ -50,36 +25,14 @@ def changed(
     doors: dict[str, DoorState] = OPEN,
 ) -> np.ndarray:
     """Return which pixels people change, their soft shadows left out."""
-    return (
-        np.abs(picture(camera, pose, people, doors) - picture(camera, pose, (), doors)).max(axis=2)
-        > 60
-    )
+    with_people = picture(camera, pose, doors=doors, people=people)
+    return np.abs(with_people - picture(camera, pose, doors=doors)).max(axis=2) > 60
 
 
 def box(mask: np.ndarray) -> Box:
     """Return top, bottom, left, right of the pixels that are set."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
-
-
-def pixel_of(
-    pose: tuple[float, float, float], point: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Project a world point with K, independent of the camera's code."""
-    model = GIRAFF.camera
-    focal, pitch = model.width / 2 / math.tan(model.hfov / 2), model.pitch + HOME
-    x, y, yaw = pose
-    dx, dy = point[0] - x - model.x * math.cos(yaw), point[1] - y - model.x * math.sin(yaw)
-    forward, left, up = (
-        dx * math.cos(yaw) + dy * math.sin(yaw),
-        dy * math.cos(yaw) - dx * math.sin(yaw),
-        point[2] - model.z,
-    )
-    depth, down = (
-        forward * math.cos(pitch) - up * math.sin(pitch),
-        -forward * math.sin(pitch) - up * math.cos(pitch),
-    )
-    return model.width / 2 - focal * left / depth, model.height / 2 + focal * down / depth
 
 
 @pytest.mark.parametrize("place", [(8.0, 1.1), (9.0, 0.9), (10.0, 1.2)])
@@ -112,11 +65,11 @@ def test_the_nearer_of_two_hides_the_other(camera: SceneCamera) -> None:
         Person(7.4, 1.0, math.pi, 0.0, 1, 0.0),
         Person(9.4, 1.0, math.pi, 0.0, 2, 0.0),
     )
-    alone, both = picture(camera, pose, (near,)), picture(camera, pose, (near, far))
+    alone, both = picture(camera, pose, people=(near,)), picture(camera, pose, people=(near, far))
     u, v = pixel_of(pose, (near.x, near.y, 1.2))
     chest = (slice(int(v) - 10, int(v) + 10), slice(int(u) - 10, int(u) + 10))
     assert np.array_equal(alone[chest], both[chest])
-    assert np.array_equal(both, picture(camera, pose, (far, near)))
+    assert np.array_equal(both, picture(camera, pose, people=(far, near)))
 
 
 def test_mirror_shows_a_person_from_the_other_side(camera: SceneCamera) -> None:
@@ -124,7 +77,7 @@ def test_mirror_shows_a_person_from_the_other_side(camera: SceneCamera) -> None:
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
     pose, x, y = (9.4, middle, math.pi), 8.3, middle + 0.35
-    image = picture(camera, pose, (Person(x, y, math.pi, 0.0, 1, 0.0),))
+    image = picture(camera, pose, people=(Person(x, y, math.pi, 0.0, 1, 0.0),))
     height = look_of(1).height
     skins = []
     for place in ((x, y), (2 * mirror.start[0] - x, y)):
@@ -146,7 +99,8 @@ def test_a_shadow_lies_on_the_floor_at_their_feet(camera: SceneCamera) -> None:
     u, v = pixel_of(pose, (person.x - 0.08, person.y - 0.3, 0.0))
     spot = (slice(int(v) - 1, int(v) + 2), slice(int(u) - 2, int(u) + 3))
     assert (
-        picture(camera, pose, (person,))[spot].mean() < picture(camera, pose, ())[spot].mean() - 5
+        picture(camera, pose, people=(person,))[spot].mean()
+        < picture(camera, pose)[spot].mean() - 5
     )
 
 
@@ -154,17 +108,17 @@ def test_person_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCa
     mirror = PLAN.mirrors[0]
     pose = (mirror.start[0] + 1.5, (mirror.start[1] + mirror.end[1]) / 2, math.pi)
     behind = Person(mirror.start[0] - 1.0, pose[1], 0.0, 0.0, 1, 0.0)
-    assert np.array_equal(picture(camera, pose, (behind,)), picture(camera, pose, ()))
+    assert np.array_equal(picture(camera, pose, people=(behind,)), picture(camera, pose))
 
 
 def test_only_walking_people_move_their_legs(camera: SceneCamera) -> None:
     pose = (5.0, 1.0, 0.0)
     walk = [
-        picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 1.0),))
+        picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, 1.0),))
         for stride in (0.0, math.pi / 2)
     ]
     stand = [
-        picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 0.0),))
+        picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, 0.0),))
         for stride in (0.0, math.pi / 2)
     ]
     assert (np.abs(walk[0] - walk[1]).max(axis=2) > 40).sum() > 200
@@ -212,19 +166,11 @@ def test_there_is_a_picture_for_every_stride_and_every_side(
     st.floats(0.0, 0.6),
     st.floats(-3.1, 3.1),
 )
-def test_no_place_of_somebody_breaks_the_picture(
+def test_no_place_of_a_person_breaks_the_frame(
     x: float, y: float, theta: float, distance: float, bearing: float
 ) -> None:
     """Also not one inside of the robot's head."""
     person = Person(
         x + distance * math.cos(bearing), y + distance * math.sin(bearing), bearing, theta, 1, 1.0
     )
-    assert picture(CAMERA[0], (x, y, theta), (person, person)).max() > 0
-
-
-CAMERA: list[SceneCamera] = []
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _one_camera_for_all(camera: SceneCamera) -> None:
-    CAMERA.append(camera)
+    assert picture(office_camera(), (x, y, theta), people=(person, person)).max() > 0

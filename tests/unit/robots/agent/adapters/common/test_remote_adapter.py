@@ -40,7 +40,7 @@ class Rca(RemoteAdapter):
         self.readings.moved(
             Pose2D(0.0, 0.0, 0.0), ZERO, time.time(), remote_adapter.time.monotonic()
         )
-        self._heard()
+        self._received()
 
     async def _shut(self):
         pass

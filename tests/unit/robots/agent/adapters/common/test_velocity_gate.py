@@ -42,11 +42,11 @@ def test_only_one_question_is_open_and_its_answer_gets_the_newest_velocity(gate)
 def test_without_an_answer_the_gate_shuts_and_a_late_one_moves_nothing(gate):
     gate.want(AHEAD, 0.1)
     gate.ask(0.1)
-    gate.heard(0.3)
+    gate.received(0.3)
     assert gate.shut(0.34) == ""
     assert gate.shut(0.36) == "does not answer"
     gate.want(AHEAD, 4.1)
-    gate.heard(4.1)
+    gate.received(4.1)
     assert gate.answered(4.1) is None
     assert gate.unanswered(4.1) == 0.0
     assert gate.shut(4.1) == ""
@@ -55,7 +55,7 @@ def test_without_an_answer_the_gate_shuts_and_a_late_one_moves_nothing(gate):
 def test_a_velocity_that_waited_is_not_sent(gate):
     gate.want(AHEAD, 0.0)
     assert not gate.ask(0.26)
-    gate.heard(0.5)
+    gate.received(0.5)
     gate.want(AHEAD, 0.5)
     gate.ask(0.7)
     assert gate.answered(0.76) is None
@@ -76,7 +76,7 @@ def test_each_reading_permits_three_velocities_that_differ(gate):
         gate.want(speed, 0.02 * number)
         found.append(gate.ask(0.02 * number) and gate.answered(0.02 * number) == speed)
     assert found == [True, True, True, False, False]
-    gate.heard(0.1)
+    gate.received(0.1)
     assert gate.ask(0.1)
 
 
@@ -84,7 +84,7 @@ def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_wit
     sent(gate, AHEAD, 0.0, 0.0)
     gate.want(AHEAD, 0.1)
     assert not gate.ask(0.1)
-    gate.heard(0.11)
+    gate.received(0.11)
     assert gate.ask(0.11)
     assert gate.answered(0.11) == AHEAD
     gate.want(AHEAD, 0.37)
@@ -98,7 +98,7 @@ def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time
     now = 0.0
     for _ in range(40):
         now += 0.45
-        gate.heard(now)
+        gate.received(now)
     assert gate.shut(now + 0.8) == ""
     assert gate.shut(now + 0.95) == "does not report its state"
 
@@ -121,7 +121,7 @@ def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fres
             case "stand":
                 gate.stood(now)
             case "heard":
-                gate.heard(now)
+                gate.received(now)
                 heard, since = now, 0
             case "ask" if gate.ask(now):
                 assert asked is None

@@ -31,7 +31,7 @@ def odometry(stamp):
 
 
 @pytest.fixture
-def heard():
+def adapter_and_topics():
     adapter = registry.create(
         "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1", "version": "1"}
     )
@@ -40,8 +40,8 @@ def heard():
 
 
 @on_virtual_time
-async def test_it_is_put_together_with_the_first_odometry(heard):
-    adapter, hear_fix, hear_odometry = heard
+async def test_it_is_put_together_with_the_first_odometry(adapter_and_topics):
+    adapter, hear_fix, hear_odometry = adapter_and_topics
     hear_fix(fix(5.0, 100.0))
     assert not adapter.readings.pose.localized
     hear_odometry(odometry(200.0))
@@ -50,8 +50,8 @@ async def test_it_is_put_together_with_the_first_odometry(heard):
 
 
 @on_virtual_time
-async def test_of_two_before_the_odometry_the_newer_one_counts(heard):
-    adapter, hear_fix, hear_odometry = heard
+async def test_of_two_before_the_odometry_the_newer_one_counts(adapter_and_topics):
+    adapter, hear_fix, hear_odometry = adapter_and_topics
     hear_fix(fix(5.0, 100.0))
     hear_fix(fix(2.0, 199.0))
     hear_odometry(odometry(200.0))
@@ -60,8 +60,8 @@ async def test_of_two_before_the_odometry_the_newer_one_counts(heard):
 
 
 @on_virtual_time
-async def test_one_after_the_odometry_is_not_undone_by_one_before_it(heard):
-    adapter, hear_fix, hear_odometry = heard
+async def test_one_after_the_odometry_is_not_undone_by_one_before_it(adapter_and_topics):
+    adapter, hear_fix, hear_odometry = adapter_and_topics
     hear_fix(fix(5.0, 100.0))
     hear_odometry(odometry(200.0))
     hear_fix(fix(2.0, 200.0))

@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.adapters.ros import messages
+from robots.agent.robot_interface import UNKNOWN_BATTERY
 from robots.api.geometry import Pose2D
-from robots.api.messages import Velocity
+from robots.api.messages import Battery, Velocity
 from tests.support.examples import examples
 
 QUARTER = {"x": 0.0, "y": 0.0, "z": math.sin(math.pi / 4), "w": math.cos(math.pi / 4)}
@@ -92,11 +93,9 @@ def test_of_too_many_beams_every_so_many_are_kept():
 def test_a_battery_may_count_to_one_or_to_a_hundred_or_not_at_all():
     assert messages.battery_in(
         {"voltage": 24.5, "percentage": 0.5, "power_supply_status": 1}
-    ) == messages.Charge(24.5, 0.5, True)
+    ) == Battery(voltage=24.5, charge=0.5, charging=True)
     assert messages.battery_in({"voltage": 24.5, "percentage": 50.0}).charge == 0.5
-    assert messages.battery_in({"voltage": None, "percentage": float("nan")}) == messages.Charge(
-        None, None, None
-    )
+    assert messages.battery_in({"voltage": None, "percentage": float("nan")}) == UNKNOWN_BATTERY
 
 
 def test_a_transform_of_others_is_none_of_ours():

@@ -99,5 +99,5 @@ async def test_a_goal_of_an_earlier_run_is_cancelled_until_it_ends(rig):
 
 async def test_goals_end_with_their_server(rig):
     rig.navigator.send(TARGET, "telepresence-1")
-    rig.navigator.server_gone()
+    rig.navigator.server_ended()
     assert rig.goals.news == [("telepresence-1", "FAILED", "navigation has ended")]

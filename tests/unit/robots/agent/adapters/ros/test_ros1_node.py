@@ -40,7 +40,7 @@ def test_the_first_word_is_ready_however_long_that_takes():
         spoke.wait(SOON)  # a busy computer, on which running threads report first
         return "/telepresence"
 
-    node.say, node.driven = say, None
+    node.say, node.moved_at = say, None
     node.rospy = SimpleNamespace(get_name=slow_name)
     node.link = SimpleNamespace(
         connection=SimpleNamespace(makefile=lambda *_, **__: []), write=lambda: None

@@ -325,7 +325,7 @@ class DockedNode(ros2_node.Ros2Node):
 
     def __init__(self, clock):
         guarded_node.GuardedNode.__init__(self, None)
-        self.clock, self.settings, self.driven = clock, {"driving": ""}, None
+        self.clock, self.settings, self.moved_at = clock, {"driving": ""}, None
         self.answers = queue.Queue()
         self.do_guard(linear=0.02, angular=0.05, docks=["/dock"], cancel_dock="/cancel_dock")
 

@@ -1,5 +1,5 @@
-"""The ladder of qualities, on a network that is a queue before a line of some rate, and with a page
-that says how old its picture is.
+"""The choice of layers on a network that is a queue before a line of some rate, with a page that
+reports the age of its picture.
 """
 
 import random
@@ -12,9 +12,9 @@ from robots.agent.media.codecs.encoder import LAYERS
 from robots.agent.media.peers.bitrate import BitrateAdapter
 
 RATES = tuple(tier.bitrate for tier in LAYERS)
-BESIDE = 150_000.0  # bit/s of sound and words
+BESIDE = 150_000.0  # bit/s of sound and messages
 STEP = 0.05
-# s older than at its best, from which on a page says it more often (static/js/drive/scheduler.js)
+# s older than at its best, beyond which a page reports more often (static/js/drive/scheduler.js)
 HURRY = 0.1
 
 
@@ -23,8 +23,8 @@ class Network:
     """`capacity` in bit/s; its queue takes half a second, first in, first out, and what finds it
     full is lost.
 
-    The page speaks every 0.2 s, ten times a second while its picture is old, and of packets lost
-    every second.
+    The page reports every 0.2 s, every 0.1 s while its picture is old, and lost packets every
+    second.
     """
 
     capacity: float
@@ -92,7 +92,7 @@ def test_a_picture_that_is_late_now_and_then_is_a_busy_computers():
     assert set(Network(5e6, busy_computer=0.2).run(30.0).layers) == {0}
 
 
-def test_a_computer_that_stands_still_for_a_moment_costs_at_most_two_rungs_and_they_come_back():
+def test_short_hang_of_a_computer_costs_at_most_two_layers_for_a_while():
     network = Network(5e6).run(5.0)
     for n in range(6):
         network.adapter.aged(network.now + 0.1 * n, 0.06 + 0.1 * n, RATES[0])
@@ -108,7 +108,7 @@ def test_a_network_that_is_a_little_too_narrow_is_noticed_too():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_through_400_kilobits_it_is_on_the_rung_that_fits_within_two_seconds_and_stays_quick(seed):
+def test_400_kbits_get_the_fitting_layer_within_two_seconds_and_short_delays(seed):
     network = Network(5e6, rng=random.Random(seed)).run(5.0)
     network.capacity = 4e5
     network.run(2.0)
@@ -122,7 +122,7 @@ def test_through_400_kilobits_it_is_on_the_rung_that_fits_within_two_seconds_and
 
 
 @pytest.mark.parametrize("seconds", [5.0, 60.0])
-def test_when_the_network_is_wide_again_the_best_comes_back_within_ten_seconds(seconds):
+def test_best_layer_returns_ten_seconds_after_the_network_is_wide_again(seconds):
     network = Network(5e6).run(5.0)
     network.capacity = 4e5
     network.run(seconds)
@@ -156,7 +156,7 @@ def test_a_trial_that_fails_makes_no_picture_old_and_trials_come_rarer():
     assert 5 <= network.adapter.probes - before <= 20
 
 
-def test_a_page_that_is_hidden_and_shows_one_picture_for_long_is_not_on_a_narrow_network():
+def test_hidden_page_does_not_count_as_a_narrow_network():
     network = Network(5e6).run(5.0)
     for n in range(100):
         network.adapter.aged(network.now + 0.2 * n, 0.05 + 0.2 * n, 1e6)

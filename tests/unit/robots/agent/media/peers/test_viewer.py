@@ -1,4 +1,4 @@
-"""One page's share of the camera: which pictures it is sent when its network changes."""
+"""Which pictures a page is sent when its network changes."""
 
 from types import SimpleNamespace
 
@@ -23,12 +23,12 @@ class Camera:
 
 @pytest.fixture
 def viewer():
-    """A viewer with the test's climb and connection: `sent` has the RTP times of its pictures."""
+    """A viewer with doubles of adapter and queue: `sent` has layer and RTP time of its pictures."""
     made = Viewer(
         "p",
         camera=Camera(),
         microphone=None,
-        on_command=lambda heard: None,
+        on_command=lambda packet: None,
         on_end=lambda reason: None,
     )
     made._watching = True
@@ -60,7 +60,7 @@ def test_after_a_pause_pictures_go_on_with_a_key_frame_that_was_asked_for_once(v
     assert viewer.sent == [(0, 1), (0, 6), (0, 7)]
 
 
-def test_a_pause_before_a_lower_rung_ends_on_that_rung_and_shows_no_more_of_the_old_one(viewer):
+def test_pause_before_a_lower_layer_ends_with_that_layer(viewer):
     show(viewer, 1, key=True)
     viewer._adapter.layer, viewer._adapter.paused = 1, True
     viewer._move()
@@ -76,15 +76,13 @@ def test_a_pause_before_a_lower_rung_ends_on_that_rung_and_shows_no_more_of_the_
 
 
 def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(viewer):
-    heard = []
-    viewer.page = SimpleNamespace(send=heard.append)
+    sent = []
+    viewer.page = SimpleNamespace(send=sent.append)
     viewer._layer = 3
     for _ in range(5):
         for suffix in ("scan", "pose", "state", "event"):
             viewer.send(suffix, f"{suffix}\n{{}}")
-    assert [heard.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")] == [
-        1,
-        1,
-        5,
-        5,
-    ]
+    counts = {
+        suffix: sent.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")
+    }
+    assert counts == {"scan": 1, "pose": 1, "state": 5, "event": 5}

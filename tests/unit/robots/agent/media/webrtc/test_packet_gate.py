@@ -1,4 +1,4 @@
-"""How much a page may say, and what it is taken for."""
+"""Rate limits of a page's messages, by their kinds."""
 
 import pytest
 
@@ -61,9 +61,9 @@ def test_only_commands_may_come_this_way() -> None:
         "nowhere\n{}",
         "command/velocity\n{}",
     ):
-        heard = gate.take(frame, 0.0)
-        assert isinstance(heard, Rejection)
-        reasons.append(heard.reason)
+        packet = gate.take(frame, 0.0)
+        assert isinstance(packet, Rejection)
+        reasons.append(packet.reason)
     assert reasons == ["not_from_server", "wrong_direction", "unknown_topic", "malformed"]
 
 

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from robots.agent.media.webrtc import sctp
+from robots.agent.media.webrtc import aiortc_hooks
+from robots.agent.media.webrtc.aiortc_hooks import FORWARD_TSN_PERIOD
 
 
 @pytest.fixture
@@ -13,38 +14,38 @@ def transport(monkeypatch):
     it is asked by.
     """
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr(sctp.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(aiortc_hooks.time, "monotonic", lambda: clock.now)
     association = SimpleNamespace(clock=clock, open=True, _forward_tsn_chunk=None)
 
     def update():
         association._forward_tsn_chunk = "step over" if association.open else None
 
     association._update_advanced_peer_ack_point = update
-    sctp.limit_forward_tsn(association)
+    aiortc_hooks.limit_forward_tsn(association)
     return association
 
 
-def said(transport):
+def is_sent(transport):
     transport._update_advanced_peer_ack_point()
     chunk, transport._forward_tsn_chunk = transport._forward_tsn_chunk, None  # as `_transmit` does
     return chunk is not None
 
 
 def test_a_hundred_acknowledgements_in_a_moment_are_answered_once(transport):
-    assert [said(transport) for _ in range(100)] == [True] + [False] * 99
+    assert [is_sent(transport) for _ in range(100)] == [True] + [False] * 99
 
 
-def test_it_is_said_again_until_it_is_acknowledged(transport):
-    assert said(transport)
-    transport.clock.now += sctp.SAY_AGAIN
-    assert said(transport)
+def test_forward_tsn_is_repeated_until_acknowledged(transport):
+    assert is_sent(transport)
+    transport.clock.now += FORWARD_TSN_PERIOD
+    assert is_sent(transport)
     transport.open = False
-    transport.clock.now += sctp.SAY_AGAIN
-    assert not said(transport)
+    transport.clock.now += FORWARD_TSN_PERIOD
+    assert not is_sent(transport)
 
 
 def test_forward_tsn_after_a_pause_is_sent_at_once(transport):
     transport.open = False
-    assert not said(transport)
+    assert not is_sent(transport)
     transport.open = True
-    assert said(transport)
+    assert is_sent(transport)

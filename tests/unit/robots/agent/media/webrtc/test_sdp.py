@@ -18,7 +18,7 @@ TAKES, GIVES, BOTH = (
 )
 
 
-def test_the_robot_takes_the_first_line_of_each_kind_on_which_the_page_takes_something() -> None:
+def test_robot_sends_on_the_first_receiving_line_of_each_kind() -> None:
     lines = (
         MediaLine("video", **GIVES),
         MediaLine("video", **TAKES),

@@ -12,7 +12,7 @@ def _picture(number: int, *, key: bool = False) -> Picture:
     return Picture((b"x",), key, number, float(number))
 
 
-def test_a_viewer_begins_with_a_key_frame_and_asks_for_no_second_one() -> None:
+def test_viewer_starts_with_a_key_frame_without_asking_for_another() -> None:
     queue = ViewerQueue()
     assert [queue.put(_picture(n)) for n in range(3)] == [False, False, False]
     assert queue.take() is None

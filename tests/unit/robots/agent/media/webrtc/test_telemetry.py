@@ -26,17 +26,13 @@ def state_with(commands):
     )
 
 
-def test_a_page_learns_of_the_newest_command_alone_and_nothing_finer_than_it_can_draw():
-    told = for_page(state_with(3))
-    assert (told.pose.x, told.pose.y, told.pose.theta, told.pose.score) == (
-        1.2346,
-        -2.0,
-        3.1416,
-        0.9,
-    )
-    (newest,) = told.applied
+def test_page_gets_the_newest_command_and_rounded_numbers():
+    sent = for_page(state_with(3))
+    pose = sent.pose
+    assert (pose.x, pose.y, pose.theta, pose.score) == (1.2346, -2.0, 3.1416, 0.9)
+    (newest,) = sent.applied
     assert (newest.seq, newest.linear, newest.age, newest.stamp) == (2, 0.3, 0.0123, 1766000000.25)
-    assert (told.seq, told.battery) == (7, m.Battery(charge=0.8))
+    assert (sent.seq, sent.battery) == (7, m.Battery(charge=0.8))
 
 
 def test_a_state_for_a_page_is_less_than_half_as_long():
@@ -45,7 +41,7 @@ def test_a_state_for_a_page_is_less_than_half_as_long():
     )
 
 
-def test_a_state_without_commands_and_what_is_no_state_are_told_as_they_are():
+def test_other_messages_are_not_changed():
     assert for_page(state_with(0)).applied == ()
     event = m.Heartbeat(n=1, stamp=1.0)
     assert for_page(event) is event

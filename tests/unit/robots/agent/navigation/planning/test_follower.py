@@ -48,5 +48,5 @@ def test_an_end_that_something_blocks_is_good_enough_from_nearby_only() -> None:
     near = Pose2D(2.88, 0.0, 0.0)
     assert follower.rest(near)
     assert not follower.rest(near)  # it rests already
-    follower.way = 2.8
+    follower.along = 2.8
     assert follower.step(near, ZERO, Hazards(NONE, NONE, NONE)).state == "arrived"

@@ -54,7 +54,7 @@ def test_the_nearer_the_wall_the_slower() -> None:
     assert speeds[-1] == 0.6
 
 
-def test_what_touches_the_robot_may_be_left_but_not_pressed() -> None:
+def test_robot_may_leave_a_contact_but_not_press_it() -> None:
     assert CHECK.fastest(ZERO, moving(-0.2), thing(NOSE + 0.002, 0.0)).velocity == moving(-0.2)
     assert CHECK.fastest(ZERO, moving(0.05), thing(NOSE + 0.002, 0.0)).velocity == ZERO
 
@@ -68,7 +68,7 @@ def test_a_turn_beside_a_wall_is_held_where_a_corner_would_touch_it() -> None:
     assert CHECK.fastest(ZERO, moving(0.3), wall).velocity.linear > 0.0
 
 
-def test_somebody_who_may_walk_is_given_more_room_than_somebody_who_stands() -> None:
+def test_walking_person_gets_more_room_than_a_standing_one() -> None:
     standing = Hazards(NONE, np.array([[1.0, 0.4]]), NONE)
     assert (
         CHECK.fastest(moving(0.3), moving(0.5), standing).share
@@ -88,7 +88,7 @@ def test_somebody_who_may_walk_is_given_more_room_than_somebody_who_stands() -> 
     at=st.tuples(st.floats(0.2, 2.0), st.floats(-1.0, 1.0)),
     way=st.floats(-math.pi, math.pi),
 )
-def test_whoever_walks_straight_cannot_reach_the_robot_before_it_stands(
+def test_person_walking_straight_cannot_reach_the_robot_before_it_stands(
     speed: float, wanted: float, turn: float, at: tuple[float, float], way: float
 ) -> None:
     """The allowed course is driven against somebody who walks at 1.2 m/s in any direction."""

@@ -42,7 +42,7 @@ def nearest_to(memory: RollingObstacleMap, odometry: Pose2D, x: float, y: float)
     return float(np.hypot(points[:, 0] - x, points[:, 1] - y).min())
 
 
-def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
+def test_points_ahead_are_remembered_behind_a_robot_that_has_turned_round():
     memory = RollingObstacleMap()
     for step in range(0, 181, 5):
         pose = Pose2D(0.0, 0.0, math.radians(step))
@@ -51,7 +51,7 @@ def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
 
 
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
-def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
+def test_points_that_leave_the_view_slowly_are_remembered_as_well(step):
     """The last beam, a degree from its neighbour, must not take away what is half a degree beyond
     it.
     """
@@ -71,7 +71,7 @@ def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
     assert np.diff(behind).max() < 3.0
 
 
-def test_what_the_laser_sees_is_where_it_is_and_what_is_behind_it_may_be_off_by_some():
+def test_points_in_view_are_exact_and_remembered_points_may_be_off():
     memory = RollingObstacleMap()
     for step in range(0, 181, 5):
         pose = Pose2D(0.0, 0.0, math.radians(step))
@@ -91,7 +91,7 @@ def test_time_alone_forgets_nothing():
     assert nearest_to(memory, turned, -2.0, 0.0) < 0.05
 
 
-def test_what_was_seen_long_ago_by_the_way_driven_is_forgotten():
+def test_points_are_forgotten_by_the_distance_driven():
     memory = RollingObstacleMap(MemorySettings(way=1.0))
     memory.update(START, look(START))
     for step in range(1, 30):
@@ -100,7 +100,7 @@ def test_what_was_seen_long_ago_by_the_way_driven_is_forgotten():
     assert nearest_to(memory, pose, -2.0 - 1.45, 0.0) > 1.0
 
 
-def test_what_stands_close_behind_is_not_forgotten_by_who_goes_to_and_fro():
+def test_close_point_behind_is_kept_while_the_robot_drives_to_and_fro():
     memory = RollingObstacleMap(MemorySettings(way=1.0))
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     for step in range(60):
@@ -110,7 +110,7 @@ def test_what_stands_close_behind_is_not_forgotten_by_who_goes_to_and_fro():
     assert nearest_to(memory, pose, -2.0 + pose.x, 0.8) > 0.5  # the wall beyond
 
 
-def test_what_has_gone_away_is_seen_through_by_the_second_sweep():
+def test_second_scan_through_a_point_removes_it():
     memory = RollingObstacleMap()
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     memory.update(START, look(START))
@@ -241,7 +241,7 @@ def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
         assert 0.03 < hidden[beside < 0.12, 0].max() - 0.6 < 0.09
 
 
-def test_what_an_edge_may_hide_counts_neither_in_sight_nor_when_it_was_looked_at_again():
+def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_look():
     memory = RollingObstacleMap()
     near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
     memory.update(START, look(START, near))
@@ -261,7 +261,7 @@ def test_a_robot_that_stands_gathers_nothing_behind_edges_however_long():
     assert len(memory.about(away, 4.0)[0]) <= known
 
 
-def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
+def test_points_hidden_by_an_edge_are_forgotten_with_all_others():
     memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)]))
     memory.forget()

@@ -44,7 +44,7 @@ def test_a_gap_in_which_the_robot_drove_is_no_jump() -> None:
 
 
 @pytest.mark.parametrize("reading", [Pose2D(math.nan, 0.0, 0.0), Pose2D(0.0, math.inf, 0.0)])
-def test_what_is_no_number_counts_as_standing_still(reading: Pose2D) -> None:
+def test_reading_that_is_not_a_number_counts_as_rest(reading: Pose2D) -> None:
     track = OdometryTrack()
     track.add(0.0, Pose2D(1.0, 0.0, 0.0))
     assert track.add(0.1, reading) == Pose2D(1.0, 0.0, 0.0)

@@ -34,7 +34,7 @@ def test_a_footprint_is_the_same_either_way_round():
         ((-1, -1), (1, -1), (math.nan, 1)),
     ],
 )
-def test_what_is_no_convex_polygon_about_the_centre_is_refused(corners):
+def test_footprint_must_be_a_convex_polygon_around_the_centre(corners):
     with pytest.raises(ValueError, match="footprint"):
         hull(corners)
 

@@ -33,7 +33,7 @@ def test_charge_stays_between_empty_and_full() -> None:
     assert after(0.01, 7200, 1.0, charging=False) == 0.0
 
 
-def test_the_voltage_tells_the_charge_and_the_charger() -> None:
+def test_voltage_depends_on_charge_and_charger() -> None:
     assert battery.voltage(1.0, MODEL, charging=False) == pytest.approx(29.0)
     assert battery.voltage(0.2, MODEL, charging=False) == pytest.approx(25.0)
     assert battery.voltage(0.5, MODEL, charging=True) > battery.voltage(0.5, MODEL, charging=False)

@@ -29,11 +29,11 @@ def convex(outline: np.ndarray) -> Convex:
     return Convex.of(outline, normals(outline))
 
 
-def test_squares_apart_are_apart_and_squares_on_each_other_say_the_way_out() -> None:
+def test_gap_of_squares_is_their_distance_or_their_overlap_with_its_direction() -> None:
     a, b = rectangle(Pose2D(0.0, 0.0, 0.0), 2.0, 2.0), rectangle(Pose2D(1.9, 0.0, 0.0), 2.0, 2.0)
-    depth, way = gap(convex(a), convex(b))
+    depth, direction = gap(convex(a), convex(b))
     assert depth == pytest.approx(-0.1)
-    assert way == pytest.approx((-1.0, 0.0))
+    assert direction == pytest.approx((-1.0, 0.0))
     c = rectangle(Pose2D(3.0, 0.0, 0.0), 2.0, 2.0)
     assert gap(convex(a), convex(c))[0] == pytest.approx(1.0)
 
@@ -67,7 +67,7 @@ def test_turning_beside_a_wall_pushes_away_or_stops_and_never_enters() -> None:
 
 @examples(15, thorough=150)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([GIRAFF, RHODON]))
-def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, model: object) -> None:
+def test_no_command_moves_the_robot_into_a_solid(seed: int, model: object) -> None:
     rng = np.random.default_rng(seed)
     footprint = np.array(model.footprint)
     start = PLAN.starts[int(rng.integers(len(PLAN.starts)))]

@@ -96,7 +96,7 @@ def test_a_leaf_waits_for_the_robot_in_its_way_and_moves_when_it_is_gone(share: 
     assert sim.openings["lab-door"] == "closed"
 
 
-def test_a_leaf_turns_back_when_the_robot_comes_into_its_way() -> None:
+def test_leaf_turns_back_when_the_robot_enters_its_arc() -> None:
     sim = giraff()
     sim.set_doors({"lab-door": "closed"})
     wait(sim, 0.16)
@@ -123,7 +123,7 @@ def test_a_leaf_may_go_away_from_what_is_too_near_and_does_not_come_back_to_it()
 
 
 @pytest.mark.slow
-def test_a_leaf_waits_for_somebody_and_nobody_walks_through_it() -> None:
+def test_leaf_waits_for_people_and_no_person_walks_through_it() -> None:
     moved = 0
     for seed in range(2):
         sim = Simulation(GIRAFF, PLAN, seed=seed, start="dock", people=4, door_changes=3.0)
@@ -162,7 +162,7 @@ def test_the_laser_follows_a_moving_leaf() -> None:
 
 
 @pytest.mark.slow
-def test_the_camera_follows_a_moving_leaf_and_ends_with_the_picture_of_the_closed_one() -> None:
+def test_camera_shows_a_moving_leaf_until_it_is_closed() -> None:
     camera = SceneCamera(GIRAFF, PLAN, seed=1)
 
     def picture(opening: str | float) -> np.ndarray:

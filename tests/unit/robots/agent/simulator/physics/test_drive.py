@@ -81,7 +81,7 @@ def test_an_arc_is_the_sum_of_its_parts(v: float, w: float, parts: int) -> None:
     assert abs(wrap_angle(pose.theta - whole.theta)) < 1e-6
 
 
-def test_wheels_do_not_slip_unless_they_are_said_to_and_draw_all_the_same() -> None:
+def test_wheels_without_noise_do_not_slip_but_draw_random_numbers() -> None:
     one, other = np.random.default_rng(5), np.random.default_rng(5)
     assert slip(WheelMotion(0.5, 0.1), 0.467, 0.0, 0.01, one) == WheelMotion(0.5, 0.1)
     assert slip(WheelMotion(0.5, 0.1), 0.467, 0.05, 0.01, other) != WheelMotion(0.5, 0.1)

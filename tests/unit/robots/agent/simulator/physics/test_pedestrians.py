@@ -112,13 +112,8 @@ def test_a_plan_with_less_room_than_people_has_fewer() -> None:
 def test_person_blocked_by_the_robot_turns_round_after_a_while() -> None:
     people = crowd(1)
     walker = people._walkers[0]
-    walker.x, walker.y, walker.path, walker.stay, walker.patience = (
-        2.0,
-        1.0,
-        [(10.0, 1.0)],
-        0.0,
-        2.0,
-    )
+    walker.x, walker.y, walker.path = 2.0, 1.0, [(10.0, 1.0)]
+    walker.stay, walker.patience = 0.0, 2.0
     walk(people, 8.0, robot=Pose2D(5.3, 1.0, 0.0))
     assert people.bumped == 1
     assert walker.path != [(10.0, 1.0)]

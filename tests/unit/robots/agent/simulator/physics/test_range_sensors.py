@@ -9,13 +9,10 @@ import pytest
 from robots.agent.simulator.physics.range_sensors import scan
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF
-from robots.world.solids import rectangle
+from robots.world.solids import rectangle, sides
 
 SILENT = dataclasses.replace(GIRAFF.laser, noise=0.0, dropout=0.0)
-# seen from inside: clockwise
-ROOM = np.hstack(
-    [(box := rectangle(Pose2D(0, 0, 0), 4.0, 4.0))[::-1], np.roll(box[::-1], -1, axis=0)]
-)
+ROOM = sides(rectangle(Pose2D(0, 0, 0), 4.0, 4.0)[::-1])  # seen from inside: clockwise
 
 
 def rng() -> np.random.Generator:
@@ -50,15 +47,6 @@ def test_noise_is_small_seeded_and_never_negative() -> None:
 
 
 def test_lost_beams_are_lost_at_the_given_rate() -> None:
-    ranges = np.concatenate(
-        [
-            scan(
-                ROOM,
-                Pose2D(0, 0, 0),
-                dataclasses.replace(SILENT, dropout=0.1),
-                np.random.default_rng(i),
-            )
-            for i in range(20)
-        ]
-    )
+    model, generator = dataclasses.replace(SILENT, dropout=0.1), rng()
+    ranges = np.concatenate([scan(ROOM, Pose2D(0, 0, 0), model, generator) for _ in range(20)])
     assert 0.07 < np.isinf(ranges).mean() < 0.13

@@ -38,7 +38,7 @@ def test_stamps_follow_a_wall_clock_that_is_set() -> None:
     assert play.stamp() == pytest.approx(9000.2, abs=0.02)
 
 
-def test_history_tells_commanded_and_done_of_every_step() -> None:
+def test_history_has_commanded_and_real_speeds_of_every_step() -> None:
     play = playback()
     play.simulation.command(0.5, 0.0)
     play.advance(100.2, 5000.2)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.contact import distance_to
 from robots.agent.simulator.physics.drive import STILL, WheelMotion
 from robots.agent.simulator.physics.people import BODY
 from robots.agent.simulator.physics.simulation import BUMP_TIME, Simulation, StartError, TrueState
+from robots.agent.simulator.wire import Faults
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import GIRAFF, MODELS, RHODON, OdometryModel
 from robots.world.sites import load_plan
@@ -29,6 +29,11 @@ def drive(sim: Simulation, linear: float, angular: float, seconds: float) -> Non
         if step % 5 == 0:
             sim.command(linear, angular)
         sim.step(0.01)
+
+
+def wait(sim: Simulation, seconds: float, dt: float = 0.01) -> None:
+    for _ in range(round(seconds / dt)):
+        sim.step(dt)
 
 
 def wander(seed: int, scans: bool) -> list[TrueState]:
@@ -69,8 +74,7 @@ def test_silence_for_the_watchdogs_time_brakes_to_a_stand() -> None:
 def test_before_the_watchdog_the_last_command_holds() -> None:
     sim = giraff("corridor-centre")
     drive(sim, 0.5, 0.0, 3.0)
-    for _ in range(24):
-        sim.step(0.01)
+    wait(sim, 0.24)
     assert sim.motion.linear == pytest.approx(0.5)
 
 
@@ -138,12 +142,10 @@ def test_the_head_tilts_with_its_speed_and_within_its_range() -> None:
     sim = giraff()
     sim.tilt_target = 0.8
     before = sim.tilt
-    for _ in range(20):
-        sim.step(0.01)
+    wait(sim, 0.2)
     assert sim.tilt == pytest.approx(before + 0.2 * GIRAFF.tilt.speed)
     sim.tilt_target = 5.0
-    for _ in range(500):
-        sim.step(0.01)
+    wait(sim, 5.0)
     assert sim.tilt == GIRAFF.tilt.maximum
 
 
@@ -254,7 +256,7 @@ def test_doors_that_move_by_themselves_do_so_at_the_same_times_for_the_same_seed
     assert len(first) > 5
 
 
-def test_a_door_that_somebody_set_moves_no_more_by_itself() -> None:
+def test_door_that_was_set_no_longer_moves_by_itself() -> None:
     sim = giraff(door_changes=2.0)
     sim.set_doors({"lab-door": "open", "lounge-door": "closed"})
     for _ in range(3000):
@@ -262,9 +264,9 @@ def test_a_door_that_somebody_set_moves_no_more_by_itself() -> None:
         assert sim.doors == {"lab-door": "open", "lounge-door": "closed"}
 
 
-def somebody(sim: Simulation, ahead: float, *, path: bool) -> None:
-    """Put the only person `ahead` metres before the robot's middle, to stand there or on the way to
-    the robot and beyond.
+def person_ahead(sim: Simulation, ahead: float, *, path: bool) -> None:
+    """Put the only person `ahead` metres before the robot's centre, at rest or walking towards the
+    robot and beyond.
     """
     walker = sim._pedestrians._walkers[0]
     walker.x, walker.y = sim.pose.apply(ahead, 0.0)
@@ -273,9 +275,9 @@ def somebody(sim: Simulation, ahead: float, *, path: bool) -> None:
     sim.step(0.001)
 
 
-def test_a_robot_that_drives_into_somebody_is_stopped_and_counts_one_contact() -> None:
+def test_robot_that_drives_into_a_person_stops_with_one_contact() -> None:
     sim = giraff("2.0,1.0,0", people=1)
-    somebody(sim, 1.5, path=False)
+    person_ahead(sim, 1.5, path=False)
     drive(sim, 0.4, 0.0, 6.0)
     assert (sim.contacts, sim.bumped) == (1, 0)
     assert sim.clearance() < 0.01
@@ -286,9 +288,8 @@ def test_a_robot_that_drives_into_somebody_is_stopped_and_counts_one_contact() -
 
 def test_person_who_walks_into_a_robot_at_rest_waits_and_is_no_contact() -> None:
     sim = giraff("2.0,1.0,0", people=1)
-    somebody(sim, 2.5, path=True)
-    for _ in range(500):
-        sim.step(0.02)
+    person_ahead(sim, 2.5, path=True)
+    wait(sim, 10.0, 0.02)
     assert (sim.contacts, sim.bumped) == (0, 1)
     assert sim.pose == Pose2D(2.0, 1.0, 0.0)
     person = sim.people[0]
@@ -296,9 +297,9 @@ def test_person_who_walks_into_a_robot_at_rest_waits_and_is_no_contact() -> None
     assert distance_to(person.x, person.y, sim.outline()) >= BODY - 1e-9
 
 
-def test_a_robot_that_goes_on_pushing_against_somebody_counts_in_the_end() -> None:
+def test_robot_that_keeps_pushing_a_person_has_a_contact() -> None:
     sim = giraff("2.0,1.0,0", people=1)
-    somebody(sim, 1.2, path=True)
+    person_ahead(sim, 1.2, path=True)
     while not sim.bumped:
         sim.step(0.02)
     drive(sim, 0.3, 0.0, 0.8 * BUMP_TIME)
@@ -307,7 +308,7 @@ def test_a_robot_that_goes_on_pushing_against_somebody_counts_in_the_end() -> No
     assert sim.contacts == 1
 
 
-def test_a_door_does_not_close_on_somebody() -> None:
+def test_door_does_not_close_on_a_person() -> None:
     sim = giraff(people=1)
     walker = sim._pedestrians._walkers[0]
     walker.x, walker.y, walker.path, walker.stay = 2.0, 2.08, [], 1e6
@@ -321,14 +322,13 @@ def test_a_door_does_not_close_on_somebody() -> None:
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.3, -0.5, 1.0, 2.4])
-def test_a_robot_that_somebody_has_walked_into_can_drive_away_from_them(bearing: float) -> None:
+def test_robot_can_drive_away_from_a_person_who_walked_into_it(bearing: float) -> None:
     sim = giraff("2.0,1.0,0", people=1)
     away = math.copysign(0.2, math.cos(bearing))
     walker = sim._pedestrians._walkers[0]
     walker.x, walker.y = sim.pose.apply(0.8 * math.cos(bearing), 0.8 * math.sin(bearing))
     walker.path, walker.stay, walker.patience = [(sim.pose.x, sim.pose.y)], 0.0, 1e6
-    for _ in range(150):
-        sim.step(0.02)
+    wait(sim, 3.0, 0.02)
     assert walker.touching
     assert not sim.obstacles.hits(sim.outline(), sim._near(sim.pose))
     walker.path, walker.stay = [], 1e6
@@ -337,9 +337,9 @@ def test_a_robot_that_somebody_has_walked_into_can_drive_away_from_them(bearing:
     assert sim.pose.distance(begun) > 0.1
 
 
-def test_the_laser_sees_the_legs_of_somebody_before_it() -> None:
+def test_laser_sees_the_legs_of_a_person_ahead() -> None:
     sim = giraff("2.0,1.0,0", people=1)
-    somebody(sim, 2.0, path=False)
+    person_ahead(sim, 2.0, path=False)
     ranges = sim.scan()
     ahead = ranges[len(ranges) // 2 - 8 : len(ranges) // 2 + 8]
     assert 1.5 < np.min(ahead) < 2.0 - GIRAFF.laser.x

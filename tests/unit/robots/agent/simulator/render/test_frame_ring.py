@@ -65,6 +65,6 @@ def test_the_writers_end_takes_the_memory_away_and_the_readers_does_not(ring) ->
     writer.close()
 
 
-def test_a_reader_of_memory_that_is_gone_is_told_so() -> None:
+def test_reader_of_missing_memory_raises() -> None:
     with pytest.raises(OSError):
         FrameReader("telepresence-nothing-here", 32, 24, 3)

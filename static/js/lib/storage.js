@@ -24,8 +24,7 @@ export const rememberLeaving = (robot) => {
 
 /**
  * What there is, and forget that the page was left: that is true for one load only.
- * @param {string} robot
- * @returns {{session: string | null, left: boolean}}
+ * @param {string} robot @returns {{session: string | null, left: boolean}}
  */
 export const recall = (robot) => {
   const { session, left } = read(robot);
@@ -37,8 +36,7 @@ export const recall = (robot) => {
 
 /**
  * The profile that a person chose in this browser (view/display/profiles.js), in all its tabs.
- * @param {string} who
- * @returns {string | null}
+ * @param {string} who @returns {string | null}
  */
 export const recallProfile = (who) => attempt(() => localStorage.getItem(`profile:${who}`)) ?? null;
 
@@ -48,8 +46,7 @@ export const rememberProfile = (who, name) =>
 
 /**
  * The keys that a person chose in this browser (input/keymap.js), by command.
- * @param {string} who
- * @returns {Record<string, string[]>}
+ * @param {string} who @returns {Record<string, string[]>}
  */
 export const recallKeys = (who) => {
   const own = attempt(() => JSON.parse(localStorage.getItem(`keys:${who}`) ?? "{}")) ?? {};

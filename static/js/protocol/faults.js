@@ -2,8 +2,6 @@
 
 /** s without any packet on a WebSocket, which brings one a second, after which the page says so */
 export const SERVER_SILENCE = 1.5;
-/** s after which another WebSocket is opened */
-export const SOCKET_SILENCE = 3;
 
 /**
  * @typedef {object} ShownFault

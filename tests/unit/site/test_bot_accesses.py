@@ -2,13 +2,13 @@
 
 from experiments.bots.endings import Ending
 from experiments.definition.shipped import shipped
-from telepresence_site.rehearsal.play import ways_in
+from telepresence_site.rehearsal.play import accesses_of
 
 STUDY = shipped()["exploration"]
 
 
 def test_bots_come_by_each_way_as_often_as_there_are_conditions_for_it_by_turns():
-    assert ways_in(STUDY, [Ending.COMPLETES] * 5) == [
+    assert accesses_of(STUDY, [Ending.COMPLETES] * 5) == [
         "open",
         "invitation",
         "open",
@@ -19,4 +19,4 @@ def test_bots_come_by_each_way_as_often_as_there_are_conditions_for_it_by_turns(
 
 def test_whose_ending_is_about_the_photo_comes_to_a_robot_that_takes_one():
     endings = [Ending.COMPLETES, Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN, Ending.COMPLETES]
-    assert ways_in(STUDY, endings) == ["open", "open", "open", "invitation"]
+    assert accesses_of(STUDY, endings) == ["open", "open", "open", "invitation"]

@@ -1,39 +1,39 @@
 """What a page that hears its robot directly is spared."""
 
-from sessions.consumers.relay import Sparing
+from sessions.consumers.relay import TelemetryFilter
 
 EVERYTHING = ("state", "pose", "scan", "path", "event", "action", "heartbeat")
 
 
 def test_a_page_gets_everything_until_it_hears_its_robot_directly():
-    sparing = Sparing()
+    telemetry = TelemetryFilter()
     assert all(
-        sparing.passes(suffix, 0.01 * n)
+        telemetry.passes(suffix, 0.01 * n)
         for n in range(9)
         for suffix in ("state", "pose", "scan", "event", "heartbeat")
     )
 
 
 def test_a_page_that_watches_through_the_sfu_gets_few_states_and_no_heartbeats():
-    sparing = Sparing()
+    telemetry = TelemetryFilter()
     passed = [
         suffix
         for n in range(32)
         for suffix in (*EVERYTHING, "pointer")
-        if sparing.passes(suffix, 0.25 * n, by_sfu=True)
+        if telemetry.passes(suffix, 0.25 * n, by_sfu=True)
     ]
     assert passed.count("state") == 4
     assert set(passed) == {"state", "path", "event", "action"}
 
 
 def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
-    sparing = Sparing()
-    sparing.direct = True
+    telemetry = TelemetryFilter()
+    telemetry.direct = True
     passed = [
         suffix
         for n in range(32)
         for suffix in (*EVERYTHING, "pointer")
-        if sparing.passes(suffix, 0.25 * n)
+        if telemetry.passes(suffix, 0.25 * n)
     ]
     assert passed.count("state") == 4
     assert passed.count("pose") == passed.count("scan") == passed.count("pointer") == 0
@@ -41,9 +41,9 @@ def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not
 
 
 def test_everything_comes_again_at_once_when_the_direct_way_falls_silent():
-    sparing = Sparing()
-    sparing.direct = True
-    assert sparing.passes("state", 1.0)
-    assert not sparing.passes("state", 1.1)
-    sparing.direct = False
-    assert all(sparing.passes(suffix, 1.2) for suffix in ("state", "pose", "scan", "pointer"))
+    telemetry = TelemetryFilter()
+    telemetry.direct = True
+    assert telemetry.passes("state", 1.0)
+    assert not telemetry.passes("state", 1.1)
+    telemetry.direct = False
+    assert all(telemetry.passes(suffix, 1.2) for suffix in ("state", "pose", "scan", "pointer"))

@@ -32,9 +32,7 @@ const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
 /**
  * @param {{type: string, title?: string} & Record<string, any>} wish the action's type and fields,
  *   and the name of the place it leads to
- * @param {string} id
- * @param {number} now
- * @returns {RobotAction}
+ * @param {string} id @param {number} now @returns {RobotAction}
  */
 export const ask = ({ type, title = "", ...fields }, id, now) => ({
   id,
@@ -54,8 +52,7 @@ export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
 
 /**
  * The action as it is sent.
- * @param {RobotAction} action
- * @param {{session?: string, epoch?: number}} binding
+ * @param {RobotAction} action @param {{session?: string, epoch?: number}} binding
  * @param {number} now
  */
 export const messageOf = ({ id, type, fields }, binding, now) => ({
@@ -76,10 +73,9 @@ export const isMoving = (action) =>
 /**
  * News of an action. One that runs, from before a reload of the page, becomes the page's.
  * @param {RobotAction | null} action
- * @param {{actionId: string, status: string, type: string, reason: string,
- *   result: Record<string, any>}} news
- * @param {number} now
- * @returns {RobotAction | null}
+ * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string,
+ *   any>}} news
+ * @param {number} now @returns {RobotAction | null}
  */
 export const heard = (action, news, now) => {
   if (action?.id !== news.actionId) {
@@ -111,8 +107,7 @@ export const heard = (action, news, now) => {
 /**
  * What time does to a action: an action without an answer is due again, or has failed; what was
  * read goes away.
- * @param {RobotAction | null} action
- * @param {number} now
+ * @param {RobotAction | null} action @param {number} now
  * @returns {{action: RobotAction | null, send: boolean}}
  */
 export const pass = (action, now) => {

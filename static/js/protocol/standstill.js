@@ -1,18 +1,20 @@
 /**
- * What the robot's last state still tells: why nobody can drive one that is connected, as
- * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
+ * What the robot's last state still tells: why a connected robot cannot be driven, as
+ * robots/presence/report.py has it for lists and the queue, and its present state. Pure.
  */
-
-import { reports } from "../../autonomy/reasons.js";
 
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
 
 const THERE = new Set(["screen", "button"]);
 
+/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
+export const reports = (robot, code) =>
+  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));
+
 /**
  * @param {any} robot its last state, null before one came
  * @returns {"" | "runs_on" | "estop_there" | "estop" | "not_connected" | "fault"} `runs_on`: it
- *   moves although it should stand still, a fault to the server; `estop_there`: somebody at the
+ *   moves although it should stand still, a fault to the server; `estop_there`: a person at the
  *   robot pressed it
  */
 export const standstillOf = (robot) => {
@@ -34,14 +36,14 @@ export const isAway = (robot) =>
 
 /**
  * Whether neither the server nor the page reaches it: what it said last may be over.
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  */
 export const isCutOff = ({ visit, serverSilent }) =>
   visit.link !== "live" && (!visit.online || visit.socket === "lost" || serverSilent);
 
 /**
  * Its last state, while that is of the present: a robot that has gone has no speed any more.
- * @param {import("../../drive/features.js").State} state
- * @returns {any} null when it has not been heard of for some seconds
+ * @param {State} state
+ * @returns {any} null without a state for some seconds
  */
 export const knownNow = ({ robot, robotAt, now }) => (now - robotAt > STALE_SECONDS ? null : robot);

@@ -9,7 +9,6 @@ const AHEAD = 0.25; // s that a pose may be carried on by its velocity
 // s between two poses, beyond which nothing is known of the way from one to the other
 const GAP = 0.6;
 
-/** @typedef {{x: number, y: number, theta: number}} Place m and rad, in the map */
 /**
  * `aimed` is false while nobody knows the tilt.
  * @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number,
@@ -18,8 +17,8 @@ const GAP = 0.6;
 
 /**
  * @param {Place} place
- * @param {[number, number]} point m, in its frame
- * @returns {[number, number]} m, in the frame that it stands in
+ * @param {Point} point m, in its frame
+ * @returns {Point} m, in the frame that it stands in
  */
 export const mapFromRobot = ({ x, y, theta }, [u, v]) => [
   x + u * Math.cos(theta) - v * Math.sin(theta),
@@ -28,8 +27,8 @@ export const mapFromRobot = ({ x, y, theta }, [u, v]) => [
 
 /**
  * @param {Place} place
- * @param {[number, number]} point m, in the frame that it stands in
- * @returns {[number, number]} m, in its own
+ * @param {Point} point m, in the frame that it stands in
+ * @returns {Point} m, in its own
  */
 export const robotFromMap = ({ x, y, theta }, [px, py]) => {
   const [dx, dy] = [px - x, py - y];
@@ -44,8 +43,7 @@ export const wrap = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
  * @param {Place} from
  * @param {number} linear m/s
  * @param {number} angular rad/s
- * @param {number} seconds
- * @returns {Place}
+ * @param {number} seconds @returns {Place}
  */
 export const along = ({ x, y, theta }, linear, angular, seconds) => {
   const turn = angular * seconds;

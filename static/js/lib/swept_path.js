@@ -9,11 +9,7 @@
 
 import { along, mapFromRobot } from "./transforms.js";
 
-/** @typedef {[number, number]} Point */
-/**
- * @typedef {import("./transforms.js").Place & {curvature: number}} Step a place of the robot's
- *   centre, and 1/m
- */
+/** @typedef {Place & {curvature: number}} Step a place of the robot's centre, and 1/m */
 /**
  * @typedef {{left: Point, right: Point, clearance: number}} Slice across the way: its ends in m,
  *   and the room beside it
@@ -36,10 +32,10 @@ const CREEP = 0.03; // m/s; slower is standing, or turning on the spot, which sw
  * How far the footprint reaches to the left and to the right of the way of the robot's centre.
  * @param {Point[]} footprint m, robot's frame, convex
  * @param {number} curvature 1/m, positive turns left
- * @returns {[number, number]} m, both positive
+ * @returns {Point} m, both positive
  */
 export const reachOf = (footprint, curvature) => {
-  const straight = /** @type {[number, number]} */ ([
+  const straight = /** @type {Point} */ ([
     Math.max(...footprint.map(([, y]) => y)),
     Math.max(...footprint.map(([, y]) => -y)),
   ]);
@@ -71,8 +67,7 @@ const distanceTo = ([x, y], [ax, ay], [bx, by]) => {
 };
 
 /**
- * @param {import("./transforms.js").Place} start
- * @param {number} curvature
+ * @param {Place} start @param {number} curvature
  * @param {number} length m, negative is backwards
  * @returns {Step[]}
  */
@@ -86,7 +81,7 @@ export const arcSteps = (start, curvature, length) => {
 
 /**
  * What holding a command does: the speeds rise and fall as the robot's limits allow.
- * @param {import("./transforms.js").Moment} start
+ * @param {Moment} start
  * @param {{linear: number, angular: number}} command m/s, rad/s
  * @param {{linearAcceleration: number, linearBraking: number, angularAcceleration: number,
  *   angularBraking: number}} limits
@@ -94,7 +89,7 @@ export const arcSteps = (start, curvature, length) => {
  * @returns {Step[]} none for a robot that stands or turns on the spot
  */
 export const heldSteps = (start, command, limits, seconds) => {
-  let place = /** @type {import("./transforms.js").Place} */ (start);
+  let place = /** @type {Place} */ (start);
   let { linear, angular } = start;
   const steps = /** @type {Step[]} */ ([]);
   for (let tick = 0; tick * TICK < seconds; tick += 1) {
@@ -131,9 +126,7 @@ export const heldSteps = (start, command, limits, seconds) => {
 
 /**
  * Round a change of sign the speed comes to zero first.
- * @param {number} now
- * @param {number} wanted
- * @param {number} rise
+ * @param {number} now @param {number} wanted @param {number} rise
  * @param {number} fall the most that it may change
  */
 const approach = (now, wanted, rise, fall) => {
@@ -144,9 +137,7 @@ const approach = (now, wanted, rise, fall) => {
 
 /**
  * A line of the map that the robot follows by itself, from where it is.
- * @param {import("./transforms.js").Place} robot
- * @param {Point[]} points
- * @returns {Step[]}
+ * @param {Place} robot @param {Point[]} points @returns {Step[]}
  */
 export const lineSteps = (robot, points) => {
   const distances = points.map(([x, y]) => Math.hypot(x - robot.x, y - robot.y));

@@ -1,0 +1,20 @@
+/**
+ * An error in one part of a page, which must not stop the others. All boundaries call this.
+ * Browsers show it in the console, and to the window's listeners of "error".
+ * @param {unknown} error
+ */
+export const noteError = (error) => (globalThis.reportError ?? console.error)(error);
+
+/**
+ * Runs one part of a page. The parts that follow run in any case.
+ * @template T
+ * @param {() => T} part @returns {T | undefined} undefined where it failed
+ */
+export const guarded = (part) => {
+  try {
+    return part();
+  } catch (error) {
+    noteError(error);
+    return undefined;
+  }
+};

@@ -1,0 +1,100 @@
+/**
+ * What the maps of a course and of a plan share: a handle for each thing that can be moved, and a
+ * tool that adds things where the map is clicked. The fields of the form are the state: a handle
+ * writes into them, and the map follows them.
+ */
+
+import { toUnits } from "./course_ground.js";
+import { rounded } from "./course_points.js";
+import { movable, pointAt } from "./map_handles.js";
+
+/** @typedef {import("./map_handles.js").Movable & {id: string, label: string}} AnyHandle */
+
+/**
+ * A subclass has `draw()`, `add(at)`, which adds a thing with the chosen tool, and
+ * `choose(handle)`, for a handle that gets the focus.
+ * @template {AnyHandle} Handle
+ */
+export class MapEditor {
+  /**
+   * @param {string} id of the SVG @param {[number, number, number, number]} viewBox
+   * @param {string} toolName of the radio buttons @param {string} idle the tool that adds nothing
+   */
+  constructor(id, viewBox, toolName, idle) {
+    this.svg = /** @type {any} */ (document.getElementById(id));
+    this.viewBox = viewBox;
+    this.svg.setAttribute("viewBox", viewBox.join(" "));
+    this.toolName = toolName;
+    this.idle = idle;
+    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
+    this.shown = new Map();
+    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => {
+      const isHandle = /** @type {Element} */ (event.target).closest(".course__handle");
+      if (this.tool !== this.idle && !isHandle && this.mayChange()) {
+        /** @type {any} */ (this).add(pointAt(this.svg, event));
+      }
+    });
+    new ResizeObserver(() => /** @type {any} */ (this).draw()).observe(this.svg);
+  }
+
+  mayChange() {
+    return true;
+  }
+
+  /** Units a CSS pixel. */
+  get pixel() {
+    return this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
+  }
+
+  get tool() {
+    const chosen = document.querySelector(`[name="${this.toolName}"]:checked`);
+    return /** @type {HTMLInputElement | null} */ (chosen)?.value ?? this.idle;
+  }
+
+  showTool() {
+    this.svg.classList.toggle("is-adding", this.tool !== this.idle);
+  }
+
+  /** @param {HTMLFormElement} form whose button for the tool makes a new part */
+  submit(form) {
+    form.requestSubmit(
+      /** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.tool}"]`)),
+    );
+  }
+
+  /**
+   * @param {Handle[]} handles @param {(handle: Handle) => SVGElement} drawn
+   * @param {(handle: Handle) => SVGElement} layerOf
+   */
+  drawHandles(handles, drawn, layerOf) {
+    const ids = new Set(handles.map(({ id }) => id));
+    for (const [id, { group }] of this.shown) {
+      if (!ids.has(id)) {
+        group.remove();
+        this.shown.delete(id);
+      }
+    }
+    for (const handle of handles) {
+      const { id, label, at } = handle;
+      const group = this.shown.get(id)?.group ?? this.#newGroup(id);
+      this.shown.set(id, { group, handle });
+      group.setAttribute("transform", `translate(${toUnits(at).join(" ")})`);
+      group.setAttribute("aria-label", `${label}: ${at.map(rounded).join(" ")}`);
+      group.replaceChildren(drawn(handle));
+      if (!group.isConnected) {
+        layerOf(handle).append(group);
+      }
+    }
+  }
+
+  /** @param {string} id */
+  #newGroup(id) {
+    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
+    return movable({
+      now,
+      mayChange: () => this.mayChange(),
+      worldAt: (event) => pointAt(this.svg, event),
+      onFocus: () => /** @type {any} */ (this).choose(now()),
+    });
+  }
+}

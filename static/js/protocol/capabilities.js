@@ -1,0 +1,60 @@
+/**
+ * What this visitor may ask the robot for: what it can do, without what a study fixes. Pure. The
+ * terms of the session arrive with the grant; until then the page's configuration of the study
+ * applies (experiments/participation/drive_config.py). Without a study everything is open.
+ */
+
+import { roleOf } from "./session.js";
+
+/** What may steer, null when everything may. @param {State} state @returns {string[] | null} */
+export const controllersOf = ({ visit, study }) => (visit.terms ?? study)?.controllers ?? null;
+
+/** @param {State} state @param {string} method */
+export const maySteer = (state, method) => controllersOf(state)?.includes(method) ?? true;
+
+/**
+ * Whether the robot may be asked for this type of action.
+ * @param {State} state @param {string} type
+ */
+export const mayAsk = ({ visit, study }, type) =>
+  (visit.terms ?? study)?.actions?.includes(type) ?? true;
+
+/**
+ * Whether the robot is sent by places, or by a point of the map: to the robot both are the same.
+ * @param {State} state @param {"places" | "map"} by
+ */
+export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true;
+
+/** Whether a study fixes the level of assistance. @param {State} state */
+export const isAssistFixed = ({ visit, study }) => Boolean((visit.terms ?? study)?.assist);
+
+/**
+ * Whether a waiting visitor may write to the people beside the robot: the first in the queue of a
+ * robot whose emergency stop is on and that has a display (sessions/consumers/waiting_chat.py).
+ * A participant of a study may not.
+ * @param {State} state
+ */
+export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
+  visit.phase === "queued" &&
+  visit.place === 1 &&
+  visit.pause === "paused: estop" &&
+  !study &&
+  (robot?.screens ?? 0) > 0 &&
+  Boolean(factsheet?.capabilities?.includes("say"));
+
+/**
+ * Whether the robot says it can do something, and the visitor may ask for it.
+ * @param {State} state @param {string} capability
+ */
+export const can = (state, capability) =>
+  Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
+
+/**
+ * Whether it is offered to this visitor now: only the driver can ask for it.
+ * @param {State} state @param {string} capability
+ */
+export const isOffered = (state, capability) =>
+  roleOf(state.visit) === "driver" && can(state, capability);
+
+/** Whether the robot has levels of assistance to choose from. @param {any} factsheet */
+export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));
