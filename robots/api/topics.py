@@ -178,14 +178,6 @@ def subscriptions(robot: str) -> tuple[str, ...]:
     return (*inputs, of(robot, "connection"))
 
 
-def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
-    """Return the filters that a robot's user may `write` and `read`; the broker refuses others."""
-    return {
-        "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
-        "read": subscriptions(robot),
-    }
-
-
 def session_notices(session: str) -> str:
     """Return the topic on which servers tell each other about one session."""
     return f"{SERVER}/session/{session}"

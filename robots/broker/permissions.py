@@ -12,7 +12,6 @@ MIB = 1024 * 1024
 MAX_PACKET = max(topic.limit for topic in topics.TABLE) + topics.KIB
 SESSION_SECONDS = 24 * 3600.0  # how long a persistent session waits for its client
 
-
 # For every user of a broker, because the brokers have no limits for some of them.
 QUEUED_MESSAGES = 100_000  # of one session: what waits for it or was not acknowledged by it
 QUEUED_BYTES = 64 * MIB
@@ -29,8 +28,8 @@ class Permissions:
 
 @dataclass(frozen=True)
 class BrokerUser:
-    """A user of the broker; `credential_hash` in Mosquitto's `$7$` form, `bcrypt_hash` for
-    NATS, or "" for a token that was made before there was one.
+    """A user of the broker: `credential_hash` has Mosquitto's `$7$` form, `bcrypt_hash` is for NATS
+    ("": the token is older than the first bcrypt hash).
     """
 
     name: str
@@ -41,9 +40,12 @@ class BrokerUser:
 
 @lru_cache(maxsize=4096)
 def of_robot(robot: str) -> Permissions:
-    """Return what a robot's own user may do: write its outputs, read its inputs."""
-    allowed = topics.robot_permissions(robot)
-    return Permissions(write=allowed["write"], read=allowed["read"])
+    """Return what a robot's user may do: write its outputs, read its inputs and its presence."""
+    outputs = (topic.suffix for topic in topics.TABLE if topic.direction == "from_robot")
+    return Permissions(
+        write=tuple(topics.of(robot, suffix) for suffix in outputs),
+        read=topics.subscriptions(robot),
+    )
 
 
 def of_server() -> Permissions:

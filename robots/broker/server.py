@@ -21,7 +21,6 @@ from typing import IO
 import structlog
 
 from robots.api.private_files import write_private
-from robots.broker.bounded_log import BoundedLog
 from robots.broker.engines import Engine
 from robots.broker.listeners import Listeners
 from robots.broker.permissions import BrokerUser
@@ -43,7 +42,6 @@ LEVELS = {
     "ERR": logging.WARNING,
     "FTL": logging.ERROR,
 }
-ADDRESS = re.compile(r"\d+\.\d+\.\d+\.\d+|\[[0-9a-f:]+\]")
 
 
 class BrokerError(Exception):
@@ -65,7 +63,6 @@ class BrokerServer:
         self._directory, self._poll = directory, poll
         self._users: dict[str, BrokerUser] = {}
         self._child: subprocess.Popen[bytes] | None = None
-        self._log = BoundedLog(logger)
         self._last_line = ""
         self._disk_was_full = False
 
@@ -80,7 +77,7 @@ class BrokerServer:
         program = self._engine.find()
         if program is None:
             raise BrokerError(
-                f"{self._engine.program} is not installed ({self._engine.installation})."
+                f"{self._engine.program} is not installed: {self._engine.installation}."
             )
         self._listeners = listeners.bound()
         users = await self._read_users()
@@ -198,7 +195,5 @@ class BrokerServer:
             message, level = found["message"], LEVELS.get(found["level"], logging.INFO)
             self._last_line = message
             self._disk_was_full = self._disk_was_full or DISK_FULL in message
-            address = ADDRESS.search(message)
-            subject = address[0] if address else message
             event = f"{self._engine.name}_{logging.getLevelName(level).lower()}"
-            self._log.write(level, subject, event, message=message)
+            logger.log(level, event, message=message)

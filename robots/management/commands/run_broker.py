@@ -14,6 +14,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
+from robots import logs
 from robots.broker.engines import ENGINES
 from robots.broker.listeners import Listeners, Tls
 from robots.broker.server import BrokerError, BrokerServer
@@ -60,6 +61,7 @@ class Command(BaseCommand):
             settings.VAR_DIR / "broker",
             poll=options["poll"],
         )
+        logs.write_in_a_thread()  # bounded, and a full pipe delays nothing
         try:
             asyncio.run(self._serve(broker, listeners, engine))
         except KeyboardInterrupt:
