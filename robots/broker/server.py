@@ -8,15 +8,13 @@ ends with this process, also when this one is killed (Linux: PR_SET_PDEATHSIG).
 """
 
 import asyncio
+import contextlib
 import logging
 import re
 import shutil
 import signal
-import subprocess
 import sys
-import threading
 from pathlib import Path
-from typing import IO
 
 import structlog
 
@@ -32,6 +30,7 @@ logger = structlog.stdlib.get_logger(__name__)
 START_SECONDS = 30.0
 STOP_SECONDS = 5.0
 LINE_CHARACTERS = 500
+LINE_BYTES = 1024 * 1024  # more than any line, which may name a client's id of 64 KiB
 DISK_FULL = "no space left on device"  # in a line of NATS's log
 ROOM_BYTES = 64 * 1024 * 1024  # on the disk, for a broker that is started again
 # NATS begins a line with "[123] 2026/11/27 19:04:35.406 [ERR] ", Mosquitto with "1764270275: "
@@ -62,7 +61,7 @@ class BrokerServer:
         self._engine, self._read_users = engine, read_users
         self._directory, self._poll = directory, poll
         self._users: dict[str, BrokerUser] = {}
-        self._child: subprocess.Popen[bytes] | None = None
+        self._child: asyncio.subprocess.Process | None = None
         self._last_line = ""
         self._disk_was_full = False
 
@@ -105,8 +104,8 @@ class BrokerServer:
             BrokerError: it ended by itself.
         """
         while True:
-            await asyncio.sleep(self._poll)
-            self._must_live()
+            await asyncio.wait([self._output], timeout=self._poll)
+            await self._must_live()
             if self._disk_was_full and shutil.disk_usage(self._directory).free > ROOM_BYTES:
                 logger.warning("broker_starts_again_after_full_disk")
                 await self._restart()
@@ -122,15 +121,13 @@ class BrokerServer:
 
     async def stop(self) -> None:
         """End the broker, which saves its sessions first."""
-        child, self._child = self._child, None
-        if child is None or child.poll() is not None:
+        if self._child is None or self._child.returncode is not None:
             return
-        child.terminate()
-        try:
-            await asyncio.to_thread(child.wait, STOP_SECONDS)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            await asyncio.to_thread(child.wait)
+        self._child.terminate()
+        await asyncio.wait([self._output], timeout=STOP_SECONDS)
+        if not self._output.done():
+            self._child.kill()
+        await self._child.wait()
 
     def _write_users(self, users: dict[str, BrokerUser]) -> None:
         for name, text in self._engine.files(users).items():
@@ -139,23 +136,21 @@ class BrokerServer:
 
     async def _run(self) -> None:
         # A session of its own: Ctrl-C reaches only us, and we end the broker in order.
-        self._child = subprocess.Popen(  # noqa: ASYNC220 -- it dies with this thread
-            self._command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
+        self._child = await asyncio.create_subprocess_exec(
+            *self._command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            limit=LINE_BYTES,
             start_new_session=True,
             preexec_fn=tied_to_parent(),
         )
-        assert self._child.stdout is not None, "a pipe was asked for"
-        self._output = threading.Thread(
-            target=self._log_lines, args=(self._child.stdout,), daemon=True
-        )
-        self._output.start()
+        assert self._child.stdout is not None, "a pipe was requested"
+        self._output = asyncio.create_task(self._log_lines(self._child.stdout))
         loop = asyncio.get_running_loop()
         deadline = loop.time() + START_SECONDS
         while not await self._listeners.answer():
-            self._must_live()
+            await self._must_live()
             if loop.time() > deadline:
                 await self.stop()
                 raise BrokerError(
@@ -164,32 +159,28 @@ class BrokerServer:
             await asyncio.sleep(0.02)
         # Another program may own the port: the broker then ends at once.
         await asyncio.sleep(0.05)
-        self._must_live()
+        await self._must_live()
 
     async def _reload(self) -> None:
-        if self._child is None:
-            return
         if sys.platform == "win32":
             await self._restart()
-        else:
-            self._child.send_signal(signal.SIGHUP)
+        elif self._child is not None:
+            with contextlib.suppress(ProcessLookupError):  # `wait` will raise an error
+                self._child.send_signal(signal.SIGHUP)
 
     async def _restart(self) -> None:
         await self.stop()
         self._disk_was_full = False
         await self._run()
 
-    def _must_live(self) -> None:
-        code = self._child.poll() if self._child is not None else None
-        if code is not None:
-            self._output.join(1.0)
+    async def _must_live(self) -> None:
+        if self._child is not None and self._output.done():
+            code = await self._child.wait()
             raise BrokerError(f"{self._engine.program} ended with code {code}: {self._last_line}")
 
-    def _log_lines(self, output: IO[bytes]) -> None:
-        """Write the broker's lines into our log, in a thread of its own, so that a full pipe never
-        makes the broker wait for the event loop.
-        """
-        for line in output:
+    async def _log_lines(self, output: asyncio.StreamReader) -> None:
+        """Write the broker's lines into our log, and note a full disk, until the broker ends."""
+        async for line in output:
             found = LINE.fullmatch(line.decode(errors="replace").strip()[:LINE_CHARACTERS])
             assert found is not None, "a line without line feeds always matches"
             message, level = found["message"], LEVELS.get(found["level"], logging.INFO)

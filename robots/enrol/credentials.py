@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import bcrypt
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
@@ -90,6 +89,8 @@ def hash_token(token: str, *, salt: bytes | None = None, iterations: int = ITERA
 
 def bcrypt_hash(token: str, *, salt: bytes | None = None) -> str:
     """Return the hash of a token in bcrypt's `$2b$` form, of the first 16 bytes of `salt`."""
+    import bcrypt  # noqa: PLC0415 -- robots' computers do without it
+
     salt = secrets.token_bytes(BCRYPT_SALT_BYTES) if salt is None else salt[:BCRYPT_SALT_BYTES]
     letters = base64.b64encode(salt).rstrip(b"=").translate(TO_BCRYPT)
     return bcrypt.hashpw(token.encode(), b"$2b$%02d$%s" % (BCRYPT_COST, letters)).decode()

@@ -84,7 +84,7 @@ async def test_the_rest_of_a_tls_record_is_read_at_once():
     assert b"".join(got) == b"a" * 10_000
 
 
-def test_one_turn_of_the_loop_takes_a_piece_of_a_long_queue_and_the_packet_in_which_it_ends():
+def test_one_turn_of_the_loop_reads_one_piece_and_the_rest_of_its_last_packet():
     size, count = 500, 150
     client = paho.mqtt.client.Client(paho.mqtt.client.CallbackAPIVersion.VERSION2)
     got = []

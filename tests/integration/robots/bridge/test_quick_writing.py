@@ -51,9 +51,7 @@ def drained(theirs):
     return found
 
 
-def test_a_slow_broker_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(
-    pair,
-):
+def test_a_slow_broker_gets_every_byte_in_order_from_a_bounded_queue(pair):
     ours, theirs = pair
     paho, written = Paho(), 0
     writer = QuickWriter(paho, ours)
@@ -86,7 +84,7 @@ def test_a_client_that_is_not_what_it_was_is_left_alone():
 
 @pytest.mark.broker
 @pytest.mark.parametrize("quick", [True, False])
-async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(quick, monkeypatch):
+async def test_velocities_arrive_in_order_and_after_earlier_messages(quick, monkeypatch):
     """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py
     takes them for.
     """
@@ -109,7 +107,7 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
             bridge.send("giraff", "command/velocity", velocity(seq))
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 149)
         await bridge.close()
-    told = [
+    received = [
         message.seq if suffix == "command/velocity" else f"lease {message.stamp:.0f}"
         for suffix, message, _ in ear.heard
     ]
@@ -118,11 +116,11 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
         for number in range(1, 6)
         for entry in (f"lease {number}", *range(number * 10, number * 10 + 5))
     ]
-    assert told == [*expected, *range(100, 150)]
+    assert received == [*expected, *range(100, 150)]
 
 
 @pytest.mark.broker
-async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet_to_confirm():
+async def test_a_velocity_does_not_wait_for_messages_that_the_broker_has_not_confirmed():
     """Else one report a second from each of many pages would keep all their commands on the long
     way.
     """
@@ -137,7 +135,7 @@ async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet
         assert len(bridge._in_flight) == 2, "neither is confirmed"
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 2)
         await bridge.close()
-    told = [
+    received = [
         message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard
     ]
-    assert told == ["lease", 1, 2]
+    assert received == ["lease", 1, 2]
