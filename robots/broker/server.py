@@ -176,7 +176,10 @@ class BrokerServer:
     async def _must_live(self) -> None:
         if self._child is not None and self._output.done():
             code = await self._child.wait()
-            raise BrokerError(f"{self._engine.program} ended with code {code}: {self._last_line}")
+            reason = f"with code {code}: {self._last_line}"
+            if code < 0:
+                reason = f"by {signal.Signals(-code).name}."
+            raise BrokerError(f"{self._engine.program} ended {reason}")
 
     async def _log_lines(self, output: asyncio.StreamReader) -> None:
         """Write the broker's lines into our log, and note a full disk, until the broker ends."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import aiomqtt
+import psutil
 import pytest
 from asgiref.sync import sync_to_async
 from django.conf import settings
@@ -156,6 +157,13 @@ def test_a_killed_command_leaves_no_broker_behind(broker):
     broker.process.kill()
     broker.process.wait(SECONDS)
     broker.wait_silent()
+
+
+def test_the_command_ends_with_its_broker_and_names_the_signal(broker):
+    psutil.Process(broker.process.pid).children()[0].kill()
+    _, errors = broker.process.communicate(timeout=SECONDS)
+    assert broker.process.returncode == 1
+    assert errors.splitlines()[-1].endswith(" ended by SIGKILL.")
 
 
 async def test_wrong_passwords_do_not_fill_the_log(broker):
