@@ -51,6 +51,11 @@ EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
 SESSIONS_SHOWN = 10
 VIEW = "telepresence_sessions.view_session"
+TIMES = (
+    *("queued_at", "offered_at", "granted_at", "driving_at"),
+    *("first_motion_at", "lost_at", "turn_ends_at", "ended_at"),
+)
+RECORDED = ("minutes", "distance", "states", "missing")
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
 
 
@@ -131,10 +136,7 @@ class SessionAdmin(OwnersRows):
     readonly_fields = (
         "visitor_link",
         "robot_link",
-        "minutes",
-        "distance",
-        "states",
-        "missing",
+        *RECORDED,
         "methods",
         "ways",
         "device_details",
@@ -144,35 +146,8 @@ class SessionAdmin(OwnersRows):
     )
     fieldsets = (
         (None, {"fields": ("visitor_link", "robot_link", "state", "outcome", "outcome_reason")}),
-        (
-            _("Times"),
-            {
-                "fields": (
-                    "queued_at",
-                    "offered_at",
-                    "granted_at",
-                    "driving_at",
-                    "first_motion_at",
-                    "lost_at",
-                    "turn_ends_at",
-                    "ended_at",
-                )
-            },
-        ),
-        (
-            _("Record"),
-            {
-                "fields": (
-                    "minutes",
-                    "distance",
-                    "states",
-                    "missing",
-                    "methods",
-                    "ways",
-                    "closed_at",
-                )
-            },
-        ),
+        (_("Times"), {"fields": TIMES}),
+        (_("Record"), {"fields": (*RECORDED, "methods", "ways", "closed_at")}),
         (_("Device and network"), {"fields": ("device_details", "network")}),
         (_("Photos"), {"fields": ("snapshots",)}),
         (_("Events"), {"fields": ("events",)}),
@@ -203,11 +178,10 @@ class SessionAdmin(OwnersRows):
     def get_fieldsets(self, request: HttpRequest, _obj: Session | None = None) -> Any:
         if self.sees_all(request):
             return self.fieldsets
-        times = next(part for name, part in self.fieldsets if name == _("Times"))
         return [
             (None, {"fields": ("robot_link", "state", "outcome", "outcome_reason")}),
-            (_("Times"), times),
-            (_("Record"), {"fields": ("minutes", "distance", "states", "missing", "closed_at")}),
+            (_("Times"), {"fields": TIMES}),
+            (_("Record"), {"fields": (*RECORDED, "closed_at")}),
         ]
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
