@@ -1,7 +1,7 @@
 """Lookups in the address of a list of the administration.
 
 Django accepts any lookup on a model's fields, also on fields that no page shows. The number of rows
-would then reveal such a field, letter by letter, to users who may view the list only.
+would then reveal such a field, character by character, to users who may only view the list.
 """
 
 from typing import Any
