@@ -45,7 +45,7 @@ class Conversation:
             else:
                 self._obey(message)
         if newest is not None and self._node is not None:
-            self._send(wire.Thinks(self._node.think(wire.perceived(newest, self._beams))))
+            self._send(wire.NodeOutput(self._node.step(wire.perceived(newest, self._beams))))
 
     def _obey(self, message: wire.ToNode) -> None:
         match message:
@@ -58,7 +58,7 @@ class Conversation:
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
             case _:
-                log.warning("said_too_early", message=type(message).__name__)
+                log.warning("message_too_early", message=type(message).__name__)
 
     def _settle(self, message: wire.Settle) -> str:
         try:

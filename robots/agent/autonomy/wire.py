@@ -86,14 +86,14 @@ class OrderReply(NodeMessage, frozen=True):
     problem: str = ""
 
 
-class Thinks(NodeMessage, frozen=True):
+class NodeOutput(NodeMessage, frozen=True):
     """The output for the newest snapshot."""
 
     output: NavigationOutput
 
 
 ToNode = Settle | KnownPlace | BeginAction | CancelAction | Perceive
-FromNode = Settled | OrderReply | Thinks
+FromNode = Settled | OrderReply | NodeOutput
 
 _to_node: msgpack.Decoder[ToNode] = msgpack.Decoder(ToNode)
 _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)

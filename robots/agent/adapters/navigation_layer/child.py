@@ -76,7 +76,7 @@ class NavigationProcess:
         if self._task is not None and self._task.done() and not self._task.cancelled():
             self._task.result()
 
-    def say(self, message: wire.NodeMessage) -> bool:
+    def send(self, message: wire.NodeMessage) -> bool:
         """Send without waiting; return False when no process receives it."""
         writer = self._writer
         if (
@@ -95,7 +95,7 @@ class NavigationProcess:
         self._orders += 1
         answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
         try:
-            self.say(wire.BeginAction(self._orders, action))
+            self.send(wire.BeginAction(self._orders, action))
             async with asyncio.timeout(ANSWER_TIME):
                 problem = await answer
         except TimeoutError as error:
@@ -186,7 +186,7 @@ class NavigationProcess:
 
     def _take(self, word: wire.FromNode) -> None:
         match word:
-            case wire.Thinks(output):
+            case wire.NodeOutput(output):
                 self._output(output)
             case wire.OrderReply(number, problem):
                 answer = self._answers.get(number)

@@ -258,7 +258,7 @@ class RosbridgeBus:
             try:
                 message = _decoded(text)
             except (ValueError, RecursionError) as error:
-                log.warning("rosbridge_message_malformed", extra={"reason": str(error)})
+                log.warning("rosbridge_message_malformed", reason=str(error))
                 continue
             if isinstance(message, dict):
                 self._take(message)
@@ -345,7 +345,7 @@ class RosbridgeBus:
             del self._refused[topic]
 
     def _complained(self, about: Any, text: str) -> None:
-        log.warning("rosbridge_problem", extra={"text": text[:300]})
+        log.warning("rosbridge_problem", text=text[:300])
         for topic, entry in self._advertised.items():
             if entry["id"] == about:
                 there = ESTABLISHED.search(text)
