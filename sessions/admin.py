@@ -24,7 +24,7 @@ from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
-from accounts.admin_filters import ShownFilters
+from accounts.admin_filters import ReadOnlyAdmin
 from robots.admin import NOTHING, link_to
 from robots.admin_pages.access import OfRobots, WithDriver
 from robots.admin_pages.overview import register_section
@@ -57,21 +57,6 @@ TIMES = (
 )
 RECORDED = ("minutes", "distance", "states", "missing")
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
-
-
-class ReadOnlyAdmin(ShownFilters):
-    """A page that cannot be edited."""
-
-    show_full_result_count = False
-
-    def has_add_permission(self, _request: HttpRequest) -> bool:
-        return False
-
-    def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        return False
-
-    def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        return False
 
 
 def _summary_column(name: str, title: Any, shown: Callable[[Any], str] = str) -> Any:
