@@ -10,7 +10,7 @@ from django.db.models import Q, QuerySet
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from accounts.admin_filters import ShownFilters
+from accounts.admin_filters import ReadOnlyAdmin, ShownFilters
 from accounts.models import AuditEntry, User
 
 RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
@@ -89,8 +89,8 @@ class PersonAdmin(ShownFilters, UserAdmin):
 
 
 @admin.register(AuditEntry)
-class AuditAdmin(admin.ModelAdmin):
-    """Read-only, and for administrators alone because it is about everyone."""
+class AuditAdmin(ReadOnlyAdmin):
+    """For administrators alone because it is about everyone."""
 
     list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
     list_filter = ("act", "at", "robot", "study")
@@ -98,18 +98,12 @@ class AuditAdmin(admin.ModelAdmin):
     search_help_text = _("Search by the ID of a person or item, or the name of a robot or study.")
     date_hierarchy = "at"
     list_per_page = 100
-    show_full_result_count = False
 
     def has_module_permission(self, request: HttpRequest) -> bool:
         return bool(_user(request).is_active and _user(request).is_superuser)
 
     def has_view_permission(self, request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
         return self.has_module_permission(request)
-
-    def has_add_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        return False
-
-    has_change_permission = has_delete_permission = has_add_permission
 
     def get_search_results(
         self, _request: HttpRequest, queryset: "QuerySet[AuditEntry]", search_term: str

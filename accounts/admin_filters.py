@@ -1,7 +1,7 @@
-"""Lookups in the address of a list of the administration.
+"""Lists of the administration: the lookups in their addresses, and those that cannot be edited.
 
 Django accepts any lookup on a model's fields, also on fields that no page shows. The number of rows
-would then reveal such a field, letter by letter, to users who may view the list only.
+would then reveal such a field, character by character, to users who may only view the list.
 """
 
 from typing import Any
@@ -32,6 +32,17 @@ class ShownFilters(admin.ModelAdmin):
             return True
         shown = self.list_filter if request is None else self.get_list_filter(request)
         return any(_is_of(one, lookup) for one in (*shown, self.date_hierarchy) if one)
+
+
+class ReadOnlyAdmin(ShownFilters):
+    """A list whose rows cannot be edited."""
+
+    show_full_result_count = False
+
+    def has_add_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
+        return False
+
+    has_change_permission = has_delete_permission = has_add_permission
 
 
 def _is_of(shown: Any, lookup: str) -> bool:

@@ -1,7 +1,7 @@
 """States end to end: published on MQTT by robots with their own users, until their rows are
 committed beside two million others.
 
-Everything is real and in processes of its own: the broker (Mosquitto, then the embedded one), the
+Everything is real and in processes of its own: the broker (Mosquitto, then NATS), the
 session manager, and one process that plays all robots over plain sockets, because a client library
 would be the bottleneck. The database is SQLite, the default. Each state carries five applied
 commands, as one of a visitor who drives at 20 Hz. The count at the end must be exact.
@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.traffic.mqtt_line import hello
+from benchmarks.traffic.packets import PublishPacket, publish
 from robots.api import topics
-from robots.broker.packets import PublishPacket, publish
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path(__file__).parent / "results" / "states.json"
@@ -28,9 +28,9 @@ STORED = int(os.environ.get("STATES_STORED", "2000000"))
 STATES_A_SESSION = 1200
 PUBLISHED = {
     "mosquitto": int(os.environ.get("STATES_PUBLISHED", "40000")),
-    "embedded": int(os.environ.get("STATES_PUBLISHED", "40000")) // 2,
+    "nats": int(os.environ.get("STATES_PUBLISHED", "40000")) // 2,
 }
-BOUNDS = {"mosquitto": 4000.0, "embedded": 1000.0}
+BOUNDS = {"mosquitto": 4000.0, "nats": 2000.0}
 WINDOW = 50  # messages a robot has on their way before it waits for the broker
 LIMIT_SECONDS = 180.0
 
@@ -241,7 +241,7 @@ def start(command: str, more: dict[str, str], *arguments: str) -> "subprocess.Po
 
 
 def start_broker(kind: str) -> tuple["subprocess.Popen[str]", int]:
-    broker = start("run_broker", {}, "--port", "0", "--require", kind)
+    broker = start("run_broker", {}, "--port", "0", "--engine", kind)
     said = wait_for_line(broker, "broker listening")
     return broker, int(said.rpartition(" (")[0].rpartition(":")[2])
 

@@ -10,11 +10,16 @@ import contextlib
 import ctypes
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from types import FrameType
+from typing import Any
 
+import structlog
+
+log = structlog.stdlib.get_logger(__name__)
 PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -84,3 +89,13 @@ def tied_to_parent() -> Callable[[], None] | None:
 def _accept_end_signals() -> None:
     for number in END_SIGNALS:
         signal.signal(number, signal.SIG_DFL)
+
+
+def wait_or_kill(child: subprocess.Popen[Any], within: float) -> None:
+    """Wait `within` seconds for a child that is ending, then kill it."""
+    try:
+        child.wait(within)
+    except subprocess.TimeoutExpired:
+        log.warning("child_killed", pid=child.pid)
+        child.kill()
+        child.wait()

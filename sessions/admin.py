@@ -24,7 +24,7 @@ from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
-from accounts.admin_filters import ShownFilters
+from accounts.admin_filters import ReadOnlyAdmin
 from robots.admin import NOTHING, link_to
 from robots.admin_pages.access import OfRobots, WithDriver
 from robots.admin_pages.overview import register_section
@@ -51,22 +51,12 @@ EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
 SESSIONS_SHOWN = 10
 VIEW = "telepresence_sessions.view_session"
+TIMES = (
+    *("queued_at", "offered_at", "granted_at", "driving_at"),
+    *("first_motion_at", "lost_at", "turn_ends_at", "ended_at"),
+)
+RECORDED = ("minutes", "distance", "states", "missing")
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
-
-
-class ReadOnlyAdmin(ShownFilters):
-    """A page that cannot be edited."""
-
-    show_full_result_count = False
-
-    def has_add_permission(self, _request: HttpRequest) -> bool:
-        return False
-
-    def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        return False
-
-    def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        return False
 
 
 def _summary_column(name: str, title: Any, shown: Callable[[Any], str] = str) -> Any:
@@ -131,10 +121,7 @@ class SessionAdmin(OwnersRows):
     readonly_fields = (
         "visitor_link",
         "robot_link",
-        "minutes",
-        "distance",
-        "states",
-        "missing",
+        *RECORDED,
         "methods",
         "ways",
         "device_details",
@@ -144,35 +131,8 @@ class SessionAdmin(OwnersRows):
     )
     fieldsets = (
         (None, {"fields": ("visitor_link", "robot_link", "state", "outcome", "outcome_reason")}),
-        (
-            _("Times"),
-            {
-                "fields": (
-                    "queued_at",
-                    "offered_at",
-                    "granted_at",
-                    "driving_at",
-                    "first_motion_at",
-                    "lost_at",
-                    "turn_ends_at",
-                    "ended_at",
-                )
-            },
-        ),
-        (
-            _("Record"),
-            {
-                "fields": (
-                    "minutes",
-                    "distance",
-                    "states",
-                    "missing",
-                    "methods",
-                    "ways",
-                    "closed_at",
-                )
-            },
-        ),
+        (_("Times"), {"fields": TIMES}),
+        (_("Record"), {"fields": (*RECORDED, "methods", "ways", "closed_at")}),
         (_("Device and network"), {"fields": ("device_details", "network")}),
         (_("Photos"), {"fields": ("snapshots",)}),
         (_("Events"), {"fields": ("events",)}),
@@ -203,11 +163,10 @@ class SessionAdmin(OwnersRows):
     def get_fieldsets(self, request: HttpRequest, _obj: Session | None = None) -> Any:
         if self.sees_all(request):
             return self.fieldsets
-        times = next(part for name, part in self.fieldsets if name == _("Times"))
         return [
             (None, {"fields": ("robot_link", "state", "outcome", "outcome_reason")}),
-            (_("Times"), times),
-            (_("Record"), {"fields": ("minutes", "distance", "states", "missing", "closed_at")}),
+            (_("Times"), {"fields": TIMES}),
+            (_("Record"), {"fields": (*RECORDED, "closed_at")}),
         ]
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:

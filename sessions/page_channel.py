@@ -103,7 +103,7 @@ async def _tell_each(events: Collection[tuple[str, Event]]) -> bool:
     """Send each event to its group, all of them at once and within PATIENCE_SECONDS; False when the
     layer is away for any, which does not keep the others back.
     """
-    sendings = (_layer().group_send(group, event) for group, event in events)
+    sendings = (get_channel_layer().group_send(group, event) for group, event in events)
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
             for error in await asyncio.gather(*sendings, return_exceptions=True):
@@ -118,7 +118,7 @@ async def _tell_each(events: Collection[tuple[str, Event]]) -> bool:
 
 async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> None:
     """Pass every event of these groups to `handle`; retry while the layer is away."""
-    layer = _layer()
+    layer = get_channel_layer()
     while True:
         channel = ""
         try:
@@ -145,7 +145,7 @@ def _hand(handle: Callable[[Event], None], event: Event) -> None:
 async def _leave(groups: tuple[str, ...], channel: str) -> None:
     try:
         for group in groups:
-            await _layer().group_discard(group, channel)
+            await get_channel_layer().group_discard(group, channel)
     except LAYER_ERRORS:
         return  # it has forgotten the channel already
 
@@ -168,7 +168,3 @@ async def is_well() -> bool:
         # it leaves its group, for which a layer that is away may keep it waiting
         await asyncio.wait({listening}, timeout=PATIENCE_SECONDS)
     return True
-
-
-def _layer() -> Any:
-    return get_channel_layer()

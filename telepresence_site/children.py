@@ -1,6 +1,4 @@
-"""The child processes of the demo, of practice and of rehearsals: started side by side, watched,
-and ended with their parent.
-"""
+"""The child processes of the demo, of practice and of rehearsals, which end with their parent."""
 
 import contextlib
 import datetime
@@ -9,11 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from robots.processes import tied_to_parent
 
@@ -21,10 +16,6 @@ STOP_SECONDS = 8.0
 NOTICE_PREFIX = "tell: "  # begins a line that the parent shows in its terminal
 TAIL_BYTES = 4096  # of a log, in which its last line is looked for
 MAX_LOG_BYTES = 5_000_000  # a longer log is overwritten when its child is started again
-
-
-class StartFailed(Exception):
-    """A child ended, or was not ready in time; the message is one sentence."""
 
 
 @dataclass
@@ -75,18 +66,6 @@ class Child:
         return f"it was ended by signal {-code}"
 
 
-class DemoPart(NamedTuple):
-    """A Python child to start: how to tell that it is ready, whether nothing works without it, and
-    whether it writes notices.
-    """
-
-    name: str
-    arguments: list[str]
-    ready: Callable[[Child], bool]
-    is_essential: bool = False
-    has_notices: bool = False
-
-
 @dataclass
 class Children:
     """All children, in the order of their start."""
@@ -117,46 +96,6 @@ class Children:
             )
         self.running.append(Child(name, process, log, log_start, started_at))
         return self.running[-1]
-
-    def start_together(
-        self,
-        parts: Iterable[DemoPart],
-        *,
-        within: float = 30.0,
-        step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext,
-    ) -> None:
-        """Start parts side by side, because they wait for each other; then wait for each in turn.
-
-        Args:
-            parts: in the order of their start; they are ended in the opposite one.
-            within: seconds that each may need after the one before it is ready.
-            step: entered with a part's name while it is waited for.
-
-        Raises:
-            StartFailed: one ended, or was not ready in time.
-        """
-        started = [(self.start(part.name, part.arguments), part.ready) for part in parts]
-        for child, ready in started:
-            with step(child.name):
-                self._wait(child, ready, time.monotonic() + within)
-
-    def _wait(self, child: Child, ready: Callable[[Child], bool], deadline: float) -> None:
-        while not ready(child):
-            gone = self.ended()
-            if gone is not None:
-                raise StartFailed(
-                    f"The {gone.name} ended at once: {gone.last_line()} (its log: {gone.log})"
-                )
-            if time.monotonic() > deadline:
-                raise StartFailed(
-                    f"The {child.name} was not ready in time: {child.last_line()} (its log:"
-                    f" {child.log})"
-                )
-            time.sleep(0.05)
-
-    def ended(self) -> Child | None:
-        """Return a child that ended by itself, if any did."""
-        return next((child for child in self.running if child.process.poll() is not None), None)
 
     def end(self, child: Child) -> None:
         _end_all([child])

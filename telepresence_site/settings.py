@@ -35,6 +35,7 @@ INSTALLED_APPS = [
     "django.contrib.sessions",
     "django.contrib.messages",
     "django.contrib.staticfiles",
+    "django.forms",  # the templates of its widgets
     "channels",
     "allauth",
     "allauth.account",
@@ -78,6 +79,8 @@ TEMPLATES = [
     },
 ]
 
+FORM_RENDERER = "telepresence_site.web.form_renderer.FormRenderer"
+
 # --- data -----------------------------------------------------------------------------------------
 
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
@@ -101,7 +104,7 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
         # when a transaction begins.
         "timeout": 20,
         "transaction_mode": "IMMEDIATE",
-        # What is deleted is overwritten; `manage.py forget` empties the write-ahead log at night.
+        # Deleted data is overwritten; `manage.py forget` empties the write-ahead log at night.
         "init_command": (
             "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA secure_delete=ON;"
         ),

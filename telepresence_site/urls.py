@@ -10,8 +10,7 @@ from telepresence_site.ops import health, metrics
 from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
-# One way in, whose attempts are counted: the administration's own form would let anybody guess for
-# ever.
+# The site's log-in limits attempts; the administration's own form has no limit.
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [

@@ -79,7 +79,7 @@ class NodeThread:
 
     def _answer(self, word: wire.NodeMessage) -> None:
         match word:
-            case wire.Thinks(output):
+            case wire.NodeOutput(output):
                 self._process._output(output)
             case wire.Settled():
                 self.ready = True

@@ -13,8 +13,8 @@ import sys
 from collections.abc import Callable
 
 from benchmarks.traffic.mqtt_line import hello, subscribe
+from benchmarks.traffic.packets import PublishPacket, publish
 from robots.api import topics
-from robots.broker.packets import PublishPacket, publish
 
 HOST = "127.0.0.1"
 PIECE = 256 * 1024  # bytes of one write

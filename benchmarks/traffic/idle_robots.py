@@ -16,13 +16,13 @@ from typing import Any
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.mqtt_line import MqttLine, hello
+from benchmarks.traffic.packets import PublishPacket
 from benchmarks.traffic.robots import factsheet_of, is_late_will
 from robots.agent.broker_link.mqtt import KEEPALIVE
 from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.api.idle import IDLE_STATE_SECONDS, INTEREST_SECONDS
-from robots.broker.packets import PublishPacket
 
 STATE, BEAT = 1 / 4, 1 / 5
 CONNECT_SECONDS = 10.0  # after which an attempt has failed
@@ -63,11 +63,12 @@ class IdleRobot:
         will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
+        filters = [(each, 0) for each in topics.subscriptions(self.name)]
         said = hello(f"idle-{self.boot}", self.name, self._token, will, KEEPALIVE)
         try:
             async with asyncio.timeout(CONNECT_SECONDS):
                 _, self._line = await asyncio.get_running_loop().create_connection(
-                    lambda: MqttLine(self, said, topics.subscriptions(self.name), KEEPALIVE),
+                    lambda: MqttLine(self, said, filters, KEEPALIVE),
                     host,
                     port,
                 )

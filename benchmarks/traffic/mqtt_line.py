@@ -9,8 +9,8 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any, Protocol
 
-from robots.broker import packets
-from robots.broker.packets import PublishPacket
+from benchmarks.traffic import packets
+from benchmarks.traffic.packets import PublishPacket
 
 KEEP_ALIVE = 30
 PING = b"\xc0\x00"
@@ -110,9 +110,7 @@ class MqttLine(asyncio.Protocol):
         size = int.from_bytes(body[:2], "big") + 2
         topic, rest = body[2:size].decode(), body[size:]
         if first & 0b0110:
-            self._transport.write(
-                packets.acknowledgement(packets.PUBACK, int.from_bytes(rest[:2], "big"))
-            )
+            self._transport.write(packets.puback(int.from_bytes(rest[:2], "big")))
             rest = rest[2:]
         self._owner.heard(topic, rest, retained=bool(first & 1))
 

@@ -24,12 +24,12 @@ from typing import Any
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.mqtt_line import MqttLine, hello
+from benchmarks.traffic.packets import PublishPacket
 from robots.agent.broker_link.mqtt import TIMEOUT
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
 from robots.api import messages as m
-from robots.broker.packets import PublishPacket
 
 POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
@@ -133,9 +133,7 @@ class LightRobot:
         will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
-        filters = [
-            (topic, 0 if len(nodes) > 1 else qos) for topic, qos in topics.subscriptions(self.name)
-        ]
+        filters = [(each, 0) for each in topics.subscriptions(self.name)]
         said = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
         while True:
             self._over.clear()

@@ -14,12 +14,12 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
+from accounts.admin_filters import ReadOnlyAdmin
 from experiments.access import Role, may
 from experiments.builder.labels import ENDING_NAMES
 from experiments.models import Study
 from experiments.research.study_access import slugs_of
 from robots.admin import NOTHING
-from sessions.admin import ReadOnlyAdmin
 from surveys.document_forms.fields import language_name
 
 

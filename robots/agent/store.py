@@ -5,7 +5,6 @@ hand.
 """
 
 import contextlib
-import os
 from pathlib import Path
 
 import msgspec
@@ -14,6 +13,7 @@ import structlog
 from robots.agent.safety.estop_latch import UNREADABLE, EStopLatch
 from robots.agent.safety.lease import Remembered
 from robots.api.disk_space import MIB, DiskSpace
+from robots.api.private_files import draft_of
 
 log = structlog.stdlib.get_logger(__name__)
 LOW_MB = 200  # of room for these files, logs and updates, below which the robot says so
@@ -73,11 +73,6 @@ class Store:
 
 
 def _replace(path: Path, content: EStopLatch | Remembered) -> None:
-    """Write a file so that a power failure leaves either the old or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".new")
-    with unfinished.open("wb") as file:
+    with draft_of(path) as file:
         file.write(msgspec.json.encode(content))
-        file.flush()
-        os.fsync(file.fileno())
-    unfinished.replace(path)

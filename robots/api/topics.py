@@ -155,13 +155,6 @@ def find(suffix: str) -> Topic | None:
     )
 
 
-def is_kept(topic: str) -> bool:
-    """Tell whether a broker may retain messages to a full topic: by the table, and of servers."""
-    parsed = parse(topic)
-    line = find(parsed[1]) if parsed is not None else None
-    return topic.startswith(f"{SERVER}/") or (line is not None and line.retained)
-
-
 def of(robot: str, suffix: str) -> str:
     """Return the full topic of a robot's suffix."""
     return f"{ROOT}/{robot}/{suffix}"
@@ -175,18 +168,14 @@ def parse(topic: str) -> tuple[str, str] | None:
     return (robot, suffix) if suffix and ROBOT_NAME.match(robot) else None
 
 
-def subscriptions(robot: str) -> tuple[tuple[str, int], ...]:
-    """Return the (filter, QoS) pairs that an agent subscribes to: its inputs and its connection."""
-    inputs = tuple((of(robot, t.suffix), t.qos) for t in TABLE if t.direction == "to_robot")
-    return (*inputs, (of(robot, "connection"), 1))
+def subscriptions(robot: str) -> tuple[str, ...]:
+    """Return the filters that an agent subscribes to at QoS 0: its inputs and its connection.
 
-
-def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
-    """Return the filters that a robot's user may `write` and `read`; the broker refuses others."""
-    return {
-        "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
-        "read": tuple(topic for topic, _ in subscriptions(robot)),
-    }
+    QoS 1 would only add acknowledgements, as the session ends with the connection. NATS creates a
+    queue for each subscription at QoS 1, and can lose messages meanwhile.
+    """
+    inputs = (of(robot, topic.suffix) for topic in TABLE if topic.direction == "to_robot")
+    return (*inputs, of(robot, "connection"))
 
 
 def session_notices(session: str) -> str:

@@ -23,7 +23,7 @@ import functools
 import random
 import secrets
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,14 +47,12 @@ from robots.enrol.credentials import server_credentials
 
 log = structlog.stdlib.get_logger(__name__)
 
-# The QoS of each suffix that pages listen to: not photos and the floor plan, which are large. The
-# session manager records states at QoS 1. Here QoS 0 is enough: the next state follows within
-# 0.25 s, and an acknowledgement takes nearly as much CPU as a message.
-LISTENED = {
-    topic.suffix: topic.qos
+# The suffixes that pages listen to: not photos and the floor plan, which are large.
+LISTENED = tuple(
+    topic.suffix
     for topic in topics.TABLE
     if topic.suffix == "lease" or (topic.direction == "from_robot" and topic.suffix != "photo/+")
-} | {"state": 0}
+)
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_IN_FLIGHT = 500
 WATCH_SECONDS = 0.2
@@ -177,12 +175,12 @@ class Bridge:
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
-                wanted = [
-                    (topics.session_notices("+"), self._failover.qos(1)),
-                    (topics.MANAGER_STATUS, 0),
-                    *(pair for robot in self._delivery.robots for pair in self._filters(robot)),
+                filters = [
+                    topics.session_notices("+"),
+                    topics.MANAGER_STATUS,
+                    *(each for robot in self._delivery.robots for each in _filters(robot)),
                 ]
-                broker_address.check_subscribed(await client.subscribe(wanted))
+                await _subscribe(client, filters)
                 self._arrive()
                 await broker_address.until_lost(client)
             finally:
@@ -237,7 +235,7 @@ class Bridge:
         """Subscribe to a robot; retry while a cluster refuses after the loss of a node."""
         while client is self._client and robot in self._delivery.robots:
             try:
-                broker_address.check_subscribed(await client.subscribe(self._filters(robot)))
+                await _subscribe(client, _filters(robot))
             except aiomqtt.MqttError as error:
                 log.warning("subscription_refused", robot=robot, reason=str(error))
                 await asyncio.sleep(SUBSCRIBE_AGAIN_SECONDS)
@@ -255,13 +253,7 @@ class Bridge:
     def ignore(self, robot: str, listener: Listener) -> None:
         """Stop delivering a robot's messages to a listener; without listeners, unsubscribe."""
         if self._delivery.ignore(robot, listener) and self._client is not None:
-            filters = [filter_ for filter_, _qos in self._filters(robot)]
-            self._launch(functools.partial(self._client.unsubscribe, filters))
-
-    def _filters(self, robot: str) -> list[tuple[str, int]]:
-        return [
-            (topics.of(robot, suffix), self._failover.qos(qos)) for suffix, qos in LISTENED.items()
-        ]
+            self._launch(functools.partial(self._client.unsubscribe, _filters(robot)))
 
     # --- publishing -------------------------------------------------------------------------------
 
@@ -383,6 +375,15 @@ class Bridge:
             self.counts["sent"] += 1
             SEND_SECONDS.observe(time.monotonic() - began)
         self._send_reports()
+
+
+def _filters(robot: str) -> list[str]:
+    return [topics.of(robot, suffix) for suffix in LISTENED]
+
+
+async def _subscribe(client: aiomqtt.Client, filters: Iterable[str]) -> None:
+    """Subscribe at QoS 0, for the reasons in topics.subscriptions; MqttError when refused."""
+    broker_address.check_subscribed(await client.subscribe([(each, 0) for each in filters]))
 
 
 # --- the bridge of this process -------------------------------------------------------------------

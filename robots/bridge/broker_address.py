@@ -3,10 +3,7 @@ and password.
 """
 
 import asyncio
-import functools
 import math
-import socket
-import ssl
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -18,9 +15,6 @@ import structlog
 log = structlog.stdlib.get_logger(__name__)
 
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
-CONNECT_SECONDS = 5.0
-# Far more than a web process ever has in flight; beyond it the bridge refuses instead of queueing.
-MAX_INFLIGHT = 1000
 REFUSED = 0x80
 
 
@@ -69,7 +63,7 @@ def parse(url: str) -> BrokerAddress:
     )
 
 
-class _Inbox(asyncio.Queue[aiomqtt.Message]):
+class Inbox(asyncio.Queue[aiomqtt.Message]):
     """Calls `receive` at once, without a task for each message (saves a quarter of the CPU)."""
 
     def __init__(self, receive: Callable[[aiomqtt.Message], None], maxsize: int = 0) -> None:
@@ -84,40 +78,6 @@ class _Inbox(asyncio.Queue[aiomqtt.Message]):
             self._receive(item)
         except Exception:
             log.exception("message_failed", topic=str(item.topic))
-
-
-def client(
-    address: BrokerAddress,
-    credentials: tuple[str, str],
-    identifier: str,
-    receive: Callable[[aiomqtt.Message], None] | None = None,
-    *,
-    keepalive_seconds: int,
-    clean_session: bool = True,
-) -> aiomqtt.Client:
-    """Return a client; a user in the URL overrides `credentials`. Call it inside the loop.
-
-    `receive` is called with every message. Without `clean_session`, the broker keeps subscriptions
-    and queues their messages at QoS 1 while the client is away.
-    """
-    username, password = (address.username, address.password) if address.username else credentials
-    return aiomqtt.Client(
-        address.host,
-        address.port,
-        username=username,
-        password=password,
-        identifier=identifier,
-        queue_type=functools.partial(_Inbox, receive) if receive else None,  # type: ignore[arg-type]
-        clean_session=clean_session,
-        timeout=CONNECT_SECONDS,
-        keepalive=keepalive_seconds,
-        max_inflight_messages=MAX_INFLIGHT,
-        max_queued_outgoing_messages=MAX_INFLIGHT,
-        transport="websockets" if address.websocket else "tcp",
-        websocket_path=address.path or None,
-        tls_context=ssl.create_default_context() if address.tls else None,
-        socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
-    )
 
 
 def backoff(attempt: int, chance: float, *, first: float = 0.2, ceiling: float = 0.8) -> float:

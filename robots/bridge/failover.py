@@ -5,13 +5,19 @@ while that answers, and tries the next one when the connection is lost or refuse
 tried once before the waits become longer.
 """
 
+import functools
 import random
+import socket
+import ssl
 from collections.abc import Callable
 
 import aiomqtt
 
-from robots.bridge.broker_address import BrokerAddress, backoff, client, parse
+from robots.bridge.broker_address import BrokerAddress, Inbox, backoff, parse
 
+CONNECT_SECONDS = 5.0
+# Far more than a web process ever has in flight; beyond it the bridge refuses instead of queueing.
+MAX_INFLIGHT = 1000
 # A node that stops answering is noticed after 1.5 to 2 of these. A single node has the longer one:
 # an earlier notice would be of no use, and a slow moment would end the connection.
 KEEPALIVE_SECONDS, KEEPALIVE_OF_NODES_SECONDS = 5, 2
@@ -44,20 +50,8 @@ class Failover:
         return self._nodes[self._index]
 
     @property
-    def has_nodes(self) -> bool:
-        return len(self._nodes) > 1
-
-    @property
     def keepalive_seconds(self) -> int:
-        return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
-
-    def qos(self, wanted: int) -> int:
-        """Return the QoS of subscriptions whose messages may be lost with a connection.
-
-        A cluster creates a replicated queue for each subscription at QoS 1, which delays page and
-        robot; over one TCP connection, QoS 1 only adds acknowledgements.
-        """
-        return 0 if self.has_nodes else wanted
+        return KEEPALIVE_OF_NODES_SECONDS if len(self._nodes) > 1 else KEEPALIVE_SECONDS
 
     def client(
         self,
@@ -67,14 +61,30 @@ class Failover:
         *,
         clean_session: bool = True,
     ) -> aiomqtt.Client:
-        """Return a client for the present node; see robots/bridge/broker_address.py."""
-        return client(
-            self.node,
-            credentials,
-            identifier,
-            receive,
-            keepalive_seconds=self.keepalive_seconds,
+        """Return a client for the present node; a user in its address overrides `credentials`. Call
+        it inside the loop.
+
+        `receive` is called with every message. Without `clean_session`, the broker keeps
+        subscriptions and queues their messages at QoS 1 while the client is away.
+        """
+        node = self.node
+        username, password = (node.username, node.password) if node.username else credentials
+        return aiomqtt.Client(
+            node.host,
+            node.port,
+            username=username,
+            password=password,
+            identifier=identifier,
+            queue_type=functools.partial(Inbox, receive) if receive else None,  # type: ignore[arg-type]
             clean_session=clean_session,
+            timeout=CONNECT_SECONDS,
+            keepalive=self.keepalive_seconds,
+            max_inflight_messages=MAX_INFLIGHT,
+            max_queued_outgoing_messages=MAX_INFLIGHT,
+            transport="websockets" if node.websocket else "tcp",
+            websocket_path=node.path or None,
+            tls_context=ssl.create_default_context() if node.tls else None,
+            socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
         )
 
     def ended(self, *, was_up: bool) -> float:

@@ -16,8 +16,6 @@ from typing import Any
 import aiomqtt
 from paho.mqtt.enums import MessageType
 
-from robots.broker import packets
-
 MAX_PENDING = 500  # packets that the socket has not accepted
 
 
@@ -32,7 +30,10 @@ class QuickWriter:
         waiting = self._paho._out_packet
         if len(waiting) >= MAX_PENDING:
             return False
-        packet = packets.publish(packets.PublishPacket(topic, payload))
+        name = topic.encode()
+        packet = bytearray([MessageType.PUBLISH])
+        self._paho._pack_remaining_length(packet, 2 + len(name) + len(payload))
+        packet += len(name).to_bytes(2, "big") + name + payload
         try:
             sent = 0 if waiting else self._socket.send(packet)
         except BlockingIOError:
@@ -41,7 +42,7 @@ class QuickWriter:
             return False
         if sent < len(packet):
             # Marked as a ping: for a message, paho would call a callback when it has been sent.
-            self._paho._packet_queue(MessageType.PINGREQ, packet[sent:], 0, 0)
+            self._paho._packet_queue(MessageType.PINGREQ, bytes(packet[sent:]), 0, 0)
         return True
 
 
@@ -49,5 +50,7 @@ def writer_of(client: aiomqtt.Client) -> QuickWriter | None:
     """Return a writer for a connected client, or None."""
     paho: Any = getattr(client, "_client", None)
     plain = getattr(paho, "_sock", None)
-    known = all(hasattr(paho, name) for name in ("_out_packet", "_packet_queue"))
+    known = all(
+        hasattr(paho, name) for name in ("_out_packet", "_packet_queue", "_pack_remaining_length")
+    )
     return QuickWriter(paho, plain) if known and type(plain) is socket.socket else None

@@ -11,12 +11,12 @@ from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.enrol.bcrypt import SALT_LETTERS, bcrypt_hash
 from robots.enrol.credentials import (
     NONE,
     SALT_BYTES,
     SERVER_USERS,
     ServerPart,
+    bcrypt_hash,
     bcrypt_hashes_of,
     hash_token,
     server_credentials,
@@ -44,7 +44,7 @@ def _server_user(part: ServerPart, name: str) -> BrokerUser:
         name,
         hash_token(password, salt=salt[:SALT_BYTES]),
         of_server(),
-        bcrypt_hash(password, salt=salt[:SALT_LETTERS]),
+        bcrypt_hash(password, salt=salt),
     )
 
 

@@ -1,12 +1,11 @@
 """Robots' tokens for the broker: 256 random bits, shown once, stored as hashes.
 
 The hash has Mosquitto's form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so
-that one string serves Mosquitto's password file, the embedded broker and the HTTPS endpoint. NATS
-reads only bcrypt: each token has a second hash for it, an older token once an agent sends it
-(`robot_of`).
+that one string serves Mosquitto's password file and the HTTPS endpoint. NATS reads only bcrypt:
+each token has a second hash for it, an older token once an agent sends it (`robot_of`).
 
 256 random bits cannot be guessed, so the iterations protect nothing. There are as few as
-`mosquitto_passwd` uses, because a broker checks them between two messages.
+`mosquitto_passwd` uses and bcrypt allows, because a broker checks them between two messages.
 """
 
 import base64
@@ -22,16 +21,21 @@ from typing import Any, Literal
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from accounts.tokens import hash_of
 from robots.api.credentials_file import toml
 from robots.api.private_files import write_private
-from robots.enrol.bcrypt import bcrypt_hash
 from robots.models import Robot, RobotCredentials
 
 TOKEN_BYTES = 32
 ITERATIONS = 101
 SALT_BYTES = 12  # the only length that Mosquitto reads
 HASH_BYTES = 64
+BCRYPT_COST = 4
+BCRYPT_SALT_BYTES = 16
+# base64's alphabet and bcrypt's, in the order of their values
+TO_BCRYPT = bytes.maketrans(
+    b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/",
+    b"./ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789",
+)
 GRACE = datetime.timedelta(hours=24)
 NONE: dict[str, Any] = {
     "credential_user": "",
@@ -81,6 +85,15 @@ def hash_token(token: str, *, salt: bytes | None = None, iterations: int = ITERA
     salt = secrets.token_bytes(SALT_BYTES) if salt is None else salt
     digest = hashlib.pbkdf2_hmac("sha512", token.encode(), salt, iterations, HASH_BYTES)
     return f"$7${iterations}${base64.b64encode(salt).decode()}${base64.b64encode(digest).decode()}"
+
+
+def bcrypt_hash(token: str, *, salt: bytes | None = None) -> str:
+    """Return the hash of a token in bcrypt's `$2b$` form, of the first 16 bytes of `salt`."""
+    import bcrypt  # noqa: PLC0415 -- robots' computers do without it
+
+    salt = secrets.token_bytes(BCRYPT_SALT_BYTES) if salt is None else salt[:BCRYPT_SALT_BYTES]
+    letters = base64.b64encode(salt).rstrip(b"=").translate(TO_BCRYPT)
+    return bcrypt.hashpw(token.encode(), b"$2b$%02d$%s" % (BCRYPT_COST, letters)).decode()
 
 
 def matches(token: str, credential_hash: str) -> bool:
@@ -229,44 +242,3 @@ def bearer(header: str) -> tuple[str, str]:
     scheme, _, rest = header.partition(" ")
     name, _, token = rest.strip().partition(":")
     return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")
-
-
-class Verifier:
-    """Remembers recent successes, so that reconnecting is cheap, and addresses with many failures.
-
-    For such an address only remembered tokens are checked, so that guessing costs no work, and does
-    not lock out others behind the same address.
-    """
-
-    def __init__(
-        self,
-        *,
-        remember_seconds: float = 3600.0,
-        attempts: int = 10,
-        window_seconds: float = 60.0,
-        size: int = 4096,
-    ) -> None:
-        self._remember, self._window = remember_seconds, window_seconds
-        self._attempts, self._size = attempts, size
-        self._known: dict[tuple[str, str], float] = {}
-        self._failures: dict[str, list[float]] = {}
-
-    def knows(self, token: str, credential_hash: str, now: float) -> bool:
-        """Tell whether this token recently matched this hash; `now` is monotonic seconds."""
-        return self._known.get((credential_hash, hash_of(token)), -1e18) > now - self._remember
-
-    def is_blocked(self, address: str, now: float) -> bool:
-        return len(self._recent(address, now)) >= self._attempts
-
-    def note(self, token: str, credential_hash: str, now: float) -> None:
-        if len(self._known) >= self._size:
-            self._known.clear()
-        self._known[credential_hash, hash_of(token)] = now
-
-    def note_failure(self, address: str, now: float) -> None:
-        if len(self._failures) >= self._size:
-            self._failures.clear()
-        self._failures[address] = [*self._recent(address, now), now][-self._attempts :]
-
-    def _recent(self, address: str, now: float) -> list[float]:
-        return [moment for moment in self._failures.get(address, ()) if moment > now - self._window]

@@ -133,4 +133,4 @@ if __name__ == "__main__":
     parser.add_argument("directory", type=Path)
     target = parser.parse_args().directory
     drawn = write_map(target)
-    log.info("map_written", extra={"directory": str(target), "cells": drawn.image.size})
+    log.info("map_written", directory=str(target), cells=drawn.image.size)

@@ -7,12 +7,12 @@ drive: leases are for persons.
 
 import datetime
 import functools
-import json
 import time
 import uuid
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, Literal, get_args
 
+import msgspec
 from channels.db import database_sync_to_async
 from django.db.models import Count, Q
 from django.http import HttpRequest, JsonResponse
@@ -38,7 +38,7 @@ from sessions.models import AT_THE_WHEEL, ApiKey, Session
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
 READ = Attempts("api-read", limit=120)
-ACTIONS = ("stop", "estop", "dock")
+ActionKind = Literal["stop", "estop", "dock"]
 MAX_BODY = 1024
 BROKER_PATIENCE_SECONDS = 1.0
 
@@ -196,9 +196,8 @@ def _for_own_key(
             return key
         kind = _kind(request)
         if kind is None:
-            return problem(
-                400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}."
-            )
+            kinds = ", ".join(get_args(ActionKind))
+            return problem(400, "unknown_action", f"Send a JSON object with “type”: {kinds}.")
         return await view(request, key, kind)
 
     return checked
@@ -217,15 +216,17 @@ def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
     return key if ACTED.count(name, now) else too_many(ACTED, name, now, "too_many_actions")
 
 
-def _kind(request: HttpRequest) -> str | None:
+class _Request(msgspec.Struct):
+    type: ActionKind
+
+
+def _kind(request: HttpRequest) -> ActionKind | None:
     if len(request.body) > MAX_BODY:
         return None
     try:
-        asked = json.loads(request.body)
-    except (ValueError, RecursionError):
+        return msgspec.json.decode(request.body, type=_Request).type
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
-    kind = asked.get("type") if isinstance(asked, dict) else None
-    return kind if kind in ACTIONS else None
 
 
 @csrf_exempt  # cookies are not used here

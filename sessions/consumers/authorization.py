@@ -145,19 +145,78 @@ class FrameRefused(Exception):
     """A frame that this page may not send now; the message is the reason in one word."""
 
 
-class Authorization:
-    """The permissions of one page at a robot.
+class PageAuthorization:
+    """Decides about the frames of a page; a subclass has its permissions.
 
     Args:
         peer: the id that the server made for this connection; a page that resumes gets its old one
             back with the grant.
-        who: the visitor's name, as in messages.
-        operator: whether the visitor operates the robot, and as what.
+        who: the visitor's name, or the robot's title, as in messages.
         ice_servers: returns the ICE servers for the robot's side of a connection with this page;
             called for each offer, because credentials expire.
     """
 
     _protocol: Any = protocol  # decodes messages outside the Robot API
+
+    def __init__(
+        self, peer: str, who: str, ice_servers: Callable[[], tuple[IceServer, ...]] = tuple
+    ) -> None:
+        self.peer = peer
+        self.who = who[:120]
+        self.ice_servers = ice_servers
+        self.refused: collections.Counter[str] = collections.Counter()
+        self._allowance = Allowance()
+        self._sent: dict[tuple[str, str], float] = {}
+
+    def receive(self, frame: str | bytes, lease: Lease | None, now: float) -> tuple[Effect, ...]:
+        """Decide about a frame; `now` is monotonic seconds, `lease` the one in force."""
+        suffix = ""
+        try:
+            suffix, payload = _split(frame)
+            message = self._decode(suffix, payload)
+            if not self._allowance.passes(message, now):
+                return self.deny(suffix, "rate", now)
+            return (self._effect(suffix, message, lease, now),)
+        except Rejection as rejection:
+            return self.deny(suffix, rejection.reason, now)
+        except FrameRefused as refused:
+            return self.deny(suffix, str(refused), now)
+
+    def _decode(self, suffix: str, payload: str) -> Any:
+        """Return the message of one of the suffixes that a page may use; the Robot API has more,
+        for servers and robots.
+        """
+        return (
+            codec.decode(suffix, payload, "to_robot")
+            if suffix in topics.FROM_PAGE
+            else self._protocol.decode(suffix, payload)
+        )
+
+    def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
+        """Count a refusal; report the same one to the page at most once a second, and close the
+        connection of a page that floods.
+        """
+        self.refused[reason] += 1
+        if self._allowance.floods(now):
+            return (Close(protocol.FLOODED),)
+        key = (suffix if suffix in KNOWN else "", reason)
+        if now - self._sent.get(key, float("-inf")) < REPEAT_SECONDS:
+            return ()
+        self._sent[key] = now
+        return (DenyFrame(suffix[:80], reason),)
+
+    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
+        """Return what to do with a message; raises FrameRefused when this page may not send it."""
+        raise NotImplementedError
+
+
+class Authorization(PageAuthorization):
+    """The permissions of a visitor's page at a robot.
+
+    Args:
+        peer: as of PageAuthorization, like `who` and `ice_servers`.
+        operator: whether the visitor operates the robot, and as what.
+    """
 
     def __init__(
         self,
@@ -166,10 +225,8 @@ class Authorization:
         operator: Operator | None = None,
         ice_servers: Callable[[], tuple[IceServer, ...]] = tuple,
     ) -> None:
-        self.peer = peer
-        self.who = who[:120]
+        super().__init__(peer, who, ice_servers)
         self.operator = operator
-        self.ice_servers = ice_servers
         self.role: PageRole = "guest"
         self.watches = False
         self.by_sfu = False  # watches, but has no connection to the robot
@@ -182,9 +239,6 @@ class Authorization:
         self.velocity_seq = 0
         self.velocity_at = float("-inf")
         self.awaits_picture = False
-        self.refused: collections.Counter[str] = collections.Counter()
-        self._allowance = Allowance()
-        self._sent: dict[tuple[str, str], float] = {}
 
     # --- decisions of the database ----------------------------------------------------------------
 
@@ -256,43 +310,6 @@ class Authorization:
         return asked and (self.watches or self.holds(lease)) and not self.is_shut_out(lease)
 
     # --- frames of the page -----------------------------------------------------------------------
-
-    def receive(self, frame: str | bytes, lease: Lease | None, now: float) -> tuple[Effect, ...]:
-        """Decide about a frame; `now` is monotonic seconds, `lease` the one in force."""
-        suffix = ""
-        try:
-            suffix, payload = _split(frame)
-            message = self._decode(suffix, payload)
-            if not self._allowance.passes(message, now):
-                return self.deny(suffix, "rate", now)
-            return (self._effect(suffix, message, lease, now),)
-        except Rejection as rejection:
-            return self.deny(suffix, rejection.reason, now)
-        except FrameRefused as refused:
-            return self.deny(suffix, str(refused), now)
-
-    def _decode(self, suffix: str, payload: str) -> Any:
-        """Return the message of one of the suffixes that a page may use; the Robot API has more,
-        for servers and robots.
-        """
-        return (
-            codec.decode(suffix, payload, "to_robot")
-            if suffix in topics.FROM_PAGE
-            else self._protocol.decode(suffix, payload)
-        )
-
-    def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
-        """Count a refusal; report the same one to the page at most once a second, and close the
-        connection of a page that floods.
-        """
-        self.refused[reason] += 1
-        if self._allowance.floods(now):
-            return (Close(protocol.FLOODED),)
-        key = (suffix if suffix in KNOWN else "", reason)
-        if now - self._sent.get(key, float("-inf")) < REPEAT_SECONDS:
-            return ()
-        self._sent[key] = now
-        return (DenyFrame(suffix[:80], reason),)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         match message:

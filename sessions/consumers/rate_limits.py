@@ -7,6 +7,17 @@ from robots.api.messages import EStop, Photo, PointCommand, SdpOffer, Stop, Velo
 from sessions.protocol import PageEvent, PageNetwork, WantOffer
 
 Kind = Literal["velocity", "stop", "other", "point", "photo", "report", "offer"]
+KINDS: dict[type, tuple[Kind, ...]] = {
+    VelocityCommand: ("velocity",),
+    Stop: ("stop",),
+    EStop: ("stop",),
+    PageEvent: ("report",),
+    PageNetwork: ("report",),
+    PointCommand: ("point",),
+    SdpOffer: ("offer",),
+    WantOffer: ("offer",),
+    Photo: ("other", "photo"),
+}
 
 
 class Allowance:
@@ -37,25 +48,9 @@ class Allowance:
 
     def passes(self, message: Any, now: float) -> bool:
         """Count a message, and tell whether it is within the limits."""
-        return all(self._buckets[kind].spend(now) for kind in _kinds(message))
+        kinds = KINDS.get(type(message), ("other",))
+        return all(self._buckets[kind].spend(now) for kind in kinds)
 
     def floods(self, now: float) -> bool:
         """Count a refused frame, and tell whether the connection must end, after too many."""
         return not self._refusals.spend(now)
-
-
-def _kinds(message: Any) -> tuple[Kind, ...]:
-    match message:
-        case VelocityCommand():
-            return ("velocity",)
-        case Stop() | EStop():
-            return ("stop",)
-        case PageEvent() | PageNetwork():
-            return ("report",)
-        case PointCommand():
-            return ("point",)
-        case SdpOffer() | WantOffer():
-            return ("offer",)
-        case Photo():
-            return ("other", "photo")
-    return ("other",)

@@ -34,7 +34,7 @@ class RobotPageConsumer(DirectConsumer):
     ignored.
     """
 
-    authorization: Any = None  # with the methods `receive` and `deny` of Authorization
+    authorization: Any = None  # a PageAuthorization
     name: str
 
     # --- from connecting to closing ---------------------------------------------------------------

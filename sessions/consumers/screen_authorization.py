@@ -22,10 +22,10 @@ from robots.api.messages import (
     SdpOffer,
     Stop,
 )
-from sessions.consumers.authorization import Authorization, Effect, FrameRefused, Halt, Publish
+from sessions.consumers.authorization import Effect, FrameRefused, Halt, PageAuthorization, Publish
 
 
-class ScreenAuthorization(Authorization):
+class ScreenAuthorization(PageAuthorization):
     """The permissions of a robot's display; `who` is the robot's title."""
 
     def _effect(self, suffix: str, message: Any, _lease: Lease | None, _now: float) -> Effect:

@@ -14,7 +14,7 @@ from robots.api.messages import Say, Words
 from robots.bridge.known import KnownRobot
 from sessions import page_channel
 from sessions.leases import terms
-from sessions.leases.policy import PAGE_GONE_SECONDS
+from sessions.leases.store import waits_here
 from sessions.models import Session
 
 
@@ -28,11 +28,8 @@ def first_waiting(robot: str, now: datetime.datetime) -> tuple[str, str] | None:
     """Return session and name of the first in a robot's queue whose page is open; None without one,
     or for a participant of a study.
     """
-    seen_since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
     row = (
-        Session.objects.filter(
-            robot__name=robot, state=Session.State.WAITING, seen_at__gte=seen_since
-        )
+        Session.objects.filter(waits_here(now), robot__name=robot)
         .select_related("visitor", "robot")
         .defer("device", "summary")
         .order_by("queued_at")

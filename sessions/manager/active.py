@@ -197,7 +197,7 @@ class ActiveManager:
             clean_session=False,
         ) as client:
             read_quickly(client)
-            connection = BrokerConnection(client, self._work, time.time, self._failover.qos(1))
+            connection = BrokerConnection(client, self._work, time.time)
             await connection.begin()
             self._connected.set()
             node = self._failover.node

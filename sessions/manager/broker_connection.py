@@ -65,7 +65,7 @@ STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two checks for faults, which are published at once
 GATHER_SECONDS = 0.04
 STEP_SECONDS = 1.0  # by which the clock may change between two ticks, as NTP slews it
-MAX_FILTERS = 50  # of one packet; the embedded broker takes 64
+MAX_FILTERS = 50  # of one packet; some brokers limit it
 # A cluster creates a replicated queue for each filter, the first time.
 SUBSCRIBE_SECONDS = 30.0
 TOGETHER = 200  # messages in flight to the broker, of the thousand that a client keeps
@@ -100,9 +100,6 @@ class BrokerConnection:
         client: connected.
         work: outlives the connection.
         clock: Unix seconds.
-        often_qos: the highest QoS of subscriptions to frequent messages. A cluster creates a
-            replicated queue for each subscription at QoS 1, and takes a minute to restore so many
-            after a partition.
     """
 
     def __init__(
@@ -110,12 +107,10 @@ class BrokerConnection:
         client: aiomqtt.Client,
         work: Work,
         clock: Callable[[], float],
-        often_qos: int = 1,
     ) -> None:
         self._client = client
         self._work = work
         self._clock = clock
-        self._often_qos = often_qos
         self._since = clock()
         self._shift = self._since - time.monotonic()  # from monotonic to Unix seconds
         self._desired_state = DesiredState(work.ownership)
@@ -141,10 +136,10 @@ class BrokerConnection:
         ownership = self._work.ownership
         slots = ownership.slots
         if ownership.is_whole:
-            wanted = filters(often_qos=self._often_qos)
+            wanted = filters()
         else:
             names = await self._work.thread.run(_names_of, ownership.wants)
-            wanted = filters(names, often_qos=self._often_qos)
+            wanted = filters(names)
         for packet in packets_of(wanted - self._subscribed):
             granted = await self._client.subscribe(packet, timeout=SUBSCRIBE_SECONDS)
             broker_address.check_subscribed(granted)

@@ -35,17 +35,16 @@ _NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
 
 
-def filters(robots: Iterable[str] = ("+",), *, often_qos: int = 1) -> set[tuple[str, int]]:
+def filters(robots: Iterable[str] = ("+",)) -> set[tuple[str, int]]:
     """Return the (filter, QoS) pairs that a session manager subscribes to, for these robots.
 
-    Args:
-        robots: their names.
-        often_qos: the highest QoS of frequent messages. It may be 0: lost states are requested by
-            their numbers, and the other messages are repeated or retained.
+    Frequent messages have QoS 0: lost states are requested by their numbers, and the others are
+    repeated or retained. NATS creates a queue for each subscription at QoS 1; a cluster of it takes
+    a minute to restore so many after a partition.
     """
     return {
         *_of_robots(("+",), RARE, 1),
-        *_of_robots(robots, FREQUENT, often_qos),
+        *_of_robots(robots, FREQUENT, 0),
         (topics.session_notices("+"), 1),
         (protocol.page_reports("+"), 1),
     }

@@ -12,6 +12,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
+from robots.api.private_files import write_private
+
 DAYS = 397  # validity of a certificate; browsers accept no longer one
 
 
@@ -27,7 +29,7 @@ def addresses() -> list[str]:
     ]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            # a documentation address: nothing is sent, the kernel only picks a route
+            # a documentation address; connecting sends no packet and only selects a route
             probe.connect(("192.0.2.1", 9))
             first = probe.getsockname()[0]
         except OSError:
@@ -77,14 +79,12 @@ def _make(key_file: Path, certificate_file: Path, hosts: list[str]) -> None:
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .sign(key, hashes.SHA256())
     )
-    key_file.touch(mode=0o600)
-    key_file.write_bytes(
-        key.private_bytes(
-            serialization.Encoding.PEM,
-            serialization.PrivateFormat.PKCS8,
-            serialization.NoEncryption(),
-        )
+    pem = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
     )
+    write_private(key_file, pem.decode())
     certificate_file.write_bytes(made.public_bytes(serialization.Encoding.PEM))
 
 

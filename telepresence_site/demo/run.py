@@ -21,12 +21,12 @@ from experiments.publishing import NotPublishableError
 from robots.models import Robot, RobotPresence
 from robots.processes import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat
-from telepresence_site.children import Child, Children, DemoPart, StartFailed
+from telepresence_site.children import Child, Children
 from telepresence_site.demo import lan
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import RESEARCHER, ROBOTS, seed
 from telepresence_site.demo.study import publish_study
-from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
+from telepresence_site.demo.supervision import DemoPart, PartLostError, ServiceSupervisor
 from telepresence_site.practice.supervisor import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
@@ -326,7 +326,7 @@ def _run(options: Options) -> int:
     except KeyboardInterrupt:
         print("\n  Stopping …", flush=True)
         return 0 if demo is not None and demo.password else 130
-    except (StartFailed, PartLostError) as error:
+    except PartLostError as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
     finally:

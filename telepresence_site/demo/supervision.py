@@ -2,18 +2,36 @@
 that nothing works without ends the demo.
 """
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from telepresence_site.children import Child, Children, DemoPart, StartFailed
+from telepresence_site.children import Child, Children
 
 POLL_INTERVAL_S = 0.1  # while a part starts
 
 
 class PartLostError(Exception):
-    """An essential part ended each time that it was started; the message is one sentence."""
+    """An essential part ended too often, or was not ready in time; the message is one sentence."""
+
+
+class NotReadyError(PartLostError):
+    """A part was not ready in time."""
+
+
+class DemoPart(NamedTuple):
+    """A Python child to start: how to tell that it is ready, whether nothing works without it, and
+    whether it writes notices.
+    """
+
+    name: str
+    arguments: list[str]
+    ready: Callable[[Child], bool]
+    is_essential: bool = False
+    has_notices: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,16 +99,15 @@ class ServiceSupervisor:
         parts: Sequence[DemoPart],
         *,
         within: float,
-        step: Callable[[str], AbstractContextManager[None]],
+        step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext,
     ) -> None:
         """Start parts side by side, because they wait for each other; then wait for each in turn.
 
         One that is not essential and needs longer than `within` seconds is reported, and no longer
-        waited for.
+        waited for. `step` is entered with a part's name while it is waited for.
 
         Raises:
-            PartLostError: an essential one ended too often.
-            StartFailed: an essential one was not ready in time.
+            PartLostError: an essential one ended too often, or was not ready in time.
         """
         self._services += [
             _Service(part, self._children.start(part.name, part.arguments), self._clock())
@@ -100,7 +117,7 @@ class ServiceSupervisor:
             try:
                 with step(service.part.name):
                     self._wait(service, self._clock() + within)
-            except StartFailed as error:
+            except NotReadyError as error:
                 if service.part.is_essential:
                     raise
                 self._tell(f"{error} Continuing without it until it is ready.")
@@ -109,7 +126,7 @@ class ServiceSupervisor:
     def _wait(self, service: _Service, deadline: float) -> None:
         while service.restart_at is not None or not service.part.ready(service.child):
             if self._clock() > deadline:
-                raise StartFailed(
+                raise NotReadyError(
                     f"The {service.part.name} is not ready yet: {service.child.last_line()} (its"
                     f" log: {service.child.log})."
                 )
@@ -162,8 +179,7 @@ class ServiceSupervisor:
         service.died_at = service.died_at or now
         delay = self._policy.delay(service.deaths, is_essential=service.part.is_essential)
         if delay is None:
-            raise PartLostError(
-                f"{what} It ended {service.deaths} times in a row, and nothing works without it."
-            )
+            often = f" {service.deaths} times in a row" if service.deaths > 1 else ""
+            raise PartLostError(f"{what} It ended{often}, and nothing works without it.")
         service.restart_at = now + delay
         self._tell(f"{what} Starting it again in {delay:g} s.")

@@ -5,21 +5,15 @@
 import re
 from typing import Any
 
-import dj_database_url
-
 ENGINE = "telepresence_site.postgresql"
 PORT = "5432"
 CONNECT_SECONDS = 3  # in which a server must answer a new connection
-_URL = re.compile(
-    r"(?P<before>(?:postgres|postgresql|pgsql)://(?:[^/?#]*@)?)"
-    r"(?P<hosts>[^/?#@]*,[^/?#@]*)(?P<after>.*)"
-)
-_HOST = re.compile(r"\[?(?P<host>[^\[\]:]+|(?<=\[)[0-9A-Fa-f:.]+(?=\]))\]?(?::(?P<port>[0-9]+))?")
+_SEVERAL_HOSTS = re.compile(r"postgres(ql)?://([^/?#]*@)?[^/?#@]*,")
 
 
 def is_address(url: str) -> bool:
     """Tell whether a DATABASE_URL names several PostgreSQL servers."""
-    return _URL.fullmatch(url) is not None
+    return _SEVERAL_HOSTS.match(url) is not None
 
 
 def database(url: str) -> dict[str, Any]:
@@ -28,16 +22,24 @@ def database(url: str) -> dict[str, Any]:
     Raises:
         ValueError: it is not such an address.
     """
-    found = _URL.fullmatch(url)
-    hosts = [_HOST.fullmatch(word.strip()) for word in found["hosts"].split(",")] if found else []
-    if found is None or None in hosts:
+    from psycopg import ProgrammingError, conninfo  # noqa: PLC0415 -- other databases lack it
+
+    try:
+        given = conninfo.conninfo_to_dict(url)
+    except ProgrammingError:
+        given = {}
+    hosts = str(given.pop("host", "")).split(",")
+    ports = [port or PORT for port in str(given.pop("port", "")).split(",")]
+    if not (all(hosts) and all(map(str.isdecimal, ports))):
+        # without libpq's reason, which contains the password
         raise ValueError("DATABASE_URL must be postgres://user@host1:port,host2:port/name.")
-    described: dict[str, Any] = dict(dj_database_url.parse(found["before"] + found["after"]))
-    given = described.pop("OPTIONS", {})
-    return described | {
+    return {
         "ENGINE": ENGINE,
-        "HOST": ",".join(host["host"] for host in hosts if host),
-        "PORT": ",".join(host["port"] or PORT for host in hosts if host),
+        "NAME": given.pop("dbname", ""),
+        "USER": given.pop("user", ""),
+        "PASSWORD": given.pop("password", ""),
+        "HOST": ",".join(hosts),
+        "PORT": ",".join(ports),
         "OPTIONS": {"target_session_attrs": "read-write", "connect_timeout": CONNECT_SECONDS}
         | given,
     }

@@ -6,19 +6,12 @@ so that the next one finds it in its charging station. When all are taken, the n
 the queue of one of them, whose turns are short.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 LINGER = 60.0  # s for which an unused robot stays ready for the next visitor
 AGAIN = 5.0  # s between two starts of a robot: one that dies at once must not use up the computer
-
-
-@dataclass(frozen=True)
-class Process:
-    """One robot's process; `started_at` is the last start."""
-
-    started_at: float
-    alive: bool
 
 
 @dataclass(frozen=True)
@@ -32,45 +25,40 @@ class Demand:
     left_at: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class StartRobot:
-    name: str
-
-
-@dataclass(frozen=True)
-class StopRobot:
-    name: str
-
-
 def decide(
-    names: Sequence[str], demand: Demand, processes: Mapping[str, Process], now: float
-) -> list[StartRobot | StopRobot]:
-    """Return which robots to start and stop now.
+    names: Sequence[str],
+    demand: Demand,
+    started_at: Mapping[str, float],
+    running: Collection[str],
+    now: float,
+) -> tuple[list[str], list[str]]:
+    """Return the robots to stop, and those to start.
 
     Args:
         names: of all practice robots, in the order in which they are used.
         demand: of visitors.
-        processes: of all robots that were ever started, by name.
+        started_at: the last start of each robot that was ever started, Unix seconds.
+        running: the robots whose processes run.
         now: Unix seconds.
     """
-    alive = [name for name in names if name in processes and processes[name].alive]
-    used = {
+    alive = [name for name in names if name in running]
+    used = sorted(
         name
         for name in alive
-        if name not in demand.taken and demand.left_at.get(name, 0.0) > processes[name].started_at
-    }
+        if name not in demand.taken and demand.left_at.get(name, 0.0) > started_at[name]
+    )
     kept = [name for name in alive if name not in used]
     spare = demand.wanted_at is not None and now - demand.wanted_at < LINGER
     needed = min(len(names), len(demand.taken) + spare)
-    acts: list[StartRobot | StopRobot] = [StopRobot(name) for name in sorted(used)]
     missing = [
         name
         for name in names
-        if name not in alive
-        and (name not in processes or now - processes[name].started_at >= AGAIN)
+        if name not in alive and now - started_at.get(name, -math.inf) >= AGAIN
     ]
     # first those that died under a visitor
     missing.sort(key=lambda name: name not in demand.taken)
-    acts += [StartRobot(name) for name in missing[: max(0, needed - len(kept))]]
     idle = [name for name in reversed(kept) if name not in demand.taken]
-    return acts + [StopRobot(name) for name in idle[: max(0, len(kept) - needed)]]
+    return (
+        used + idle[: max(0, len(kept) - needed)],
+        missing[: max(0, needed - len(kept))],
+    )

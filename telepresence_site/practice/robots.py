@@ -8,7 +8,7 @@ from django.db.models import Max
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.leases.policy import PAGE_GONE_SECONDS
-from sessions.leases.store import LIVE
+from sessions.leases.store import LIVE, waits_here
 from sessions.models import Session
 from telepresence_site.local_credentials import keep_credentials_here
 from telepresence_site.practice.pool import Demand
@@ -50,9 +50,7 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
 def demand(wanted_at: float | None, now: datetime.datetime) -> Demand:
     """Return the demand; `wanted_at` is that of the previous call."""
     recent = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
-    waiting = Session.objects.filter(
-        state=Session.State.WAITING, robot__practice=False, seen_at__gte=recent
-    )
+    waiting = Session.objects.filter(waits_here(now), robot__practice=False)
     asked = Robot.objects.filter(practice=True, wanted_at__gte=recent)
     practising = Session.objects.filter(robot__practice=True)
     ended = (

@@ -17,7 +17,7 @@ from django.utils import timezone
 
 from telepresence_site.children import Child, Children
 from telepresence_site.practice import robots
-from telepresence_site.practice.pool import Process, StartRobot, StopRobot, decide
+from telepresence_site.practice.pool import decide
 
 log = structlog.stdlib.get_logger(__name__)
 POLL_INTERVAL_S = 1.0
@@ -72,18 +72,14 @@ class Supervisor:
         demand = robots.demand(self._wanted_at, timezone.now())
         self._wanted_at = demand.wanted_at
         self._report_dead()
-        processes = {
-            name: Process(at, alive=name in self._running) for name, at in self._started_at.items()
-        }
-        for act in decide(self._names, demand, processes, time.time()):
-            match act:
-                case StartRobot(name):
-                    log.info("practice_robot_started", robot=name)
-                    self._running[name] = self.children.start(name, self._command(name))
-                    self._started_at[name] = time.time()
-                case StopRobot(name):
-                    log.info("practice_robot_stopped", robot=name)
-                    self._end(name)
+        stopped, started = decide(self._names, demand, self._started_at, self._running, time.time())
+        for name in stopped:
+            log.info("practice_robot_stopped", robot=name)
+            self._end(name)
+        for name in started:
+            log.info("practice_robot_started", robot=name)
+            self._running[name] = self.children.start(name, self._command(name))
+            self._started_at[name] = time.time()
 
     def _report_dead(self) -> None:
         """Report every robot that ended by itself, and forget its process."""

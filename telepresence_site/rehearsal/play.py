@@ -35,7 +35,7 @@ from experiments.rehearsal import findings
 from experiments.rehearsal.plan import AT_ONCE, problems
 from experiments.rehearsal.report import RehearsalReport, judge
 from experiments.resources import obstacles_here
-from robots.processes import tied_to_parent
+from robots.processes import tied_to_parent, wait_or_kill
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
 from telepresence_site.rehearsal.heartbeat import attempt, repeated
@@ -111,25 +111,13 @@ def play(
             last = line.strip() or last
             show(line.rstrip())
     finally:
-        _end(process)
+        process.terminate()  # it ends its own children first; killed, they end with it
+        wait_or_kill(process, END_SECONDS)
     if process.returncode != 0 or not (folder / FINDINGS).exists():
         raise PlayFailed(
             f"The sandbox ended: {last or 'it said nothing'} (its logs: {folder / 'log'})"
         )
     return msgspec.json.decode((folder / FINDINGS).read_bytes(), type=Played)
-
-
-def _end(process: "subprocess.Popen[str]") -> None:
-    """End the sandbox's process, which ends its own children first; if it is killed, they are
-    ended with it.
-    """
-    if process.poll() is None:
-        process.terminate()
-    try:
-        process.wait(END_SECONDS)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 # --- in the sandbox -------------------------------------------------------------------------------

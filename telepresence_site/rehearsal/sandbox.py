@@ -29,9 +29,10 @@ from robots.models import FloorPlan, Robot, RobotPresence
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
-from telepresence_site.children import Child, Children, DemoPart, StartFailed
+from telepresence_site.children import Child, Children
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import OFFICE
+from telepresence_site.demo.supervision import DemoPart, RestartPolicy, ServiceSupervisor
 from telepresence_site.serving import APPLICATION, DAPHNE
 
 STUDY_FILE = "study.json"
@@ -152,54 +153,40 @@ def running(definition: StudyDefinition, sites: Path) -> Iterator[str]:
         sites: the folder with plans of sites that the project does not include.
 
     Raises:
-        telepresence_site.children.StartFailed: one of them did not start, or ended inside.
+        PartLostError: one of them did not start, or has ended.
     """
     children = Children(settings.VAR_DIR / "log", {**os.environ})
+    supervisor = ServiceSupervisor(children, print, RestartPolicy(quick_deaths=1))
+    site, parts = _parts(definition, sites)
     try:
-        yield _start(children, definition, sites)
-        gone = children.ended()
-        if gone is not None:  # what bots found after that says nothing about the study
-            raise StartFailed(
-                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_line()}"
-                f" (its log: {gone.log})"
-            )
+        supervisor.start(parts, within=START_SECONDS)
+        yield site
+        supervisor.look()  # if one has ended, the findings of the bots do not concern the study
     finally:
         children.stop()
 
 
-def _start(children: Children, definition: StudyDefinition, sites: Path) -> str:
+def _parts(definition: StudyDefinition, sites: Path) -> tuple[str, list[DemoPart]]:
+    """Return the site's address and its processes."""
     manage = str(settings.BASE_DIR / "manage.py")
     mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), free_port()
     site = f"http://{LOOPBACK}:{web_port}"
-    parts = [
-        DemoPart(
-            "broker",
-            [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)],
-            lambda _child: listening(mqtt_port),
-        ),
-        DemoPart(
-            "session manager",
+    broker = [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)]
+    web = [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION]
+    processes: dict[str, tuple[list[str], Callable[[Child], bool]]] = {
+        "broker": (broker, lambda _child: listening(mqtt_port)),
+        "session manager": (
             [manage, "run_session_manager"],
             lambda _child: ManagerBeat.objects.exists(),
         ),
-        DemoPart(
-            "web server",
-            [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION],
-            lambda _child: answers(site),
-        ),
-    ]
+        "web server": (web, lambda _child: answers(site)),
+    }
     for name, (series, plan) in _robots(definition).items():
         where = plan if plan in shipped_sites() else str(sites / plan)
         options = [f"--option={key}={value}" for key, value in (("plan", where), ("fps", FPS))]
-        parts.append(
-            DemoPart(
-                f"simulated {name}",
-                [manage, "run_robot", name, "--profile", series, *options],
-                _online(name),
-            )
-        )
-    children.start_together(parts, within=START_SECONDS)
-    return site
+        command = [manage, "run_robot", name, "--profile", series, *options]
+        processes[f"simulated {name}"] = (command, _online(name))
+    return site, [DemoPart(name, *how, is_essential=True) for name, how in processes.items()]
 
 
 def _online(name: str) -> Callable[[Child], bool]:

@@ -1,4 +1,4 @@
-"""The navigation process: `python -m robots.agent.autonomy HOST:PORT`, with its token on stdin.
+"""The navigation process: `python -m robots.agent.autonomy PORT`, with its token on stdin.
 
 A step of navigation takes milliseconds, sometimes tens of them: too long for a control loop or its
 interpreter. The process ends with its socket.
@@ -45,7 +45,7 @@ class Conversation:
             else:
                 self._obey(message)
         if newest is not None and self._node is not None:
-            self._send(wire.Thinks(self._node.think(wire.perceived(newest, self._beams))))
+            self._send(wire.NodeOutput(self._node.step(wire.perceived(newest, self._beams))))
 
     def _obey(self, message: wire.ToNode) -> None:
         match message:
@@ -58,7 +58,7 @@ class Conversation:
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
             case _:
-                log.warning("said_too_early", message=type(message).__name__)
+                log.warning("message_too_early", message=type(message).__name__)
 
     def _settle(self, message: wire.Settle) -> str:
         try:
@@ -105,16 +105,15 @@ def main(arguments: Sequence[str]) -> int:
         format="%(asctime)s %(levelname)s %(name)s %(message)s",
         stream=sys.stderr,
     )
-    host, _, port = arguments[0].rpartition(":")
-    token = sys.stdin.readline().strip()
+    address = "127.0.0.1", int(arguments[0])
     try:
         with (
             interrupted_by_signals(),
-            socket.create_connection((host, int(port)), timeout=10.0) as link,
+            socket.create_connection(address, timeout=10.0) as link,
         ):
             link.settimeout(None)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            link.sendall(framing.pack(wire.Token(token)))
+            link.sendall(sys.stdin.readline().encode())  # the token
             serve(link)
     except (OSError, framing.WireError) as error:
         log.warning("navigation_node_ended", reason=str(error))

@@ -160,7 +160,7 @@ class NavigationNode:
 
     # --- steps ------------------------------------------------------------------------------------
 
-    def think(self, snapshot: SensorSnapshot) -> NavigationOutput:
+    def step(self, snapshot: SensorSnapshot) -> NavigationOutput:
         self._now = snapshot.stamp
         self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):

@@ -27,8 +27,8 @@ class PoseExtrapolator:
         return self._output is not None and self._output.localized
 
     @property
-    def unheard(self) -> bool:
-        return self._output is None
+    def has_output(self) -> bool:
+        return self._output is not None
 
     def place(self, odometry: Pose2D | None) -> Pose2D | None:
         """Return the pose in the map at an odometry pose; None before the first output."""

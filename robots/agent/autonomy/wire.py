@@ -1,7 +1,4 @@
-"""Messages between the control loop and the navigation process, framed as framing.py says.
-
-The process first sends the token that it was started with, so that no other can replace it.
-"""
+"""Messages between the control loop and the navigation process, framed as framing.py says."""
 
 import numpy as np
 from msgspec import Struct, msgpack
@@ -76,12 +73,6 @@ class Perceive(NodeMessage, frozen=True):
     pose: Pose | None = None
 
 
-class Token(NodeMessage, frozen=True):
-    """The process's first message."""
-
-    token: str
-
-
 class Settled(NodeMessage, frozen=True):
     """The site is set up; or it cannot be, and why."""
 
@@ -95,14 +86,14 @@ class OrderReply(NodeMessage, frozen=True):
     problem: str = ""
 
 
-class Thinks(NodeMessage, frozen=True):
+class NodeOutput(NodeMessage, frozen=True):
     """The output for the newest snapshot."""
 
     output: NavigationOutput
 
 
 ToNode = Settle | KnownPlace | BeginAction | CancelAction | Perceive
-FromNode = Token | Settled | OrderReply | Thinks
+FromNode = Settled | OrderReply | NodeOutput
 
 _to_node: msgpack.Decoder[ToNode] = msgpack.Decoder(ToNode)
 _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)

@@ -13,7 +13,7 @@ import re
 import secrets
 import ssl
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 from urllib.parse import unquote, urlsplit
@@ -138,14 +138,16 @@ def _fault_in(url: str) -> str:
         return "the port must be from 1 to 65535"
 
 
-async def subscribe(client: Client, wanted: list[tuple[str, int]]) -> None:
-    """Subscribe to all of (filter, QoS). Raises MqttError without a connection, and when the broker
-    refuses one, for which aiomqtt raises none.
+async def subscribe(client: Client, filters: Sequence[str]) -> None:
+    """Subscribe to filters at QoS 0.
+
+    Raises:
+        MqttError: there is no connection, or the broker refused one, which aiomqtt ignores.
     """
-    granted = await client.subscribe(wanted)
+    granted = await client.subscribe([(filter_, 0) for filter_ in filters])
     codes = [code.value if isinstance(code, ReasonCode) else code for code in granted]
     refused = [
-        name for (name, _), code in zip(wanted, codes, strict=True) if code >= SUBSCRIPTION_REFUSED
+        name for name, code in zip(filters, codes, strict=True) if code >= SUBSCRIPTION_REFUSED
     ]
     if refused:
         raise MqttError(f"the broker does not allow this robot to read {', '.join(refused)}")
@@ -256,13 +258,7 @@ class MqttLink:
         )
 
     async def _greet(self, client: Client) -> None:
-        # The session ends with the connection, so QoS 1 adds only acknowledgements; a cluster
-        # creates a replicated queue for each subscription at QoS 1, which takes seconds.
-        wanted = [
-            (topic, 0 if self._has_nodes else qos)
-            for topic, qos in topics.subscriptions(self._factsheet.name)
-        ]
-        await subscribe(client, wanted)
+        await subscribe(client, topics.subscriptions(self._factsheet.name))
         for suffix, payload in (
             ("factsheet", codec.encode(self._factsheet)),
             ("connection", self._presence("ONLINE")),

@@ -28,10 +28,9 @@ from robots.agent.robot_interface import (
     Severable,
 )
 from robots.api.geometry import Pose2D
-from robots.api.messages import Goto, Velocity
+from robots.api.messages import ENDED, Goto, Velocity
 
 ACTION_ID = "check"
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 @dataclass(frozen=True)

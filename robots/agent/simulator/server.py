@@ -203,10 +203,10 @@ class Server:
             async for body in framing.bodies(reader, wire.COMMAND_LIMIT):
                 self._take(client, wire.unpack_command(body))
         except framing.WireError as error:
-            log.warning("client_refused", extra={"reason": str(error)})
+            log.warning("client_refused", reason=str(error))
             client.send(wire.RoleRefused(str(error)))
         except (asyncio.IncompleteReadError, ConnectionError):
-            log.debug("client_gone", extra={"role": client.role})
+            log.debug("client_gone", role=client.role)
         finally:
             self._leave(client)
             writer.close()

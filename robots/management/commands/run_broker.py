@@ -14,19 +14,16 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.broker import mosquitto
-from robots.broker.embedded import EmbeddedBroker
-from robots.broker.mosquitto import MosquittoBroker, MosquittoError, Tls
+from robots import logs
+from robots.broker.engines import ENGINES
+from robots.broker.listeners import Listeners, Tls
+from robots.broker.server import BrokerError, BrokerServer
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
 from robots.cancellation import until_one_ends
-from robots.interpreter import set_up_for_latency
 
 
 class Command(BaseCommand):
-    help = (
-        "Run the MQTT broker: Mosquitto when it is installed, the embedded "
-        "one otherwise. Port 0 picks a free one."
-    )
+    help = "Run the MQTT broker: Mosquitto if it is installed, otherwise NATS."
     # of the settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
 
@@ -35,18 +32,13 @@ class Command(BaseCommand):
         parser.add_argument(
             "--port", type=int, default=1883, help="port (1883; 0 picks a free one)"
         )
-        parser.add_argument(
-            "--require", choices=("mosquitto", "embedded"), help="use this broker, or fail"
-        )
+        parser.add_argument("--engine", choices=tuple(ENGINES), help="use this broker, or fail")
         parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
         parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
         parser.add_argument(
             "--websockets",
             metavar="HOST:PORT",
-            help=(
-                "also listen here for MQTT over WebSocket, without TLS, which the proxy adds; needs"
-                " Mosquitto"
-            ),
+            help=("also listen here for MQTT over WebSocket, without TLS, which the proxy adds"),
         )
         parser.add_argument(
             "--poll",
@@ -56,33 +48,40 @@ class Command(BaseCommand):
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
-        tls = _tls(options["certificate"], options["key"])
-        broker = _broker(options["require"], options["poll"], _address(options["websockets"]))
-        set_up_for_latency()
+        listeners = Listeners(
+            options["host"],
+            options["port"],
+            _tls(options["certificate"], options["key"]),
+            _address(options["websockets"]),
+        )
+        engine = options["engine"] or ("mosquitto" if ENGINES["mosquitto"].find() else "nats")
+        broker = BrokerServer(
+            ENGINES[engine],
+            read_users,
+            settings.VAR_DIR / "broker",
+            poll=options["poll"],
+        )
+        logs.write_in_a_thread()  # bounded, and a full pipe delays nothing
         try:
-            asyncio.run(self._serve(broker, options["host"], options["port"], tls))
+            asyncio.run(self._serve(broker, listeners, engine))
         except KeyboardInterrupt:
             return
-        except (MosquittoError, UsersUnavailableError) as error:
+        except (BrokerError, UsersUnavailableError) as error:
             raise CommandError(str(error)) from error
-        except ssl.SSLError as error:
-            raise CommandError(f"The certificate and key cannot be used: {error}") from error
         except OSError as error:
             raise CommandError(
                 f"The broker cannot listen on {options['host']}:{options['port']}:"
                 f" {_reason(error)}."
             ) from error
 
-    async def _serve(
-        self, broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None
-    ) -> None:
+    async def _serve(self, broker: BrokerServer, listeners: Listeners, engine: str) -> None:
         ended = asyncio.Event()
         _end_on_signals(ended)
         try:
-            bound = await _start(broker, host, port, tls)
-            scheme = "mqtt" if tls is None else "mqtts"
-            shown = f"[{host}]" if ":" in host else host
-            self.stdout.write(f"broker listening {scheme}://{shown}:{bound} ({broker.name})")
+            port = await broker.start(listeners)
+            scheme = "mqtt" if listeners.tls is None else "mqtts"
+            shown = f"[{listeners.host}]" if ":" in listeners.host else listeners.host
+            self.stdout.write(f"broker listening {scheme}://{shown}:{port} ({engine})")
             self.stdout.flush()
             await until_one_ends(broker.wait(), ended.wait())
         finally:
@@ -104,6 +103,10 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
     for path in (certificate, key):
         if not path.is_file():
             raise CommandError(f"There is no file {path}.")
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+    except ssl.SSLError as error:
+        raise CommandError(f"The certificate and key cannot be used: {error}") from error
     return Tls(certificate.resolve(), key.resolve())
 
 
@@ -114,30 +117,6 @@ def _address(text: str | None) -> tuple[str, int] | None:
     if not host or not port.isdecimal():
         raise CommandError(f"--websockets must be HOST:PORT, not {text}.")
     return host.strip("[]"), int(port)
-
-
-def _broker(
-    required: str | None, poll: float, websockets: tuple[str, int] | None
-) -> EmbeddedBroker | MosquittoBroker:
-    if required == "mosquitto" or (required is None and mosquitto.find() is not None):
-        return MosquittoBroker(
-            read_users, settings.VAR_DIR / "broker", poll=poll, websockets=websockets
-        )
-    if websockets is not None:
-        raise CommandError("--websockets needs Mosquitto (Debian: apt install mosquitto).")
-    return EmbeddedBroker(read_users, poll=poll)
-
-
-async def _start(
-    broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None
-) -> int:
-    if isinstance(broker, MosquittoBroker):
-        return await broker.start(host, port, tls)
-    if tls is None:
-        return await broker.start(host, port)
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(tls.certificate, tls.key)
-    return await broker.start(host, port, context)
 
 
 def _end_on_signals(ended: asyncio.Event) -> None:

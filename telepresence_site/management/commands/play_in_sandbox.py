@@ -5,7 +5,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from robots.processes import interrupted_by_signals
-from telepresence_site.children import StartFailed
+from telepresence_site.demo.supervision import PartLostError
 from telepresence_site.rehearsal.play import PlayFailed, carry_out
 
 
@@ -17,7 +17,7 @@ class Command(BaseCommand):
         try:
             with interrupted_by_signals():
                 carry_out(lambda line: print(line, flush=True))
-        except (PlayFailed, StartFailed) as error:
+        except (PlayFailed, PartLostError) as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt:
             raise CommandError("Stopped before the bots finished.") from None

@@ -220,9 +220,10 @@ test("each strip has an axis with its unit, and the lines stand between the axes
     },
     { get: (target, name) => target[name] ?? (() => {}), set: () => true },
   );
-  const canvas = { clientWidth: 600, style: {}, getContext: () => context };
+  const canvas = { clientWidth: 600, style: {}, getContext: () => context, append: () => {} };
+  globalThis.document = { createElement: () => ({ style: {}, remove: () => {} }) };
   globalThis.devicePixelRatio = 1;
-  globalThis.getComputedStyle = () => ({ fontFamily: "sans", getPropertyValue: () => "black" });
+  globalThis.getComputedStyle = () => ({ fontFamily: "sans", color: "black" });
   const record = {
     duration: 60,
     events: [],

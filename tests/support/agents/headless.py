@@ -66,7 +66,7 @@ class Headless:
         if new and moment.beams is not None:
             self._laser.look(moment.beams, self.monitor.track, moment.stamp)
         if self._due.due(moment.stamp):
-            self.output = self.node.think(replace(moment, points=self.monitor.points()))
+            self.output = self.node.step(replace(moment, points=self.monitor.points()))
             self.pose_extrapolator.take(self.output, moment.stamp)
             self.news += self.output.news
             self.path = self.path if self.output.path is None else self.output.path

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from robots.api.private_files import write_private
 from robots.broker import mosquitto
-from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser, Permissions
+from robots.broker.listeners import Listeners
+from robots.broker.permissions import BrokerUser, Permissions
 from robots.enrol.credentials import hash_token, new_token
 from tests.support.clustered_brokers.node import Node, is_open, program
 from tests.support.sessions.site import free_port
@@ -24,17 +25,17 @@ class BridgedMosquittos:
         self.ports = [free_port() for _ in range(nodes)]
         self.nodes = []
         self._users, self._token = {}, new_token()
-        everything = Permissions(("telepresence/#",), ("telepresence/#",), SERVER_ALLOWANCE)
+        everything = Permissions(("telepresence/#",), ("telepresence/#",))
         self._bridge = BrokerUser(BRIDGE, hash_token(self._token), everything)
 
-    async def start(self, _host, _port):
+    async def start(self, _listeners):
         self._directory.mkdir(parents=True, exist_ok=True)
         self._write(await self._read_users())
         mosquitto_program = program("mosquitto", "mosquitto")
         for number, port in enumerate(self.ports):
             folder = self._folder(number)
             file = folder / "mosquitto.conf"
-            text = mosquitto.configuration(HOST, port, folder, user="root")
+            text = mosquitto.configuration(Listeners(HOST, port), folder)
             file.write_text(text + (self._to_hub(number) if number else ""))
             self.nodes.append(Node([mosquitto_program, "-c", str(file)], folder / "log"))
             await self.nodes[-1].until(lambda port=port: is_open(HOST, port), "mosquitto")

@@ -8,8 +8,7 @@ from tests.support.clustered_brokers.bridges import BridgedMosquittos
 from tests.support.clustered_brokers.nats import NatsCluster
 
 MAKERS = {
-    "nats": lambda read, folder, poll: NatsCluster(read, folder, nodes=1, poll=poll),
-    "nats-cluster": lambda read, folder, poll: NatsCluster(read, folder, nodes=3, poll=poll),
+    "nats-cluster": lambda read, folder, poll: NatsCluster(read, folder, poll=poll),
     "mosquitto-bridges": lambda read, folder, poll: BridgedMosquittos(read, folder, poll=poll),
 }
 KINDS = tuple(MAKERS)

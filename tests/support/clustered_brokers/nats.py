@@ -1,4 +1,4 @@
-"""NATS with JetStream: one node, or three that are one broker."""
+"""Nodes of NATS that are one broker."""
 
 import asyncio
 import contextlib
@@ -112,7 +112,7 @@ class NatsCluster:
 
     name = "nats"
 
-    def __init__(self, read_users, directory: Path, *, nodes=1, poll=0.1):
+    def __init__(self, read_users, directory: Path, *, nodes=3, poll=0.1):
         self._read_users, self._directory, self._poll = read_users, directory, poll
         self._users = {}
         self._nodes = NatsNodes(directory, [HOST] * nodes)
@@ -121,7 +121,7 @@ class NatsCluster:
     def ports(self):
         return [place.mqtt for place in self._nodes.places]
 
-    async def start(self, _host, _port):
+    async def start(self, _listeners):
         self._directory.mkdir(parents=True, exist_ok=True)
         self._write(await self._read_users())
         self._nodes.start()

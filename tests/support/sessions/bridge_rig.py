@@ -78,9 +78,9 @@ class RobotDouble:
         self.client.pending_calls_threshold = 10_000
         await self.client.__aenter__()
         inputs = [
-            pair
-            for pair in topics.subscriptions(self.name)
-            if not pair[0].endswith(("/connection", "/floorplan"))
+            (each, 0)
+            for each in topics.subscriptions(self.name)
+            if not each.endswith(("/connection", "/floorplan"))
         ]
         await self.client.subscribe(inputs)
         self.reading = asyncio.create_task(self._read())

@@ -1,5 +1,5 @@
-"""A real broker of either kind with users that the test makes, a client for each user, and a client
-that breaks rules.
+"""A real broker, users that the test creates, clients of these users, and a client that may violate
+the protocol.
 """
 
 import asyncio
@@ -11,36 +11,34 @@ from pathlib import Path
 
 import aiomqtt
 
-from robots.broker import packets
-from robots.broker.embedded import EmbeddedBroker
-from robots.broker.mosquitto import MosquittoBroker
+from robots.broker.engines import ENGINES
+from robots.broker.listeners import Listeners
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.enrol.bcrypt import bcrypt_hash
-from robots.enrol.credentials import hash_token, new_token
+from robots.broker.server import BrokerServer
+from robots.enrol.credentials import bcrypt_hash, hash_token, new_token
 from tests.support.clustered_brokers import engines
 from tests.support.patience import patient
 from tests.support.sessions.site import free_port
 
-KINDS = tuple(os.environ.get("BROKERS", "embedded,mosquitto").split(","))
+KINDS = tuple(os.environ.get("BROKERS", "nats,mosquitto").split(","))
 POLL = 0.1
 HOST = "127.0.0.1"
-SECONDS = 30.0  # how long a test waits for what must come
+ACCEPTED, BAD_PASSWORD, NOT_AUTHORIZED = 0, 4, 5  # return codes of CONNACK
+SECONDS = 30.0  # how long a test waits for a message or the end of a connection
 
 
 async def until_thrown_out(client: aiomqtt.Client) -> None:
-    """Read what a client hears until the broker hangs up on it, which it must."""
+    """Read a client's messages until the broker disconnects it."""
     with contextlib.suppress(aiomqtt.MqttError):
         async with asyncio.timeout(patient(SECONDS)):
             async for _ in client.messages:
                 pass
-        raise AssertionError("its messages ended, and it may stay")
+        raise AssertionError("the messages ended without an error")
 
 
 @dataclass
 class BrokerRig:
-    """Start with `start`, end with `stop`. `web` is a server's user; robots are made by
-    `robot(name)`.
-    """
+    """Start with `start`, end with `stop`. `web` is a server's user; `robot` adds a robot's."""
 
     kind: str
     directory: Path
@@ -55,13 +53,11 @@ class BrokerRig:
 
     async def _start(self):
         self.broker = self._broker()
-        self.port = await self.broker.start(HOST, self.port)
+        self.port = await self.broker.start(Listeners(HOST, self.port))
         self._running = asyncio.create_task(self.broker.wait())
 
     def _broker(self):
-        if self.kind == "embedded":
-            return EmbeddedBroker(self._read, poll=POLL)
-        return MosquittoBroker(self._read, self.directory, poll=POLL)
+        return BrokerServer(ENGINES[self.kind], self._read, self.directory, poll=POLL)
 
     async def stop(self):
         self._running.cancel()
@@ -104,6 +100,10 @@ class BrokerRig:
             **options,
         )
 
+    def receiver(self, user, *filters, qos=1, **options):
+        """Return a client that subscribes to filters and collects messages, for `async with`."""
+        return Receiver(self.client(user, **options), *filters, qos=qos)
+
     async def is_let_in(self, user, token=None):
         raw = await RawClient.open(self.port)
         try:
@@ -113,22 +113,22 @@ class BrokerRig:
                     token or self.tokens.get(user, "?"),
                     client_id=f"probe-{time.monotonic_ns()}",
                 )
-                == packets.ACCEPTED
+                == ACCEPTED
             )
         finally:
             raw.abort()
 
     @staticmethod
     async def until(question):
-        """Wait until an async question is answered with yes."""
+        """Wait until an async question returns True."""
         async with asyncio.timeout(patient(SECONDS)):
             while not await question():
                 await asyncio.sleep(0.02)
 
 
 class ClusterRig(BrokerRig):
-    """A broker of one node or several; each question for its port names the next node, so that
-    those who talk to each other in a test do so across nodes.
+    """A broker of several nodes; each read of its port returns the next node's, so that clients of
+    a test communicate across nodes.
     """
 
     _asked = 0
@@ -160,7 +160,7 @@ class ClusterRig(BrokerRig):
 
 @dataclass
 class RawClient:
-    """A socket that speaks MQTT only as far as the test says."""
+    """A socket that sends exactly what the test writes."""
 
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
@@ -206,7 +206,7 @@ class RawClient:
         return True
 
     def abort(self):
-        """Vanish without a word."""
+        """Close the connection without a DISCONNECT."""
         self.writer.transport.abort()
 
 
@@ -251,36 +251,45 @@ def subscribe_packet(packet_id, *filters):
     )
 
 
-class ReceivedPacket:
-    """Collects what a client hears while the block runs."""
+class Receiver:
+    """A connected client that collects the messages of its subscriptions while the block runs."""
 
-    def __init__(self, client):
+    def __init__(self, client, *filters, qos=1):
         self.client, self.messages = client, []
+        self._filters = [(filter_, qos) for filter_ in filters]
+        self.publish, self.subscribe = client.publish, client.subscribe
 
     async def __aenter__(self):
-        self._task = asyncio.create_task(self._listen())
+        await self.client.__aenter__()
+        self._task = asyncio.create_task(self._collect())
+        if self._filters:
+            await self.subscribe(self._filters)
         return self
 
-    async def __aexit__(self, *_error):
+    async def __aexit__(self, *error):
         self._task.cancel()
         with contextlib.suppress(asyncio.CancelledError, aiomqtt.MqttError):
             await self._task
+        await self.client.__aexit__(*error)
 
-    async def _listen(self):
+    async def _collect(self):
         async for message in self.client.messages:
             self.messages.append(message)
 
     def payloads(self, topic):
         return [bytes(message.payload) for message in self.messages if str(message.topic) == topic]
 
-    async def until(self, question):
+    async def until_received(self, count):
+        """Wait for this many messages."""
         async with asyncio.timeout(patient(SECONDS)):
-            while not question(self):
+            while len(self.messages) < count:
                 await asyncio.sleep(0.005)
 
     async def payload(self, topic, payload):
         """Wait for a payload on a topic and return the message."""
-        await self.until(lambda _: payload in self.payloads(topic))
+        async with asyncio.timeout(patient(SECONDS)):
+            while payload not in self.payloads(topic):
+                await asyncio.sleep(0.005)
         return next(
             m for m in self.messages if str(m.topic) == topic and bytes(m.payload) == payload
         )

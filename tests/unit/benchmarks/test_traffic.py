@@ -9,12 +9,11 @@ import time
 import pytest
 
 from benchmarks import load
-from benchmarks.traffic import mqtt_line, robots, viewers
+from benchmarks.traffic import mqtt_line, packets, robots, viewers
 from benchmarks.traffic.every import Timers
+from benchmarks.traffic.packets import PublishPacket
 from robots.api import codec, topics
 from robots.api import messages as m
-from robots.broker import packets
-from robots.broker.packets import PublishPacket
 
 
 class Owner:
@@ -50,32 +49,30 @@ class Wire:
         self.aborted = True
 
 
-def read(data):
-    return list(packets.PacketReader(1 << 20).feed(data))
+ACCEPTED, BAD_PASSWORD = b"\x20\x02\x00\x00", b"\x20\x02\x00\x04"
+SUBSCRIBED, REFUSED = b"\x90\x03\x00\x01\x01", b"\x90\x04\x00\x01\x01\x80"
 
 
 async def opened_line():
     owner, wire = Owner(), Wire()
     line = mqtt_line.MqttLine(owner, b"hello", [("a/#", 1)])
     line.connection_made(wire)
-    line.data_received(packets.connack(packets.ACCEPTED) + packets.suback(1, [1]))
+    line.data_received(ACCEPTED + SUBSCRIBED)
     assert wire.written.startswith(b"hello")
     wire.written = b""
     return line, owner, wire
 
 
-def test_the_broker_understands_who_a_line_says_it_is_and_what_it_wants():
-    will = PublishPacket("telepresence/v1/r/connection", b"x" * 200, 1, retain=True)
-    (connect,) = read(mqtt_line.hello("client", "robot", "token", will))
-    assert (connect.client_id, connect.user, connect.password, connect.clean, connect.will) == (
-        "client",
-        "robot",
-        "token",
-        True,
-        will,
+def test_a_line_writes_the_packets_of_the_standard():
+    will = PublishPacket("r/connection", b"x" * 100, 1, retain=True)
+    assert mqtt_line.hello("client", "robot", "token", will, keep_alive=30) == (
+        b"\x10\x94\x01\x00\x04MQTT\x04\xee\x00\x1e\x00\x06client\x00\x0cr/connection\x00\x64"
+        + b"x" * 100
+        + b"\x00\x05robot\x00\x05token"
     )
-    (subscribed,) = read(mqtt_line.subscribe([("a/#", 1), ("b", 0)]))
-    assert subscribed.filters == (("a/#", 1), ("b", 0))
+    assert mqtt_line.subscribe([("a/#", 1), ("b", 0)]) == (
+        b"\x82\x0c\x00\x01\x00\x03a/#\x01\x00\x01b\x00"
+    )
 
 
 async def test_a_line_hands_on_what_comes_however_it_is_cut_and_confirms_it():
@@ -87,7 +84,7 @@ async def test_a_line_hands_on_what_comes_however_it_is_cut_and_confirms_it():
     for at in range(0, len(stream), 7):
         line.data_received(stream[at : at + 7])
     assert owner.said == ["opened", *(("a/b", bytes([n]) * 300, n == 3) for n in range(4))]
-    assert [packet.packet_id for packet in read(wire.written)] == [1, 3]
+    assert wire.written == b"\x40\x02\x00\x01\x40\x02\x00\x03"
     line.connection_lost(None)
     assert owner.said[-1] == "closed"
 
@@ -96,7 +93,7 @@ async def test_a_line_that_is_refused_hangs_up():
     owner, wire = Owner(), Wire()
     line = mqtt_line.MqttLine(owner, b"", [])
     line.connection_made(wire)
-    line.data_received(packets.connack(packets.BAD_PASSWORD))
+    line.data_received(BAD_PASSWORD)
     assert wire.aborted
     assert owner.said == []
 
@@ -105,9 +102,7 @@ async def test_a_line_whose_subscription_is_refused_hangs_up_as_a_real_agent_doe
     owner, wire = Owner(), Wire()
     line = mqtt_line.MqttLine(owner, b"", [("a/#", 1), ("b", 0)])
     line.connection_made(wire)
-    line.data_received(
-        packets.connack(packets.ACCEPTED) + packets.suback(1, [1, packets.SUBSCRIPTION_REFUSED])
-    )
+    line.data_received(ACCEPTED + REFUSED)
     assert wire.aborted
     assert owner.said == []
 
@@ -134,7 +129,14 @@ def lease(epoch, session="s1", renewal=1):
 
 def said(robot):
     """Everything that the robot has published since the last time, by suffix."""
-    found = [(topics.parse(packet.topic)[1], packet.payload) for packet in read(robot.wire.written)]
+    reader = Owner()
+    line = mqtt_line.MqttLine(reader, b"", [])
+    line.connection_made(Wire())
+    line.data_received(robot.wire.written)
+    found = [
+        (topics.parse(topic)[1], payload)
+        for topic, payload, _ in (one for one in reader.said if isinstance(one, tuple))
+    ]
     robot.wire.written = b""
     return [(suffix, codec.decode(suffix, payload)) for suffix, payload in found]
 

@@ -24,7 +24,7 @@ def test_options_in_the_url_override_the_defaults():
     url = "postgres://ana@db-1,db-2/name?target_session_attrs=primary&connect_timeout=5"
     assert postgresql.database(url)["OPTIONS"] == {
         "target_session_attrs": "primary",
-        "connect_timeout": 5,
+        "connect_timeout": "5",
     }
 
 

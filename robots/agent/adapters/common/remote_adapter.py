@@ -220,7 +220,7 @@ class RemoteAdapter(ABC):
         """Note that the RCA is lost, and why; the first reason counts."""
         if not self._failure:
             self._failure = reason
-            log.warning("rca_lost", extra={"rca": self.profile.rca, "reason": reason})
+            log.warning("rca_lost", rca=self.profile.rca, reason=reason)
             self._cut()
         self._news.set()
 
@@ -272,7 +272,7 @@ class RemoteAdapter(ABC):
         except AdapterError:
             await self._disconnect("not connected")
             raise
-        log.info("rca_connected", extra={"rca": self.profile.rca, "place": self.place})
+        log.info("rca_connected", rca=self.profile.rca, place=self.place)
 
     async def _first_reading(self) -> None:
         try:
@@ -365,7 +365,7 @@ class RemoteAdapter(ABC):
         try:
             return await self._withdraw(pending)
         except AdapterError as error:
-            log.warning("cancel_failed", extra={"kind": pending.kind, "reason": str(error)})
+            log.warning("cancel_failed", kind=pending.kind, reason=str(error))
             return False
 
     async def _cancel_again(self, pending: PendingAction) -> None:

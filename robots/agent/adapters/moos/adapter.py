@@ -167,7 +167,7 @@ class MoosAdapter(OpenMoraAdapter):
         try:
             self._located(openmora.pose_of(text), stamp)
         except openmora.DialectError as error:
-            log.warning("localization_refused", extra={"reason": str(error)})
+            log.warning("localization_refused", reason=str(error))
         else:
             self._received()
 

@@ -125,8 +125,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         try:
             async with self._client() as client:
                 self._broker = client
-                wanted = [(f"{self._options.robot}/{name}", 0) for name in SUBSCRIBED]
-                await subscribe(client, wanted)
+                await subscribe(client, [f"{self._options.robot}/{name}" for name in SUBSCRIBED])
                 if not ready.done():
                     ready.set_result(None)
                 self._cancel_navigation()  # what an earlier connection or run has left

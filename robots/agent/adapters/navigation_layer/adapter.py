@@ -198,7 +198,7 @@ class AutonomyAdapter:
         finally:
             self._starting.discard(action.action_id)
             if not began:
-                self.node.say(wire.CancelAction(action.action_id))
+                self.node.send(wire.CancelAction(action.action_id))
         if not began:
             raise ActionRefusedError("cancelled before it began")
 
@@ -208,7 +208,7 @@ class AutonomyAdapter:
             self._starting.discard(action_id)
             return True
         if action_id == self._running or action_id in self._looking:
-            self.node.say(wire.CancelAction(action_id))
+            self.node.send(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
             return True
         return await self.inner.cancel(action_id)
@@ -289,7 +289,7 @@ class AutonomyAdapter:
                 pose,
             )
             new = self._beams is not None and self._beams.stamp != self._sent_sweep
-            if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
+            if self.node.send(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._sent_sweep = self._beams.stamp
 
     def _errors(self, reading: RcaState) -> tuple[str, ...]:
@@ -313,15 +313,15 @@ class AutonomyAdapter:
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
-            self.node.say(wire.KnownPlace(known, AGAIN_SPREAD, AGAIN_TURN))
-        elif self.profile.start is not None and self._pose_buffer.unheard:
-            self.node.say(wire.KnownPlace(self.profile.start, START_SPREAD, START_TURN))
+            self.node.send(wire.KnownPlace(known, AGAIN_SPREAD, AGAIN_TURN))
+        elif self.profile.start is not None and not self._pose_buffer.has_output:
+            self.node.send(wire.KnownPlace(self.profile.start, START_SPREAD, START_TURN))
         elif (
-            self._pose_buffer.unheard
+            not self._pose_buffer.has_output
             and self._area is not None
             and (kept := self._memory.recall(self._area.map_id))
         ):
-            self.node.say(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.send(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
 
     def _take_output(self, output: NavigationOutput) -> None:
         now = self._now()
@@ -345,7 +345,7 @@ class AutonomyAdapter:
     def _end_all(self, reason: str) -> None:
         self._starting.clear()
         for action_id in ([self._running] if self._running else []) + sorted(self._looking):
-            self.node.say(wire.CancelAction(action_id))
+            self.node.send(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "FAILED", reason))
 
     def _end(self, news: ActionProgress) -> None:

@@ -1,17 +1,18 @@
 """The navigation process as a child of the agent: started, killed when it hangs, and restarted."""
 
 import asyncio
-import contextlib
-import hmac
 import random
-import secrets
 import subprocess
 from collections.abc import Callable
 
 import structlog
 
 from robots.agent import framing
-from robots.agent.adapters.common.child_process import start_module
+from robots.agent.adapters.common.child_process import (
+    connect_child,
+    send_token,
+    start_module,
+)
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
 from robots.agent.robot_interface import AdapterError
@@ -23,7 +24,6 @@ START_TIME = 30.0  # a slow computer takes that long to import scipy
 READY_TIME = 5.0  # that an action waits for a process that is starting
 ANSWER_TIME = 5.0
 BACKLOG = 256 << 10
-POLL_INTERVAL_S = 0.2  # between two checks that a starting process is alive
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -76,7 +76,7 @@ class NavigationProcess:
         if self._task is not None and self._task.done() and not self._task.cancelled():
             self._task.result()
 
-    def say(self, message: wire.NodeMessage) -> bool:
+    def send(self, message: wire.NodeMessage) -> bool:
         """Send without waiting; return False when no process receives it."""
         writer = self._writer
         if (
@@ -95,7 +95,7 @@ class NavigationProcess:
         self._orders += 1
         answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
         try:
-            self.say(wire.BeginAction(self._orders, action))
+            self.send(wire.BeginAction(self._orders, action))
             async with asyncio.timeout(ANSWER_TIME):
                 problem = await answer
         except TimeoutError as error:
@@ -154,7 +154,7 @@ class NavigationProcess:
         """
         area = self._area
         assert area is not None
-        reader, writer = await self._start()
+        reader, writer = await connect_child(self._launch, START_TIME)
         try:
             writer.write(framing.pack(wire.Settle(self._body, area, self._seed + self.starts)))
             async with asyncio.timeout(START_TIME):
@@ -178,41 +178,15 @@ class NavigationProcess:
         finally:
             writer.close()
 
-    async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        token = secrets.token_hex(16)
-        met: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = (
-            asyncio.get_running_loop().create_future()
-        )
-
-        async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            with contextlib.suppress(asyncio.IncompleteReadError, OSError, framing.WireError):
-                word = await _read(reader)
-                if (
-                    isinstance(word, wire.Token)
-                    and hmac.compare_digest(word.token, token)
-                    and not met.done()
-                ):
-                    met.set_result((reader, writer))
-                    return
-            writer.close()
-
-        server = await asyncio.start_server(meet, "127.0.0.1", 0)
-        try:
-            host, port = server.sockets[0].getsockname()[:2]
-            self.starts += 1
-            self._child = await asyncio.to_thread(_launch, f"{host}:{port}", token)
-            async with asyncio.timeout(START_TIME):
-                while not met.done():
-                    if (status := self._child.poll()) is not None:
-                        raise OSError(f"it ended at once, with exit status {status}")
-                    await asyncio.wait({met}, timeout=POLL_INTERVAL_S)
-            return met.result()
-        finally:
-            server.close()
+    def _launch(self, port: int, token: str) -> subprocess.Popen[bytes]:
+        self.starts += 1
+        self._child = start_module("robots.agent.autonomy", str(port), stdin=subprocess.PIPE)
+        send_token(self._child, token)
+        return self._child
 
     def _take(self, word: wire.FromNode) -> None:
         match word:
-            case wire.Thinks(output):
+            case wire.NodeOutput(output):
                 self._output(output)
             case wire.OrderReply(number, problem):
                 answer = self._answers.get(number)
@@ -228,15 +202,6 @@ class NavigationProcess:
         for answer in self._answers.values():
             if not answer.done():
                 answer.set_result(f"the robot's navigation was lost: {why}")
-
-
-def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
-    child = start_module("robots.agent.autonomy", address, stdin=subprocess.PIPE)
-    assert child.stdin is not None
-    with contextlib.suppress(BrokenPipeError):  # it has ended already, which `_start` notices
-        child.stdin.write(f"{token}\n".encode())
-        child.stdin.close()
-    return child
 
 
 async def _read(reader: asyncio.StreamReader) -> wire.FromNode:

@@ -378,7 +378,7 @@ class RosAdapter(RemoteAdapter):
             try:
                 handler(message)
             except messages.RosError as error:
-                log.warning("ros_message_refused", extra={"topic": topic, "reason": str(error)})
+                log.warning("ros_message_refused", topic=topic, reason=str(error))
 
         return handle
 

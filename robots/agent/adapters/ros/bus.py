@@ -14,6 +14,8 @@ from robots.api.messages import ActionState
 
 OURS = "telepresence-"  # with which the ids of our goals begin, as in ros1_node.py
 ANSWER_TIME = 10.0  # seconds that a service has to answer
+# in action_msgs/GoalStatus
+GOAL_ENDED: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
 Handler = Callable[[dict[str, Any]], None]
 

@@ -4,11 +4,9 @@ was built for, and a loopback connection to it: one JSON object a line.
 
 import asyncio
 import contextlib
-import hmac
 import itertools
 import json
 import os
-import secrets
 import subprocess
 import sys
 import time
@@ -18,6 +16,7 @@ from typing import Any
 
 import msgspec
 
+from robots.agent.adapters.common.child_process import connect_child, send_token, start
 from robots.agent.adapters.ros.bus import (
     ANSWER_TIME,
     Goals,
@@ -28,13 +27,13 @@ from robots.agent.adapters.ros.bus import (
 )
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import AdapterError
+from robots.processes import wait_or_kill
 
 START_TIME = 15.0  # seconds for a node to start: more than 5 on a loaded computer
 GRAPH_TIME = 5.0
 END_TIME = 2.0
 BEAT = 0.1  # seconds between two heartbeats for the guard
 BACKLOG = 256 << 10
-LONGEST_LINE = 8 << 20
 STANDARD_ERROR = 2
 # of Docker and Podman
 CONTAINER = (Path("/.dockerenv"), Path("/run/.containerenv")) if sys.platform == "linux" else ()
@@ -79,7 +78,10 @@ class NodeBus:
         self._lost, self._goals = lost, goals
         self._handlers.clear()
         self._listeners.clear()
-        reader, self._writer = await self._start()
+        try:
+            reader, self._writer = await connect_child(self._launch, START_TIME)
+        except (OSError, TimeoutError) as error:
+            raise AdapterError(f"the ROS node did not start with {self._python}") from error
         ready = asyncio.get_running_loop().create_future()
         self._tasks = (
             asyncio.ensure_future(self._read(reader, ready)),
@@ -87,47 +89,19 @@ class NodeBus:
         )
         await ready
 
-    async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        arrived: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = (
-            asyncio.get_running_loop().create_future()
-        )
-        password = secrets.token_hex(16)
-
-        async def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            line = (await reader.readline()).strip()
-            if hmac.compare_digest(line, password.encode()) and not arrived.done():
-                arrived.set_result((reader, writer))
-            else:
-                writer.close()
-
-        server = await asyncio.start_server(greet, "127.0.0.1", 0, limit=LONGEST_LINE)
+    def _launch(self, port: int, token: str) -> subprocess.Popen[bytes]:
         try:
-            port = server.sockets[0].getsockname()[1]
-            self._child = await asyncio.to_thread(self._launch, port, password)
-            async with asyncio.timeout(START_TIME):
-                return await arrived
-        except TimeoutError as error:
-            raise AdapterError(f"the ROS node did not start with {self._python}") from error
-        finally:
-            server.close()
-
-    def _launch(self, port: int, password: str) -> subprocess.Popen[bytes]:
-        try:
-            child = subprocess.Popen(
+            self._child = start(
                 [self._python, str(self.script), str(port), *self.arguments],
+                self._environment,
                 stdin=subprocess.PIPE,
                 stdout=STANDARD_ERROR,  # Fast DDS logs on standard output, which is the command's
-                start_new_session=True,
-                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-                env=self._environment,
             )
         except OSError as error:
             reason = error.strerror or error
             raise AdapterError(f"{self._python} cannot be run: {reason}") from error
-        assert child.stdin is not None
-        child.stdin.write(f"{password}\n".encode())
-        child.stdin.flush()
-        return child
+        send_token(self._child, token)
+        return self._child
 
     async def _beat(self) -> None:
         with contextlib.suppress(AdapterError):  # the reader reports the loss
@@ -292,8 +266,6 @@ def outlives_agent() -> bool:
 
 def _has_ended(child: subprocess.Popen[bytes]) -> bool:
     """Wait END_TIME for a node to exit; return False for one that still guards the robot."""
-    assert child.stdin is not None
-    child.stdin.close()
     try:
         child.wait(timeout=END_TIME)
     except subprocess.TimeoutExpired:
@@ -304,8 +276,4 @@ def _has_ended(child: subprocess.Popen[bytes]) -> bool:
 def _end(children: list[subprocess.Popen[bytes]]) -> None:
     for child in children:
         child.terminate()
-        try:
-            child.wait(timeout=END_TIME)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
+        wait_or_kill(child, END_TIME)

@@ -20,10 +20,9 @@ from msgspec import Meta
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals
+from robots.agent.adapters.ros.bus import GOAL_ENDED, Goals
 from robots.agent.adapters.ros.node_bus import NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
-from robots.api.messages import ActionState
 
 HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9.6.1.1)
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.2 s after it at most
@@ -34,8 +33,6 @@ PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 SET_UP_BY_USER = ("FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
 PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
 NAVIGATE_TO_POSE = "nav2_msgs/NavigateToPose"
-# action_msgs/GoalStatus
-DONE: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 
 
 class Ros2Options(RosOptions, frozen=True, kw_only=True):
@@ -152,7 +149,7 @@ class Ros2Bus(NodeBus):
             case {"op": "ended", "goal": goal, "status": status, "reason": why} if (
                 self._goals is not None
             ):
-                end = DONE.get(status, "FAILED")
+                end = GOAL_ENDED.get(status, "FAILED")
                 self._ids.pop(goal, None)
                 usual = "" if end == "FINISHED" else "navigation gave up"
                 self._goals.ended(goal, end, why or usual)

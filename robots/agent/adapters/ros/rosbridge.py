@@ -28,6 +28,7 @@ from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import (
     ANSWER_TIME,
+    GOAL_ENDED,
     Goals,
     Handler,
     Subscription,
@@ -36,7 +37,6 @@ from robots.agent.adapters.ros.bus import (
 )
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
-from robots.api.messages import ActionState
 
 try:
     from websockets.asyncio.client import ClientConnection, connect
@@ -56,7 +56,6 @@ BLOCKED = 1.0  # seconds of a goal or a service call, after which rosbridge's qu
 CANCEL_TIME = 1.0
 CANCEL_AGAIN = 0.5
 IDLE = 1.0  # seconds without an active goal, after which a cancelled one never starts
-ENDED: dict[int, ActionState] = {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"}
 ACTIVE = frozenset({1, 2, 3})  # action_msgs/GoalStatus: accepted, executing, cancelling
 NEW_THREAD = "send_action_goals_in_new_thread"
 
@@ -259,7 +258,7 @@ class RosbridgeBus:
             try:
                 message = _decoded(text)
             except (ValueError, RecursionError) as error:
-                log.warning("rosbridge_message_malformed", extra={"reason": str(error)})
+                log.warning("rosbridge_message_malformed", reason=str(error))
                 continue
             if isinstance(message, dict):
                 self._take(message)
@@ -285,11 +284,11 @@ class RosbridgeBus:
         assert self._goals is not None
         status, values = message.get("status"), message.get("values")
         reason = values if isinstance(values, str) and values else "navigation gave up"
-        if message.get("result") is False or status not in ENDED:
+        if message.get("result") is False or status not in GOAL_ENDED:
             self._goals.failed(name, reason)  # rosbridge has failed; the goal may run
             return
         self._forget(name)
-        self._goals.ended(name, ENDED[status], "" if status == 4 else reason)
+        self._goals.ended(name, GOAL_ENDED[status], "" if status == 4 else reason)
 
     def _forget(self, name: str) -> None:
         self._sent.discard(name)
@@ -346,7 +345,7 @@ class RosbridgeBus:
             del self._refused[topic]
 
     def _complained(self, about: Any, text: str) -> None:
-        log.warning("rosbridge_problem", extra={"text": text[:300]})
+        log.warning("rosbridge_problem", text=text[:300])
         for topic, entry in self._advertised.items():
             if entry["id"] == about:
                 there = ESTABLISHED.search(text)

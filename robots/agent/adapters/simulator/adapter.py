@@ -383,7 +383,7 @@ class SimulatorAdapter:
                 self._take(wire.unpack_answer(body))
         except (OSError, asyncio.IncompleteReadError, framing.WireError) as error:
             self._failure = f"the simulator is gone: {reason_of(error)}"
-            log.warning("simulator_lost", extra={"reason": str(error)})
+            log.warning("simulator_lost", reason=str(error))
         finally:
             self._news.set()
 

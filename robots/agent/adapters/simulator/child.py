@@ -6,16 +6,13 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-import structlog
-
 from robots.agent.adapters.common.child_process import start_module
 from robots.agent.robot_interface import AdapterError
+from robots.processes import wait_or_kill
 
 START_TIME = 20.0
 END_TIME = 3.0
 LINGER = 2.0
-
-log = structlog.stdlib.get_logger(__name__)
 
 
 def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:
@@ -46,12 +43,7 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
 
 def end(child: subprocess.Popen[bytes]) -> None:
     """Wait for a simulator that is ending, and kill it if it does not end."""
-    try:
-        child.wait(timeout=END_TIME)
-    except subprocess.TimeoutExpired:
-        log.warning("simulator_killed", extra={"pid": child.pid})
-        child.kill()
-        child.wait()
+    wait_or_kill(child, END_TIME)
     for pipe in (child.stdin, child.stdout):
         if pipe is not None:
             pipe.close()

@@ -65,7 +65,7 @@ class CameraThread:
     def _run(self) -> None:
         begun = time.monotonic()
         renderer = self._make()
-        log.info("camera_ready", extra={"seconds": round(time.monotonic() - begun, 3)})
+        log.info("camera_ready", seconds=round(time.monotonic() - begun, 3))
         due = time.monotonic()
         while self._watched.wait() and not self._ended.is_set():
             self._draw(renderer)

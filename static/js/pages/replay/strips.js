@@ -42,7 +42,16 @@ export const drawStrips = (canvas, record, words, sources) => {
   canvas.height = Math.round(whole * devicePixelRatio);
   context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, AXIS * devicePixelRatio, 0);
   const style = getComputedStyle(canvas);
-  const colour = remembered((name) => style.getPropertyValue(`--${name}`).trim());
+  // A canvas does not know light-dark(), which the browser resolves as the colour of an element: of
+  // a new one, because that of an old one may change gradually.
+  const colour = remembered((name) => {
+    const probe = document.createElement("i");
+    probe.style.color = `var(--${name})`;
+    canvas.append(probe);
+    const { color } = getComputedStyle(probe);
+    probe.remove();
+    return color;
+  });
   context.font = `600 ${TEXT}px ${style.fontFamily}`;
   const row = (/** @type {number} */ top, /** @type {number} */ height) => ({
     context,

@@ -67,7 +67,11 @@ async def robot_of(rig):
     async with rig.client("giraff") as client:
         client.got, client.beats = [], []
         await client.subscribe(
-            [pair for pair in topics.subscriptions("giraff") if not pair[0].endswith("/connection")]
+            [
+                (each, 0)
+                for each in topics.subscriptions("giraff")
+                if not each.endswith("/connection")
+            ]
         )
 
         async def read():

@@ -1,11 +1,11 @@
-"""Every test that takes `rig` runs against both brokers; a missing Mosquitto is a failure. In the
-soak run those of test_behaviour.py also run against other brokers, of one node and of three.
+"""Every test that takes `rig` runs with NATS and with Mosquitto; a missing program is a failure. In
+the soak run those of test_behaviour.py also run with brokers of three nodes.
 """
 
 import pytest
 
 from tests.support.clustered_brokers import engines
-from tests.support.clustered_brokers.known_failures import KNOWN_FAILURES, SOME
+from tests.support.clustered_brokers.known_failures import KNOWN_FAILURES
 from tests.support.sessions.broker_rig import KINDS, BrokerRig, ClusterRig
 
 BEHAVIOUR = "test_behaviour"
@@ -16,15 +16,14 @@ def pytest_generate_tests(metafunc):
         return
     others = engines.KINDS if metafunc.module.__name__.endswith(BEHAVIOUR) else ()
     name = metafunc.function.__name__
-    marked = [pytest.param(kind, marks=_marks(kind, name)) for kind in others]
-    metafunc.parametrize("rig", [*KINDS, *marked], indirect=True)
+    marked = [pytest.param(kind, marks=_marks(kind, name)) for kind in (*KINDS, *others)]
+    metafunc.parametrize("rig", marked, indirect=True)
 
 
 def _marks(kind, name):
+    marks = [pytest.mark.soak] if kind in engines.KINDS else []
     reason = KNOWN_FAILURES.get(kind, {}).get(name)
-    if reason is None:
-        return [pytest.mark.soak]
-    return [pytest.mark.soak, pytest.mark.xfail(reason=reason, strict=name not in SOME)]
+    return marks if reason is None else [*marks, pytest.mark.xfail(reason=reason, strict=True)]
 
 
 @pytest.fixture

@@ -1,6 +1,4 @@
-"""`manage.py mosquitto_files` beside a mosquitto that is not our child, as on a server with one of
-its own.
-"""
+"""`manage.py mosquitto_files`, for a broker that is not a child of ours."""
 
 import asyncio
 import contextlib
@@ -16,7 +14,7 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from robots.api.topics import of
-from robots.broker.mosquitto import find
+from robots.broker.engines import ENGINES
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.management.commands.mosquitto_files import Files
 from robots.models import Robot
@@ -45,7 +43,8 @@ class Server:
             f" {self.pid_file}\npersistence false\nuser {getpass.getuser()}\n"
         )
         self.process = subprocess.Popen(
-            [find(), "-c", str(directory / "mosquitto.conf")], stderr=subprocess.DEVNULL
+            [ENGINES["mosquitto"].find(), "-c", str(directory / "mosquitto.conf")],
+            stderr=subprocess.DEVNULL,
         )
         wait_for(
             lambda: (
@@ -98,12 +97,12 @@ async def test_a_mosquitto_of_the_system_follows_the_database(mosquitto, tmp_pat
         await giraff.publish(of("giraff", "state"), b"{}", qos=1)
         await sync_to_async(revoke)(robot)
         assert "2 users written" in await again()
-        await until_thrown_out(giraff)  # thrown out at once, not when it comes back
+        await until_thrown_out(giraff)  # at once, not when it reconnects
     assert not await mosquitto.lets_in("giraff", key.token)
     assert await mosquitto.lets_in(*server_credentials("web"))
 
 
-async def test_watching_it_writes_by_itself_and_tells_mosquitto(mosquitto, tmp_path):
+async def test_with_watch_it_writes_changes_and_signals_mosquitto(mosquitto, tmp_path):
     watching = asyncio.create_task(Files(tmp_path, mosquitto.pid_file).follow(0.05))
     robot = await Robot.objects.acreate(name="giraff", title="Giraff")
     key = await sync_to_async(make_credentials)(robot, timezone.now())
@@ -113,14 +112,14 @@ async def test_watching_it_writes_by_itself_and_tells_mosquitto(mosquitto, tmp_p
         await watching
 
 
-def test_what_has_not_changed_is_not_written_again(tmp_path):
+def test_unchanged_files_are_not_written_again(tmp_path):
     assert "2 users written" in write(tmp_path)
     before = {name: (tmp_path / name).stat().st_mtime_ns for name in ("passwords", "permissions")}
     assert "users unchanged" in write(tmp_path)
     assert before == {name: (tmp_path / name).stat().st_mtime_ns for name in before}
 
 
-def test_for_nats_the_same_users_are_in_one_file_which_is_written_when_they_change(tmp_path):
+def test_nats_has_the_same_users_in_one_file(tmp_path):
     robot = Robot.objects.create(name="giraff", title="Giraff")
     token = make_credentials(robot, timezone.now()).token
     assert "3 users written" in write(tmp_path, "--engine", "nats")
@@ -132,18 +131,18 @@ def test_for_nats_the_same_users_are_in_one_file_which_is_written_when_they_chan
     assert [path.name for path in tmp_path.iterdir()] == ["users.conf"]
 
 
-def test_the_files_are_for_their_owner_and_group_alone(tmp_path):
+def test_only_owner_and_group_can_read_the_files(tmp_path):
     write(tmp_path)
     assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} <= {0o640, 0o600}
     token = server_credentials("web")[1]
     assert all(token not in path.read_text() for path in tmp_path.iterdir())
 
 
-def test_without_a_running_mosquitto_the_files_are_written_all_the_same(tmp_path):
+def test_the_files_are_written_also_while_mosquitto_does_not_run(tmp_path):
     assert "2 users written" in write(
         tmp_path, "--reload", "--pid-file", str(tmp_path / "nobody.pid")
     )
-    # more than any system gives: that of one who has just ended may be another's by now
+    # greater than any process id, because the id of an ended process may be another's by now
     (tmp_path / "dead.pid").write_text("99999999")
     (tmp_path / "permissions").unlink()
     assert "2 users written" in write(
@@ -151,7 +150,7 @@ def test_without_a_running_mosquitto_the_files_are_written_all_the_same(tmp_path
     )
 
 
-def test_what_stands_in_the_way_is_one_sentence(tmp_path):
+def test_an_error_is_one_sentence(tmp_path):
     with pytest.raises(CommandError, match=r"No such file or directory\.$"):
         write(tmp_path / "nowhere")
     (tmp_path / "bad.pid").write_text("not a number")

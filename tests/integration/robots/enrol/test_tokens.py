@@ -33,6 +33,7 @@ from robots.enrol.credentials import (
 from robots.enrol.tokens import make_token, redeem
 from robots.management.commands import run_robot
 from robots.models import Enrolment, Robot
+from tests.support.sessions.permitted import may_publish
 
 pytestmark = pytest.mark.django_db
 ENROL, RENEW = "/api/v1/agent/enrol/", "/api/v1/agent/renew/"
@@ -103,7 +104,7 @@ def test_both_users_at_the_broker_have_the_permissions_of_one_robot(robot):
     old_user, new_user = sorted(robots_at_the_broker(), key=lambda user: len(user.name))
     assert (old_user.name, new_user.name) == ("giraff", new.user)
     assert old_user.permissions == new_user.permissions
-    assert not new_user.permissions.may_publish("telepresence/v1/rhodon/state")
+    assert not may_publish(new_user.permissions, "telepresence/v1/rhodon/state")
 
 
 def test_the_broker_loses_the_old_user_when_it_expires(robot, monkeypatch):

@@ -11,15 +11,7 @@ from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.models import Session
 from sessions.practice import PracticePlace, choose
 from telepresence_site.practice import robots
-from telepresence_site.practice.pool import (
-    AGAIN,
-    LINGER,
-    Demand,
-    Process,
-    StartRobot,
-    StopRobot,
-    decide,
-)
+from telepresence_site.practice.pool import AGAIN, LINGER, Demand, decide
 from telepresence_site.practice.supervisor import Supervisor
 
 NAMES = ["practice-1", "practice-2"]
@@ -32,48 +24,47 @@ def waits(at: float = NOW, *taken: str, left: dict[str, float] | None = None) ->
     return Demand(at, frozenset(taken), left or {})
 
 
-def alive(*names: str, since: float = NOW - 100.0) -> dict[str, Process]:
-    return {name: Process(since, alive=True) for name in names}
+def decided(demand, running=(), *, names=NAMES, since=NOW - 100.0, now=NOW):
+    """Return the robots to stop and to start; those of `since` that do not run have died."""
+    at = since if isinstance(since, dict) else dict.fromkeys(running, since)
+    return decide(names, demand, at, running, now)
 
 
 # --- how many -------------------------------------------------------------------------------------
 
 
 def test_no_practice_robot_runs_without_a_visitor():
-    assert decide(NAMES, NOBODY, {}, NOW) == []
+    assert decided(NOBODY) == ([], [])
 
 
 def test_each_visitor_gets_a_practice_robot_until_all_are_taken():
-    assert decide(NAMES, waits(), {}, NOW) == [StartRobot("practice-1")]
-    assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
-    assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [
-        StartRobot("practice-2")
-    ]
-    assert decide(NAMES, waits(NOW, *NAMES), alive(*NAMES), NOW) == []
+    assert decided(waits()) == ([], ["practice-1"])
+    assert decided(waits(), ["practice-1"]) == ([], [])
+    assert decided(waits(NOW, "practice-1"), ["practice-1"]) == ([], ["practice-2"])
+    assert decided(waits(NOW, *NAMES), NAMES) == ([], [])
 
 
 def test_a_robot_that_nobody_needs_stays_for_a_while_and_then_ends():
-    assert decide(NAMES, waits(NOW - LINGER + 1.0), alive("practice-1"), NOW) == []
-    assert decide(NAMES, waits(NOW - LINGER), alive("practice-1"), NOW) == [StopRobot("practice-1")]
+    assert decided(waits(NOW - LINGER + 1.0), ["practice-1"]) == ([], [])
+    assert decided(waits(NOW - LINGER), ["practice-1"]) == (["practice-1"], [])
 
 
-def test_nobodys_practice_ends_because_nobody_waits_any_more():
-    assert decide(NAMES, waits(NOW - LINGER, "practice-1"), alive("practice-1"), NOW) == []
+def test_practice_continues_when_the_visitor_no_longer_waits():
+    assert decided(waits(NOW - LINGER, "practice-1"), ["practice-1"]) == ([], [])
 
 
-def test_a_robot_is_started_anew_after_its_visitor():
-    left = {"practice-1": NOW - 1.0}
-    assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == StopRobot("practice-1")
-    ended = alive(*NAMES) | {"practice-1": Process(NOW - 100.0, alive=False)}
-    assert decide(NAMES, waits(left=left), ended, NOW) == []
-    assert decide(["practice-1"], waits(left=left), ended, NOW) == [StartRobot("practice-1")]
+def test_a_robot_is_restarted_after_its_visitor():
+    left = waits(left={"practice-1": NOW - 1.0})
+    assert decided(left, ["practice-1"])[0] == ["practice-1"]
+    started = dict.fromkeys(NAMES, NOW - 100.0)
+    assert decided(left, ["practice-2"], since=started) == ([], [])
+    assert decided(left, names=["practice-1"], since=started) == ([], ["practice-1"])
 
 
 def test_a_robot_killed_during_a_visit_is_restarted_first_but_not_too_often():
-    dead = {"practice-2": Process(NOW - 1.0, alive=False)}
-    demand = Demand(None, frozenset({"practice-2"}), {})
-    assert StartRobot("practice-2") not in decide(NAMES, demand, dead, NOW)
-    assert decide(NAMES, demand, dead, NOW - 1.0 + AGAIN) == [StartRobot("practice-2")]
+    demand, died = Demand(None, frozenset({"practice-2"}), {}), {"practice-2": NOW - 1.0}
+    assert "practice-2" not in decided(demand, since=died)[1]
+    assert decided(demand, since=died, now=NOW - 1.0 + AGAIN) == ([], ["practice-2"])
 
 
 # --- processes ------------------------------------------------------------------------------------

@@ -8,8 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.children import NOTICE_PREFIX, Child, Children, DemoPart, StartFailed
-from telepresence_site.demo.supervision import PartLostError, RestartPolicy, ServiceSupervisor
+from telepresence_site.children import NOTICE_PREFIX, Child, Children
+from telepresence_site.demo.supervision import (
+    DemoPart,
+    PartLostError,
+    RestartPolicy,
+    ServiceSupervisor,
+)
 from tests.support.sessions.site import wait_for
 
 POLICY = RestartPolicy(first_delay=0.0, longest_delay=0.0, settled=1000.0, quick_deaths=3)
@@ -135,7 +140,7 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
 
 def test_an_essential_part_that_is_never_ready_is_named(supervisor):
     web = DemoPart("web server", LIVE, lambda _child: False, is_essential=True)
-    with pytest.raises(StartFailed, match="The web server is not ready yet: ready"):
+    with pytest.raises(PartLostError, match="The web server is not ready yet: ready"):
         start(supervisor, web, within=1.0)
 
 

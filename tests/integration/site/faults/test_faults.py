@@ -68,7 +68,7 @@ def mend(site, part, number):
 
 
 def processes(site, part):
-    """A part and what it runs: Mosquitto is a child of `run_broker`."""
+    """A part and what it runs: the broker is a child of `run_broker`."""
     parent = psutil.Process(site.processes[part].pid)
     return [parent, *parent.children(recursive=True)]
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from django.conf import settings as site
 
-from robots.broker.mosquitto import Tls, configuration
+from robots.broker.listeners import Listeners, Tls
+from robots.broker.mosquitto import configuration
 from telepresence_site.serving import APPLICATION, DAPHNE
 from telepresence_site.web.asgi_limits import MAX_BODY
 from tests.support.agents.simulators import eventually
@@ -339,8 +340,8 @@ def test_units_call_commands_that_exist_with_options_that_they_have():
 
 def test_mosquittos_file_has_the_bounds_of_our_own(tmp_path):
     given = (DEPLOY / "mosquitto/telepresence.conf").read_text().splitlines()
-    tls = Tls(tmp_path / "c", tmp_path / "k")
-    ours = configuration("127.0.0.1", 1883, tmp_path, tls).splitlines()
+    listeners = Listeners("127.0.0.1", 1883, Tls(tmp_path / "c", tmp_path / "k"))
+    ours = configuration(listeners, tmp_path).splitlines()
     bounds = ("max_", "set_tcp", "autosave", "persistent_client", "allow_anonymous")
     assert [line for line in ours if line.startswith(bounds) and line not in given] == []
 

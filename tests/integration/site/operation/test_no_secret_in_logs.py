@@ -120,7 +120,7 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(collector, 
         assert await ask("/api/v1/agent/", authorization=f"Bearer giraff:{key.token}") == 200
         assert await ask("/metrics", authorization=f"Bearer {METRICS_TOKEN}") == 200
         secrets += await drive(ada)
-        secrets.append(await knock(tmp_path, "embedded"))
+        secrets.append(await knock(tmp_path, "nats"))
     finally:
         mqtt_bridge.use(None)
     hashes = [await sync_to_async(lambda: Robot.objects.get().credentials.credential_hash)()]

@@ -33,7 +33,7 @@ def test_broker_and_session_manager_start_without_the_administration():
         "import robots.management.commands.run_broker,"
         " sessions.management.commands.run_session_manager"
     )
-    assert not there & (PARTS | {"scipy"})
+    assert not there & (PARTS | {"scipy.ndimage", "scipy.sparse"})
 
 
 @pytest.mark.nightly

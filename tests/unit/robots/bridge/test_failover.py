@@ -57,10 +57,5 @@ def test_two_clients_do_not_come_at_the_same_moment():
     assert len(waits) == 20
 
 
-def test_of_a_cluster_nothing_is_subscribed_to_at_qos_1_by_who_keeps_no_session():
-    assert [failover(A).qos(qos) for qos in (0, 1)] == [0, 1]
-    assert [failover(A, B).qos(qos) for qos in (0, 1)] == [0, 0]
-
-
 def test_a_node_that_falls_silent_is_noticed_sooner_where_there_is_another():
     assert failover(A, B).keepalive_seconds < failover(A).keepalive_seconds

@@ -53,7 +53,7 @@ def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
     delivery.arrive(topics.of("giraff", "heartbeat"), beat(2), 10.0 + DOUBT_SECONDS)
     assert known.online
     delivery.arrive(topics.of("giraff", "heartbeat"), beat(3), 20.0)
-    assert [message.state for message in page.heard("connection")] == [
+    assert [message.state for message in page.received("connection")] == [
         "ONLINE",
         "CONNECTIONBROKEN",
         "ONLINE",
@@ -78,11 +78,11 @@ class Ear:
     def handle_message(self, inbound):
         self.messages.append(inbound)
 
-    def heard(self, suffix):
+    def received(self, suffix):
         return [inbound.message for inbound in self.messages if inbound.suffix == suffix]
 
 
-def test_a_robot_is_told_at_once_and_every_second_that_a_page_needs_it_and_of_a_display_never():
+def test_a_robot_gets_heartbeats_for_pages_at_once_and_every_second_not_for_displays():
     delivery, page, display = Delivery(), Ear(), Ear()
     delivery.listen("giraff", display, 0.0, needs=False)
     assert delivery.beats_due(5.0) == []

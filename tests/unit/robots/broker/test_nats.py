@@ -1,4 +1,4 @@
-"""What NATS reads: the same users and permissions in its own words."""
+"""The users and permissions that NATS reads."""
 
 import json
 import re
@@ -30,11 +30,11 @@ def rows(users):
         ("#", [">"]),
     ],
 )
-def test_a_filter_becomes_the_subjects_that_match_the_same(filter_, wanted):
+def test_a_filter_becomes_subjects_that_match_the_same_topics(filter_, wanted):
     assert subjects([filter_]) == wanted
 
 
-def test_a_robots_user_may_write_its_outputs_and_read_its_inputs_and_nothing_else():
+def test_a_robots_user_publishes_its_outputs_and_reads_its_inputs_alone():
     allowed = rows([GIRAFF])["giraff"]["permissions"]
     outputs = [topic for topic in topics.TABLE if topic.direction == "from_robot"]
     assert len(allowed["publish"]["allow"]) == len(outputs)
@@ -45,7 +45,8 @@ def test_a_robots_user_may_write_its_outputs_and_read_its_inputs_and_nothing_els
     )
 
 
-def test_everybody_connects_by_mqtt_alone_because_natss_own_protocol_would_show_all_deliveries():
+def test_every_user_connects_by_mqtt_alone():
+    """NATS's own protocol would show the messages of all users."""
     users = rows([GIRAFF, BrokerUser("web", "$7$…", of_server(), "$2b$04$web")])
     assert {tuple(row["allowed_connection_types"]) for row in users.values()} == {
         ("MQTT", "MQTT_WS")

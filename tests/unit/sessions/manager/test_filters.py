@@ -1,8 +1,7 @@
 """What a session manager subscribes to."""
 
 from robots.api import topics
-from robots.broker.packets import MAX_FILTERS
-from sessions.manager.broker_connection import packets_of
+from sessions.manager.broker_connection import MAX_FILTERS, packets_of
 from sessions.manager.ingest import filters
 
 
@@ -18,16 +17,16 @@ def test_one_session_manager_needs_as_many_filters_as_one_robot():
     assert len(filters()) == len(filters(["giraff"])) == 9
 
 
-def test_over_a_cluster_only_what_is_rare_needs_a_queue_and_their_number_is_that_of_one_robot():
+def test_only_rare_messages_have_a_queue_however_many_robots_there_are():
     robots = [f"robot-{number}" for number in range(100)]
-    with_queue = {topic for topic, qos in filters(robots, often_qos=0) if qos}
-    assert with_queue == {topic for topic, qos in filters(["giraff"], often_qos=0) if qos}
+    with_queue = {topic for topic, qos in filters(robots) if qos}
+    assert with_queue == {topic for topic, qos in filters(["giraff"]) if qos}
     assert topics.of("+", "event") in with_queue
     assert topics.of("+", "state") not in with_queue
-    assert (topics.of("robot-1", "state"), 0) in filters(robots, often_qos=0)
+    assert (topics.of("robot-1", "state"), 0) in filters(robots)
 
 
-def test_no_packet_has_more_filters_than_the_embedded_broker_takes():
+def test_no_packet_has_more_filters_than_its_limit():
     wanted = filters(f"robot-{number}" for number in range(100))
     packets = list(packets_of(wanted))
     assert max(map(len, packets)) <= MAX_FILTERS

@@ -8,7 +8,7 @@ import aiomqtt
 import pytest
 
 from robots.api import codec, topics
-from robots.bridge.broker_address import MAX_INFLIGHT
+from robots.bridge.failover import MAX_INFLIGHT
 from sessions.manager.broker_connection import TOGETHER, BrokerConnection, publish_all
 from sessions.manager.scheduler import ManagerMessage
 from sessions.shards.ownership import EVERYTHING

@@ -33,7 +33,7 @@ class Node:
     def __init__(self):
         self.said, self.answer = [], None
 
-    def say(self, message):
+    def send(self, message):
         self.said.append(message)
         return True
 

@@ -126,15 +126,15 @@ def test_a_perception_survives_the_wire():
     assert wire.perceive(sent, new=False).sweep is None
 
 
-def test_a_thought_survives_the_wire():
+def test_an_output_survives_the_wire():
     sent = output(
         wanted=AHEAD,
         news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),),
         path=((0.0, 1.0),),
     )
-    assert wire.unpack_answer(framing.pack(wire.Thinks(sent))[framing.HEADER :]) == wire.Thinks(
-        sent
-    )
+    assert wire.unpack_answer(
+        framing.pack(wire.NodeOutput(sent))[framing.HEADER :]
+    ) == wire.NodeOutput(sent)
 
 
 def test_invalid_message_is_refused():
@@ -166,17 +166,17 @@ def settle():
     )
 
 
-def test_a_mind_that_fell_behind_thinks_once_of_the_newest_moment():
+def test_a_node_that_fell_behind_handles_only_the_newest_snapshot():
     said = []
     conversation = Conversation(said.append)
     conversation.take([settle()])
     conversation.take([wire.perceive(moment(stamp=float(n)), new=n == 1) for n in range(1, 6)])
-    assert [type(word) for word in said] == [wire.Settled, wire.Thinks]
+    assert [type(word) for word in said] == [wire.Settled, wire.NodeOutput]
     assert said[0].problem == ""
     assert said[1].output.stamp == 5.0
 
 
-def test_a_mind_without_a_map_says_so_and_takes_no_harm():
+def test_a_node_without_a_map_refuses_actions_and_continues():
     said = []
     conversation = Conversation(said.append)
     conversation.take(
@@ -189,7 +189,7 @@ def test_a_mind_without_a_map_says_so_and_takes_no_harm():
     assert said == [wire.OrderReply(7, "no map")]
 
 
-def test_a_mind_serves_its_socket_until_that_is_closed():
+def test_a_node_serves_its_socket_until_that_is_closed():
     here, there = socket.socketpair()
     thread = threading.Thread(target=serve, args=(there,))
     thread.start()

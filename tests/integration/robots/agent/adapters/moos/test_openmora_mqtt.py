@@ -136,7 +136,7 @@ async def test_a_broker_where_nobody_is_gives_a_sentence():
 
 
 async def test_a_broker_that_does_not_let_it_command_the_robot_gives_a_sentence(tmp_path):
-    rig = BrokerRig("embedded", tmp_path)
+    rig = BrokerRig("nats", tmp_path)
     await rig.start()
     options = {"username": "other", "broker": f"mqtt://{HOST}:{rig.port}"}
     try:
@@ -144,7 +144,7 @@ async def test_a_broker_that_does_not_let_it_command_the_robot_gives_a_sentence(
         password = rig.tokens["other"]
         adapter = registry.create("openmora_mqtt", "giraff", options | {"password": password})
         async with asyncio.timeout(patient(10.0)):
-            with pytest.raises(AdapterError, match="Not authorized"):
+            with pytest.raises(AdapterError, match="does not allow this robot to read"):
                 await adapter.connect()
         await adapter.close()
     finally:

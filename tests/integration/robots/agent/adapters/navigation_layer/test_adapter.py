@@ -124,7 +124,7 @@ async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
         onlooker.close()
 
 
-async def test_an_order_waits_for_a_mind_about_to_think_and_is_refused_where_nothing_can_be_done():
+async def test_an_action_waits_for_a_starting_node_and_is_refused_without_a_map():
     adapter = made()
     async with driving(adapter) as drive:
         await drive.until(lambda: drive.state is not None and adapter._beams is not None)
@@ -210,7 +210,7 @@ async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_wh
 
 
 @pytest.mark.nightly
-async def test_a_mind_that_is_stuck_makes_the_robot_stand_and_is_replaced():
+async def test_a_stuck_node_stops_the_robot_and_is_replaced():
     async with driving(made()) as drive:
         await drive.known()
         await drive.adapter.start(goto())
