@@ -55,11 +55,11 @@ class Attempts:
     def wait(self, address: str, now: float) -> int:
         """Return the whole seconds after which one more is allowed; at least 1."""
         found = self._found(address, now)
-        gone = next(
+        expired = next(
             (oldest for oldest in range(len(found)) if sum(found[oldest:]) < self.limit), len(found)
         )
         tenth = self.seconds / SLICES
-        return max(1, math.ceil((now // tenth + gone) * tenth - now))
+        return max(1, math.ceil((now // tenth + expired) * tenth - now))
 
     def _found(self, address: str, now: float) -> list[int]:
         keys = self._keys(address, now)

@@ -100,7 +100,7 @@ def new_entry_code(user: User) -> str:
 
 def guest_of(code: str) -> User | None:
     """Return the active guest with this code, however it was typed; None if there is none."""
-    typed = "".join(letter for letter in code.upper() if letter in CODE_LETTERS)
+    typed = "".join(character for character in code.upper() if character in CODE_LETTERS)
     if len(typed) != CODE_LENGTH:
         return None
     keys = (settings.SECRET_KEY, *settings.SECRET_KEY_FALLBACKS)
@@ -113,7 +113,7 @@ def _hash(code: str, key: str) -> str:
     return hmac.new(key.encode(), b"accounts.entry_code:" + code.encode(), "sha256").hexdigest()
 
 
-# --- what is not for guests -----------------------------------------------------------------------
+# --- views that guests cannot use -----------------------------------------------------------------
 
 
 def open_to_visitors(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:

@@ -142,10 +142,10 @@ class Children:
 
     def _wait(self, child: Child, ready: Callable[[Child], bool], deadline: float) -> None:
         while not ready(child):
-            gone = self.ended()
-            if gone is not None:
+            ended = self.ended()
+            if ended is not None:
                 raise StartFailed(
-                    f"The {gone.name} ended at once: {gone.last_line()} (its log: {gone.log})"
+                    f"The {ended.name} ended at once: {ended.last_line()} (its log: {ended.log})"
                 )
             if time.monotonic() > deadline:
                 raise StartFailed(

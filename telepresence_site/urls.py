@@ -10,8 +10,8 @@ from telepresence_site.ops import health, metrics
 from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
-# One way in, whose attempts are counted: the administration's own form would let anybody guess for
-# ever.
+# A single login form, whose attempts are limited: the administration's own form would allow any
+# number of guesses.
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [

@@ -132,8 +132,8 @@ class RobotPage(WithDriver):
 def status_of(robot: Robot) -> OwnerStatus:
     """Return the robot's status now, the same for all parts of its page."""
     lease = getattr(robot, "lease", None)
-    driven = lease is not None and lease.session_id is not None
-    return owner_status(robot, driven=driven, now=timezone.now())
+    in_use = lease is not None and lease.session_id is not None
+    return owner_status(robot, in_use=in_use, now=timezone.now())
 
 
 def _agent_version(robot: Robot) -> str:

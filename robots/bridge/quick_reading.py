@@ -6,7 +6,7 @@ interpreter to the recorder's thread (measured: more than half of the time of a 
 the socket is read in larger pieces, and the socket pair is removed.
 
 This uses private names of paho-mqtt 2 and aiomqtt 2. If they have changed, or the connection is not
-a plain socket (WebSocket), nothing is replaced; a test detects that.
+a plain socket (WebSocket), the client stays as it is; a test detects that.
 """
 
 import asyncio

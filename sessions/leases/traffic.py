@@ -32,7 +32,7 @@ def traffic_at(
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
     )
     return Traffic(
-        driven=holder is not None,
+        in_use=holder is not None,
         own=own is not None and not waits,
         waiting=place_in_queue(scene, None, now.timestamp()) - 1,
         place=place if waits else 0,

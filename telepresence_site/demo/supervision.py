@@ -117,7 +117,7 @@ class ServiceSupervisor:
             self.look()
 
     def look(self) -> bool:
-        """Restart what ended and is due; report what ended, what is back, and the notices of parts.
+        """Restart ended parts that are due; report ended and restarted parts, and parts' notices.
         Return whether anything is back.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Deletes what is older than settings.RETENTION_DAYS. A study's data, but for addresses, is kept as
+"""Deletes data older than settings.RETENTION_DAYS. A study's data, except for addresses, is kept as
 long as the study.
 
 Rows are deleted in parts, so that a database with years of data is not locked for long.
@@ -27,7 +27,7 @@ GUESTS_KEPT = datetime.timedelta(days=1)
 
 @dataclass(frozen=True)
 class RetentionKind:
-    """A kind of data: how to count, and how to delete, what is older than a moment."""
+    """A kind of data: how to count and how to delete the data from before a time."""
 
     name: str
     count: Callable[[datetime.datetime], int]
@@ -35,7 +35,7 @@ class RetentionKind:
 
 
 def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
-    """Delete, or with `dry_run` count, what is too old; yield (kind, how many)."""
+    """Delete, or with `dry_run` count, outdated data; yield (kind, number of rows)."""
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]
         if days > 0.0:

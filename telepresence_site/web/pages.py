@@ -1,4 +1,4 @@
-"""Pages of the whole site: the robots, what is recorded, and the manifest for home screens."""
+"""Pages of the whole site: the robots, the recorded data, and the manifest for home screens."""
 
 import datetime
 from dataclasses import asdict, dataclass, replace
@@ -191,8 +191,8 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
-    heard = now - datetime.timedelta(seconds=ONLINE_SECONDS)
-    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=heard)
+    since = now - datetime.timedelta(seconds=ONLINE_SECONDS)
+    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=since)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
         .order_by("away", "for_experienced", "title", "name")

@@ -176,7 +176,12 @@ class Actions:
         elif reason := self._kernel.permit(
             action, sender, now=self._times.now(), unix=self._times.unix()
         ):
-            log.info("action_refused", type=kind_of(action), reason=str(reason), way=sender.way)
+            log.info(
+                "action_refused",
+                type=kind_of(action),
+                reason=str(reason),
+                transport=sender.transport,
+            )
             if self._refusals.due(self._times.now()):
                 self._out.send("action", self._status(action, "FAILED", reason))
         else:
@@ -238,7 +243,7 @@ class Actions:
         """Return the action with the role and user that count. A page's own claims on a data
         channel are discarded.
         """
-        if sender.way == "mqtt":
+        if sender.transport == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
         role = role_of(action, sender, lease)

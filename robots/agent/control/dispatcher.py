@@ -358,7 +358,7 @@ class CommandDispatcher:
             seq=command.seq,
             stamp=command.stamp,
             method=command.method,
-            way=sender.way,
+            way=sender.transport,
             age=verdict.age,
             linear=0.0,
             angular=0.0,
@@ -397,8 +397,10 @@ class CommandDispatcher:
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
-        self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
-        self._kernel.heartbeat(peer, sender.way, now)
+        self._kernel.clocks.on_heartbeat(
+            peer, sender.transport, beat, now=now, unix=self._times.unix()
+        )
+        self._kernel.heartbeat(peer, sender.transport, now)
 
     def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
         lease, now = self._driver(), self._times.now()

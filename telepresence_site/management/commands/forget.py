@@ -1,4 +1,4 @@
-"""`manage.py forget`: deletes what is older than settings.RETENTION_DAYS. Run it daily."""
+"""`manage.py forget`: deletes data older than settings.RETENTION_DAYS. Run it daily."""
 
 from argparse import ArgumentParser
 from typing import Any

@@ -163,7 +163,7 @@ class RosbridgeBus:
         """Do nothing: nothing runs on the robot's side."""
 
     async def _open_probe(self) -> None:
-        """Wait until a probe returns: ROS loses what is published before both ends connect."""
+        """Wait until a probe returns: ROS loses messages published before both ends connect."""
         self._probe_topic = f"/telepresence_probe/p{secrets.token_hex(4)}"
         self._probe_sent = self._probe_came = 0
         kind = "std_msgs/UInt32"
