@@ -101,7 +101,7 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
         # when a transaction begins.
         "timeout": 20,
         "transaction_mode": "IMMEDIATE",
-        # What is deleted is overwritten; `manage.py forget` empties the write-ahead log at night.
+        # Deleted data is overwritten; `manage.py forget` empties the write-ahead log at night.
         "init_command": (
             "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA secure_delete=ON;"
         ),

@@ -1,4 +1,6 @@
-"""The choice of a dataset's contents; allow_list.py has what is pseudonymous of each event."""
+"""The choice of a dataset's contents; allow_list.py lists the pseudonymous parts of each
+event.
+"""
 
 from dataclasses import dataclass
 

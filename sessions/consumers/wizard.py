@@ -200,7 +200,7 @@ class WizardConsumer(RobotPageConsumer):
     def _begin(self, press: Press, ask: protocol.BeginStep) -> str:
         """Send the action of a step; return why it could not be sent, or nothing."""
         step = press.step
-        if step.is_driven_by_page:
+        if step.sends_velocities:
             seconds = step.drive.seconds + 1.0 if step.drive is not None else TURN_SECONDS
             self.authorization.script_until = time.monotonic() + seconds
             return ""

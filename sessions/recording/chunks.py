@@ -2,7 +2,7 @@
 duplicates.
 
 Because a chunk has no gaps, its first and last seq say exactly which states it has, and a restarted
-session manager knows what is stored without reading the states. States keep the JSON that the robot
+session manager knows the stored states without reading them. States keep the JSON that the robot
 sent: decoding and encoding them would be most of the recorder's work.
 """
 

@@ -27,7 +27,7 @@ def addresses() -> list[str]:
     ]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            # a documentation address: nothing is sent, the kernel only picks a route
+            # a documentation address: no packet is sent, the kernel only chooses a route
             probe.connect(("192.0.2.1", 9))
             first = probe.getsockname()[0]
         except OSError:

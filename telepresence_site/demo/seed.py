@@ -34,8 +34,8 @@ ROBOTS = (
 
 
 def seed(mqtt_url: str) -> str:
-    """Create what is missing, update the description of robots that nobody has edited, and return
-    the researcher's password.
+    """Create missing rows, update the descriptions of robots that were never edited, and return the
+    researcher's password.
     """
     plan = store_floor_plan(OFFICE)
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)

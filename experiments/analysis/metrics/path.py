@@ -67,7 +67,7 @@ class PositionSteps:
     noise: float
 
 
-def driven_path(
+def path_travelled(
     position: Floats, odometer: Floats, at: Floats, seen: Bools, trusted: Bools
 ) -> DrivenPath:
     """Return how far a robot drove, from its positions, (n, 2) metres, and its odometer, (n,)
@@ -90,7 +90,7 @@ def driven_path(
 
 
 def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
-    """Return how far the position moved to each state, without noise; see `driven_path`."""
+    """Return how far the position moved to each state, without noise; see `path_travelled`."""
     steps = np.zeros(len(at))
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     known = known[_is_new(position[known])]

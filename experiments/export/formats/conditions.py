@@ -67,12 +67,12 @@ def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
 def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
     """Yield the rows, participant by participant; those who withdrew have none."""
     dataset = source.dataset
-    driven: dict[str, dict[str, list[SessionRecord]]] = {}
+    drives: dict[str, dict[str, list[SessionRecord]]] = {}
     for one in dataset.sessions:
         if not one.practice:
-            driven.setdefault(one.participant, {}).setdefault(one.condition, []).append(one)
+            drives.setdefault(one.participant, {}).setdefault(one.condition, []).append(one)
     for person in dataset.participants:
-        own = driven.get(person.id, {})
+        own = drives.get(person.id, {})
         assigned = [key for key in person.cell.split("-") if key]
         if person.withdrawn:
             continue

@@ -87,6 +87,7 @@ class Device:
             self._velocity, self._velocity_at = (linear, angular), self._at
 
     def status(self) -> Status:
+        """Return odometry, battery voltage and bumper at this moment."""
         with self._lock:
             self._advance()
             return Status(*self._pose, *self._speed, volts=25.4, bumper=self._pressed)
@@ -141,6 +142,7 @@ class Robot:
         self._device.drive(linear, angular)
 
     def get_status(self) -> Status:
+        """Request the status; blocks until the robot answers."""
         self._device.answer()
         return self._device.status()
 
@@ -156,9 +158,11 @@ class Robot:
         threading.Thread(target=self._film, args=[callback], name="sdk-camera", daemon=True).start()
 
     def stop_camera(self) -> None:
+        """End the camera's thread after its present frame."""
         self._camera = None
 
     def disconnect(self) -> None:
+        """End the threads of this connection."""
         self._connected.clear()
         self._camera = None
 

@@ -217,7 +217,9 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
 
 def test_each_way_has_an_echo_of_its_own_so_that_a_page_knows_which_of_them_lives():
     clocks = PeerClocks()
-    clocks.on_heartbeat("p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0)
+    clocks.on_heartbeat(
+        "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0
+    )
     clocks.on_heartbeat("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
     assert {echo.n for echo in clocks.beat(100.2, 7.2).echoes} == {2, 3}
 
