@@ -1,16 +1,15 @@
-"""How late honest messages are while somebody floods the embedded broker with all their might,
-beside how late they are when nobody does.
+"""Delay of honest messages while an attacker floods the embedded broker, and without a flood.
 
-The broker is `manage.py run_broker` in a process of its own, with users from a database. An
-attacker in another process (benchmarks/traffic/flooder.py) has the key of one robot, on one
-connection and on ten, or none at all. This process plays another robot and a server that exchange
-commands and poses by QoS 0 and states by QoS 1, and lets newcomers in beside them. Every flood
-comes after a time of peace, so that the two stand side by side.
+The broker is `manage.py run_broker` in its own process, with users from a database. The attacker is
+another process (benchmarks/traffic/flooder.py) with the key of one robot, on one connection or ten,
+or without a key. This process simulates another robot and a server, which exchange commands and
+poses at QoS 0 and states at QoS 1, and clients that connect in between. A quiet period before each
+flood gives the figures to compare with.
 
-Attacker, broker and honest clients share the cores of this computer, where an attacker would have a
-computer of its own: it is given what the others leave (nice 19), and a delay contains what broker
-and honest clients wait for a core. On a computer with other work the figures are that work's.
-`FLOODS` (with commas) chooses what is tried, `FLOODS_SECONDS` how long.
+Attacker, broker and honest clients share the cores of this computer. The attacker, who would have
+its own computer, runs at nice 19, and a delay includes the time for which broker and honest clients
+wait for a core. Other work on the computer distorts the figures. `FLOODS` (comma-separated) selects
+the floods, `FLOODS_SECONDS` their length.
 """
 
 import asyncio
@@ -46,7 +45,7 @@ WARM_SECONDS = 1.0
 RATE = 50.0  # Hz of each kind of message
 NEWCOMER_SECONDS = 0.25
 HEARD_BY_SERVER = (("pose", 0), ("state", 1), ("connection", 1))
-STRANGERS = 20  # connections of a stranger, or 70 that say nothing
+STRANGERS = 20  # connections without a key; `SILENT`: those that send nothing
 SILENT = 70
 KEY_BOUND_MS, STRANGER_BOUND_MS = 20.0, 5.0  # more than in peace, 99 of 100 messages
 NEWCOMER_BOUND_MS = 1000.0
@@ -75,7 +74,7 @@ class Client:
     def opened(self) -> None:
         self.is_open.set()
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         if f"/{HONEST}/" in topic and len(payload) == 8:
             (sent,) = struct.unpack("d", payload)
             self.arrived.append((sent, time.perf_counter() - sent))
@@ -115,10 +114,10 @@ class FloodedBroker:
             robot = await self.enter(
                 "the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)]
             )
-            heard = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
-            server = await self.enter("the-server", "web", heard)
+            filters = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
+            server = await self.enter("the-server", "web", filters)
         except (OSError, TimeoutError):
-            return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # nobody is let in
+            return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # no client can connect
         sample = FloodDelays()
         coming = asyncio.create_task(self._newcomers(sample))
         sent, until = 0, time.perf_counter() + seconds
@@ -225,9 +224,9 @@ def running_broker(
         process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=log)
         assert process.stdout is not None, "a pipe was asked for"
         try:
-            said = process.stdout.readline().decode()
+            line = process.stdout.readline().decode()
             yield FloodedBroker(
-                int(said.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca
+                int(line.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca
             )
         finally:
             process.terminate()

@@ -52,7 +52,7 @@ def main() -> int:
         call_command("migrate", verbosity=0)
         began = time.perf_counter()
         filled = fill()
-        os.sync()  # what is measured is not the writing of these
+        os.sync()  # so that writing these is not measured
         print(
             f"{filled} states stored beforehand in {time.perf_counter() - began:.0f} s", flush=True
         )
@@ -60,7 +60,7 @@ def main() -> int:
     return report(filled, lines)
 
 
-# --- what is there beforehand ---------------------------------------------------------------------
+# --- rows stored beforehand -----------------------------------------------------------------------
 
 
 def fill() -> int:
@@ -242,8 +242,8 @@ def start(command: str, more: dict[str, str], *arguments: str) -> "subprocess.Po
 
 def start_broker(kind: str) -> tuple["subprocess.Popen[str]", int]:
     broker = start("run_broker", {}, "--port", "0", "--require", kind)
-    said = wait_for_line(broker, "broker listening")
-    return broker, int(said.rpartition(" (")[0].rpartition(":")[2])
+    line = wait_for_line(broker, "broker listening")
+    return broker, int(line.rpartition(" (")[0].rpartition(":")[2])
 
 
 def wait_for_line(process: "subprocess.Popen[str]", words: str) -> str:

@@ -215,7 +215,7 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
             assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
 
 
-def test_each_way_has_an_echo_of_its_own_so_that_a_page_knows_which_of_them_lives():
+def test_each_transport_is_echoed_separately():
     clocks = PeerClocks()
     clocks.on_heartbeat(
         "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0
