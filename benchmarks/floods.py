@@ -1,15 +1,16 @@
-"""Delay of honest messages while an attacker floods the embedded broker, and without a flood.
+"""How late honest messages are while somebody floods the embedded broker with all their might,
+beside how late they are when nobody does.
 
-The broker is `manage.py run_broker` in its own process, with users from a database. The attacker is
-another process (benchmarks/traffic/flooder.py) with the key of one robot, on one connection or ten,
-or without a key. This process simulates another robot and a server, which exchange commands and
-poses at QoS 0 and states at QoS 1, and clients that connect in between. A quiet period before each
-flood gives the figures to compare with.
+The broker is `manage.py run_broker` in a process of its own, with users from a database. An
+attacker in another process (benchmarks/traffic/flooder.py) has the key of one robot, on one
+connection and on ten, or none at all. This process plays another robot and a server that exchange
+commands and poses by QoS 0 and states by QoS 1, and lets newcomers in beside them. Every flood
+comes after a time of peace, so that the two stand side by side.
 
-Attacker, broker and honest clients share the cores of this computer. The attacker, who would have
-its own computer, runs at nice 19, and a delay includes the time for which broker and honest clients
-wait for a core. Other work on the computer distorts the figures. `FLOODS` (comma-separated) selects
-the floods, `FLOODS_SECONDS` their length.
+Attacker, broker and honest clients share the cores of this computer, where an attacker would have a
+computer of its own: it is given what the others leave (nice 19), and a delay contains what broker
+and honest clients wait for a core. On a computer with other work the figures are that work's.
+`FLOODS` (with commas) chooses what is tried, `FLOODS_SECONDS` how long.
 """
 
 import asyncio
@@ -114,8 +115,8 @@ class FloodedBroker:
             robot = await self.enter(
                 "the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)]
             )
-            filters = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
-            server = await self.enter("the-server", "web", filters)
+            heard = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
+            server = await self.enter("the-server", "web", heard)
         except (OSError, TimeoutError):
             return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # no client can connect
         sample = FloodDelays()

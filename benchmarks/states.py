@@ -242,8 +242,8 @@ def start(command: str, more: dict[str, str], *arguments: str) -> "subprocess.Po
 
 def start_broker(kind: str) -> tuple["subprocess.Popen[str]", int]:
     broker = start("run_broker", {}, "--port", "0", "--require", kind)
-    line = wait_for_line(broker, "broker listening")
-    return broker, int(line.rpartition(" (")[0].rpartition(":")[2])
+    said = wait_for_line(broker, "broker listening")
+    return broker, int(said.rpartition(" (")[0].rpartition(":")[2])
 
 
 def wait_for_line(process: "subprocess.Popen[str]", words: str) -> str:

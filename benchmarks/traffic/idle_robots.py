@@ -62,11 +62,11 @@ class IdleRobot:
         will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
-        greeting = hello(f"idle-{self.boot}", self.name, self._token, will, KEEPALIVE)
+        said = hello(f"idle-{self.boot}", self.name, self._token, will, KEEPALIVE)
         try:
             async with asyncio.timeout(CONNECT_SECONDS):
                 _, self._line = await asyncio.get_running_loop().create_connection(
-                    lambda: MqttLine(self, greeting, topics.subscriptions(self.name), KEEPALIVE),
+                    lambda: MqttLine(self, said, topics.subscriptions(self.name), KEEPALIVE),
                     host,
                     port,
                 )

@@ -142,13 +142,13 @@ class LightRobot:
         filters = [
             (topic, 0 if len(nodes) > 1 else qos) for topic, qos in topics.subscriptions(self.name)
         ]
-        greeting = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
+        said = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
         while True:
             self._over.clear()
             try:
                 async with asyncio.timeout(WORD):
                     _, self._line = await asyncio.get_running_loop().create_connection(
-                        lambda: MqttLine(self, greeting, filters), *nodes[0]
+                        lambda: MqttLine(self, said, filters), *nodes[0]
                     )
                 self._knocked_at = time.monotonic()
                 await self._over.wait()
