@@ -157,7 +157,7 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
         audio=SyntheticMicrophone(),
         viewers=4,
         reply=exchange.reply,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
+        on_command=lambda peer, role, packet: rig.control.receive(peer, role, packet),
     )
     rig = ThreadedControlRig(directory, media=media)
     media.start()

@@ -48,7 +48,7 @@ ana, _ = User.objects.get_or_create(username="ana")
 ana.set_password({password!r})
 ana.save()
 """
-SAID = """
+SHOWN_TEXT = """
 ["#alert", "#card-title", "#status-text"].map((name) => document.querySelector(name)).filter(
   (element) => element.checkVisibility() && element.textContent.trim(),
 ).map((element) => element.textContent.trim())
@@ -105,12 +105,12 @@ class ClusterDrive:
         page, pressed, deadline = self.visitor.page, 0.0, time.monotonic() + patient(within)
         while not reached():
             if time.monotonic() > deadline:
-                raise RuntimeError(f"not well after {within} s: {page.evaluate(SAID)}")
+                raise RuntimeError(f"not well after {within} s: {page.evaluate(SHOWN_TEXT)}")
             if time.monotonic() > pressed + PRESSED:
                 page.keyboard.up("ArrowLeft")
                 page.keyboard.down("ArrowLeft")
                 pressed = time.monotonic()
-            for text in page.evaluate(SAID):
+            for text in page.evaluate(SHOWN_TEXT):
                 sentence = re.sub(r"\d+", "…", text)  # a countdown is one sentence
                 if shown is not None and sentence not in [known for _, known in shown]:
                     shown.append((round(time.monotonic() - since, 1), sentence))

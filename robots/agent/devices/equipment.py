@@ -53,15 +53,15 @@ def _microphone(named: words.DeviceSetting) -> AudioSource:
 
 
 def _device(
-    said: str,
+    address: str,
     kind: words.Kind,
     make: Callable[[words.DeviceSetting], Device],
     otherwise: Callable[[], Device | None],
 ) -> Device | None:
-    if not said:
+    if not address:
         return otherwise()
     try:
-        named = words.read(said, kind)
+        named = words.read(address, kind)
     except words.DeviceSettingError as error:
         raise ConfigError(str(error)) from error
     return make(named) if named is not None else None

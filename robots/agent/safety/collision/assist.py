@@ -156,7 +156,7 @@ class DriverAssistance:
             turned, current, near[close], allowed, errors=off[close], dt=dt
         )
         if decided is None and touchable is None:
-            decided = self.slowing.minds(turned, near[close], off[close])
+            decided = self.slowing.limiting_point(turned, near[close], off[close])
         share = slowed.angular / turned.angular if turned.angular else 1.0
         own = Velocity(linear=slowed.linear, angular=wanted.angular * share)
         turn = slowed.angular - own.angular

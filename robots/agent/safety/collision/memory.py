@@ -81,7 +81,7 @@ class RollingObstacleMap:
         self._points: Floats = np.zeros((0, 4))
         # behind edges, out of sight: x, y, the distance driven when the edge was seen
         self._behind: Floats = np.zeros((0, 3))
-        # the same of the last sweep that was looked at for edges, which may still be in sight
+        # the same of the last sweep that was searched for edges, which may still be in sight
         self._edges: Floats = np.zeros((0, 3))
         self._looked = -math.inf  # the distance driven at that sweep
 

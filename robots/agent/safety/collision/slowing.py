@@ -142,7 +142,7 @@ class Slowing:
         best = tried[int(np.argmin(np.where(safe, costs, np.inf)))]
         return Velocity(linear=float(best[0]), angular=float(best[1])), decided
 
-    def minds(self, wanted: Velocity, points: Floats, errors: Floats) -> int | None:
+    def limiting_point(self, wanted: Velocity, points: Floats, errors: Floats) -> int | None:
         """Return which of points (n, 2) would slow a robot on the wanted arc at `probe` m/s, or
         None.
 
