@@ -3,7 +3,7 @@
 import ipaddress
 from collections.abc import Iterable
 
-NETWORK_PREFIX = 64  # bits of an IPv6 address: a household has all addresses with this prefix
+NETWORK_PREFIX = 64  # bits of an IPv6 address: one customer has all addresses with this prefix
 
 
 def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
@@ -36,7 +36,7 @@ def parse_address(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address
     return found.ipv4_mapped or found if isinstance(found, ipaddress.IPv6Address) else found
 
 
-def counted(address: str) -> str:
+def rate_limit_key(address: str) -> str:
     """Return an IPv4 address, the /64 prefix of an IPv6 address, or any other text unchanged."""
     found = parse_address(address)
     if found is None:

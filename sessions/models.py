@@ -89,7 +89,7 @@ class Session(models.Model):
 
 
 # States of a session that has the robot, connected or not.
-AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+HOLDING_STATES = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
 
 class Lease(models.Model):

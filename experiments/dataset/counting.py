@@ -192,8 +192,10 @@ def _answers(
     """
     ids = {one.id for one in sessions}
     drivers = {one.participant for one in sessions}
-    about_person = {one.questionnaire for one in dataset.study.asking if one.is_about_person}
-    repeated = {one.questionnaire for one in dataset.study.asking if one.repeat}
+    about_person = {
+        one.questionnaire for one in dataset.study.questionnaire_steps if one.is_about_person
+    }
+    repeated = {one.questionnaire for one in dataset.study.questionnaire_steps if one.repeat}
     is_within = dataset.study.allocation.design == "within"
     for one in dataset.responses:
         if one.participant not in people:

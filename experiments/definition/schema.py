@@ -278,7 +278,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return next((step for step in self.steps if isinstance(step, Consent)), None)
 
     @property
-    def tells_condition(self) -> bool:
+    def has_condition_specific_pages(self) -> bool:
         """Whether participants read something that depends on their condition."""
         return any(step.named_conditions for step in self.steps)
 
@@ -288,7 +288,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         places = {(one.access, one.robot, one.site) for one in self.conditions}
         parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
         looks = set(map(parts, self.conditions))
-        return self.tells_condition or len(looks) > len(places)
+        return self.has_condition_specific_pages or len(looks) > len(places)
 
     @property
     def tells_of_operator(self) -> bool:
@@ -314,7 +314,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return frozenset(step.key for step in self.drives if step.is_practice)
 
     @property
-    def asking(self) -> tuple[AskingStep, ...]:
+    def questionnaire_steps(self) -> tuple[AskingStep, ...]:
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
 
     def step(self, key: str) -> AnyStep | None:

@@ -33,7 +33,7 @@ from robots.presence.report import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
-from sessions.models import AT_THE_WHEEL, ApiKey, Session
+from sessions.models import HOLDING_STATES, ApiKey, Session
 
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
@@ -115,7 +115,7 @@ def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]
     """Return how many visitors (drive, wait), by the robot's key; robots without any are absent."""
     living = sessions.filter(state__in=LIVE).order_by()
     counts = living.values("robot").annotate(
-        driving=Count("pk", filter=Q(state__in=AT_THE_WHEEL)),
+        driving=Count("pk", filter=Q(state__in=HOLDING_STATES)),
         waiting=Count("pk", filter=waits_here(now)),
     )
     return {row["robot"]: (row["driving"], row["waiting"]) for row in counts}

@@ -53,10 +53,10 @@ from sessions.leases.policy import (
 )
 from sessions.leases.readiness import STOPPED
 from sessions.leases.terms import FREE, Terms, UnreadableTerms
-from sessions.models import AT_THE_WHEEL, Lease, Session
+from sessions.models import HOLDING_STATES, Lease, Session
 from sessions.protocol import Queued, Refused
 
-LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
+LIVE = (Session.State.WAITING, *HOLDING_STATES)
 # Every failed attempt means that another process changed the lease in between, so that this bound
 # is never reached by chance.
 ATTEMPTS = 200

@@ -34,7 +34,7 @@ class RetentionKind:
     forget: Callable[[datetime.datetime], int]
 
 
-def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
+def purge_expired(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
     """Delete, or with `dry_run` count, outdated data; yield (kind, number of rows)."""
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]

@@ -25,8 +25,8 @@ import scipy
 
 from experiments.dataset.columns import Floats
 
-DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
-BAND = 3.0  # times the noise: after smoothing, no tremble is as wide
+DEAD_BAND = 0.01  # m: smaller movements are measurement noise
+BAND = 3.0  # times the noise: wider than what smoothing leaves of it
 LEAST_SMOOTHED = 5  # positions: a spline needs as many
 LEAST_NOISE = 0.001  # m, rad: less needs no smoothing
 SHORTEST_STEP = 0.02  # s: states closer together than this would weigh without bound

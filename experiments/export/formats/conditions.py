@@ -58,7 +58,7 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
 
 
 def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
-    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.asking):
+    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.questionnaire_steps):
         newest = dataset.questionnaire(slug)
         if newest is not None:
             yield from ((slug, scale) for scale in (*scales_of(newest), *parts_of(newest)))

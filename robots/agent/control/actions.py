@@ -16,7 +16,7 @@ from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
-from robots.agent.media.photos import develop
+from robots.agent.media.photos import encode_jpeg
 from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import MOTION, MOVING, CommandSender, role_of
@@ -405,7 +405,7 @@ class Actions:
         try:
             with adapter_errors():  # the camera may be the adapter's own
                 frame = await asyncio.to_thread(self._media.snapshot)
-                photo = await asyncio.to_thread(develop, frame) if frame is not None else None
+                photo = await asyncio.to_thread(encode_jpeg, frame) if frame is not None else None
         except AdapterError as error:
             log.warning("photo_failed", reason=str(error))
             frame = photo = None

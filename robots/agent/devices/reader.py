@@ -17,7 +17,7 @@ from typing import Any, Literal
 import av
 import structlog
 
-from robots.agent.devices.words import DeviceSetting
+from robots.agent.devices.device_address import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
 log = structlog.stdlib.get_logger(__name__)

@@ -23,7 +23,7 @@ from robots.agent.localization.particle_filter import (
     Sampling,
     around,
     evenly,
-    heaviest,
+    heaviest_cluster,
     places,
 )
 from robots.agent.localization.scan_matching import Matching, refine
@@ -152,7 +152,7 @@ class Localizer:
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
         count = np.array([self.settings.sampling.most])
         self.particles = evenly(around(start, count, spread, turn, self.rng))
-        self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
+        self.believed = heaviest_cluster(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
     def update(
@@ -246,7 +246,7 @@ class Localizer:
 
     def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
-        cluster = heaviest(particles, self.settings.cluster, self.settings.cluster_turn)
+        cluster = heaviest_cluster(particles, self.settings.cluster, self.settings.cluster_turn)
         covariance = cluster.covariance + FLOOR
         prior = np.asarray(np.linalg.inv(covariance), dtype=np.float64) / self._telling()
         start, points = cluster.mean[None], sweep.thinned(self.settings.matched).points

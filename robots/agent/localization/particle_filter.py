@@ -114,7 +114,7 @@ def places(
     return owner, np.array(best, dtype=np.intp)
 
 
-def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
+def heaviest_cluster(particles: ParticleSet, reach: float, turn: float) -> Cluster:
     """Return the heaviest cluster: within `reach` metres and `turn` radians of the densest."""
     owner = groups(particles.poses, reach, turn)
     centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))

@@ -1,8 +1,8 @@
 """An adapter for a blocking SDK with callbacks on threads of its own.
 
 Nothing on the agent's control loop may block, because the safety kernel runs there fifty times a
-second. A separate thread therefore talks to the robot. Velocities reach it through `Newest`, which
-keeps only the latest; data from it and from the SDK's own threads reaches the loop through
+second. A separate thread therefore talks to the robot. Velocities reach it through `LatestValue`,
+which keeps only the latest; data from it and from the SDK's own threads reaches the loop through
 `call_soon_threadsafe`. A call that hangs blocks only that thread: the agent notices the silence,
 drops the connection and makes a new one.
 """
@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
-from robots.agent.devices.newest import Newest
+from robots.agent.devices.latest_value import LatestValue
 from robots.agent.robot_interface import AdapterError, Frame, VideoSource
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
@@ -117,7 +117,7 @@ class SdkThread:
     """
 
     def __init__(self, robot: acme_sdk.Robot, loop: asyncio.AbstractEventLoop) -> None:
-        self.velocities: Newest[Velocity] = Newest()
+        self.velocities: LatestValue[Velocity] = LatestValue()
         self._robot = robot
         self._loop = loop
         self._ending = threading.Event()
@@ -171,7 +171,7 @@ class AcmeCamera:
     """
 
     def __init__(self) -> None:
-        self._newest: Newest[Frame] = Newest()
+        self._newest: LatestValue[Frame] = LatestValue()
         self._lock = threading.Lock()
         self._robot: acme_sdk.Robot | None = None
         self._wanted = False

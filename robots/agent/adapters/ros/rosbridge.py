@@ -358,7 +358,7 @@ class RosbridgeBus:
         if topic in self._refused:
             return 0
         known = (self._graph or {}).get(topic)
-        return known.listeners if known is not None else None
+        return known.subscribers if known is not None else None
 
     async def graph(self, driving: str, received: Iterable[str]) -> Graph | None:
         try:
@@ -375,14 +375,14 @@ class RosbridgeBus:
             }
             for topic, answer in speaking.items():
                 kinds = found.get(topic, TopicPeers()).kinds
-                found[topic] = TopicPeers(kinds, speakers=len(answer["publishers"]))
+                found[topic] = TopicPeers(kinds, publishers=len(answer["publishers"]))
             kinds = found.get(driving, TopicPeers()).kinds
-            found[driving] = TopicPeers(kinds, listeners=len(listening["subscribers"]))
+            found[driving] = TopicPeers(kinds, subscribers=len(listening["subscribers"]))
         except (AdapterError, KeyError, TypeError):
             found = {}
         if driving in self._refused:  # without rosapi, the refusal is the only sign of it
             there = self._refused[driving][1]
-            found[driving] = TopicPeers(frozenset({there} if there else ()), listeners=1)
+            found[driving] = TopicPeers(frozenset({there} if there else ()), subscribers=1)
         self._graph = found or None
         return self._graph
 

@@ -12,7 +12,7 @@ from robots.agent.localization.particle_filter import (
     Sampling,
     around,
     evenly,
-    heaviest,
+    heaviest_cluster,
     needed,
     places,
     wrapped,
@@ -85,7 +85,7 @@ def test_the_heaviest_cluster_is_found_with_its_share() -> None:
     particles = ParticleSet(
         about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500)
     )
-    cluster = heaviest(particles, 0.6, math.radians(30.0))
+    cluster = heaviest_cluster(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)
     assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)
@@ -106,12 +106,14 @@ def test_a_guess_that_is_no_number_is_a_place_of_its_own() -> None:
 
 
 def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
-    cluster = heaviest(evenly(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0))
+    cluster = heaviest_cluster(
+        evenly(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0)
+    )
     assert abs(wrapped(cluster.mean[2:] - math.pi)[0]) < 0.02
     assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
 
 
 def test_one_guess_is_a_cluster() -> None:
-    cluster = heaviest(evenly(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
+    cluster = heaviest_cluster(evenly(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
     assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
     assert cluster.share == pytest.approx(1.0)
