@@ -9,7 +9,7 @@ from django.conf import settings
 from django.core.cache import cache
 from django.http import HttpRequest
 
-from accounts.client_address import rate_limit_key, visitor_address
+from accounts.client_address import counted, visitor_address
 
 SLICES = 10  # of a window
 
@@ -82,4 +82,4 @@ def address_of(request: HttpRequest) -> str:
     forwarded, sender = (
         str(request.META.get(name, "")) for name in ("HTTP_X_FORWARDED_FOR", "REMOTE_ADDR")
     )
-    return rate_limit_key(visitor_address(forwarded, sender, settings.TRUSTED_PROXIES))
+    return counted(visitor_address(forwarded, sender, settings.TRUSTED_PROXIES))

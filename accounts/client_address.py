@@ -36,7 +36,7 @@ def parse_address(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address
     return found.ipv4_mapped or found if isinstance(found, ipaddress.IPv6Address) else found
 
 
-def rate_limit_key(address: str) -> str:
+def counted(address: str) -> str:
     """Return an IPv4 address, the /64 prefix of an IPv6 address, or any other text unchanged."""
     found = parse_address(address)
     if found is None:

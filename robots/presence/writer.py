@@ -195,6 +195,10 @@ class PresenceWriter:
             self._unwritten.discard(known.name)
 
     def _write_group(self, fields: Collection[str], group: Collection[_KnownRobot]) -> None:
+        """Write the same fields of several robots in one transaction. If the database refuses a
+        value, each robot is written alone, so that one robot's bad report does not lose the others;
+        the bad one is logged, and its row is read again.
+        """
         rows = [known.row for known in group]
         try:
             with transaction.atomic():

@@ -129,12 +129,14 @@ class PageSession:
         return outcome
 
     def _granted(self, granted: store.TakeGranted) -> None:
+        """Make this page the driver's, in this order: its own commands pass first, then the robot
+        receives the lease, then the page is notified and sends its offer to the robot.
+        """
         self._follow(granted.session)
         self._leave_sfu()
         self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
             self.peers.replace(granted.peer, self)
-        # Before `session/granted`, so that the robot has the lease when the page's offer arrives.
         self.bridge.publish_lease(self.robot.name, granted.lease)
         message = protocol.Granted(
             session=granted.session,

@@ -133,6 +133,11 @@ class WizardConsumer(RobotPageConsumer):
     # --- control of the robot ---------------------------------------------------------------------
 
     async def _take(self, ask: protocol.TakeOver) -> None:
+        """Give the operator control of the session that this page shows.
+
+        `turn` serialises it with releasing. The session may have ended since the page showed it, or
+        another operator may have it; the lease's row decides, and the page receives `wizard/lost`.
+        """
         authorization = self.authorization
         async with self.turn:
             operated = self.at[1] if self.at is not None and self.at[0] == ask.session else None

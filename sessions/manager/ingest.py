@@ -147,6 +147,14 @@ class Intake:
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
     ) -> None:
+        """Update what is known of a robot's liveness, and record the message.
+
+        Called in the order of arrival; the recorder writes in another thread. Photos that the
+        session manager ordered itself are not recorded.
+
+        Raises:
+            Rejection: the message is invalid; the caller counts it.
+        """
         message = codec.decode(suffix, payload, "from_robot")
         liveness = self.liveness.get(robot) or self.liveness.setdefault(robot, RobotLiveness())
         received = self._monotonic()

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import structlog
 from django.urls import URLPattern
 
-from accounts.client_address import rate_limit_key, visitor_address
+from accounts.client_address import counted, visitor_address
 from robots.api.bucket import Bucket
 
 log = structlog.stdlib.get_logger(__name__)
@@ -195,7 +195,7 @@ class OpenLimit:
 def address_of(scope: dict[str, Any], trusted_proxies: list[str]) -> str:
     """Return the address that a socket is counted by, empty when it is unknown."""
     forwarded, sender = _header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0]
-    return rate_limit_key(visitor_address(forwarded, sender, trusted_proxies))
+    return counted(visitor_address(forwarded, sender, trusted_proxies))
 
 
 def user_of(scope: dict[str, Any]) -> str:

@@ -133,6 +133,10 @@ class Actions:
                 self._end(status)
 
     def _begin_waiting(self) -> None:
+        """Start the waiting navigation once the kernel allows it: the robot is at rest, and the
+        end of an earlier action is confirmed. It is dropped if it was cancelled in between, and
+        fails if that end is not confirmed within `START_TIMEOUT` seconds.
+        """
         waiting, running = self._waiting, self._kernel.navigation
         if waiting is None:
             return
@@ -356,6 +360,9 @@ class Actions:
             self._answer(action, "FINISHED")
 
     def _hand_over(self, action: Action) -> None:
+        """Give an action to the adapter: motion after the robot is at rest (`_begin_waiting`),
+        anything else at once.
+        """
         self._answer(action, "WAITING")
         if isinstance(action, MOTION):
             self._kernel.navigate(
@@ -373,6 +380,13 @@ class Actions:
             self._spawn(self._start(action))
 
     async def _start(self, action: Action) -> None:
+        """Start an action at the adapter.
+
+        A cancel can arrive while the adapter starts it: the adapter checks `is_wanted` just before
+        it sends the order, and confirmations of the end do not count until the start has returned.
+        A refused action certainly does not run; after any other error it may, so it is cancelled
+        until its end is confirmed.
+        """
         action_id = action.action_id
         is_owned = isinstance(action, MOVING)
         try:

@@ -246,9 +246,15 @@ class Kernel:
         return True
 
     def _driver_changed(self, before: Lease | None, lease: Lease | None) -> None:
+        """Void the commands of the previous driver when the grant changes: its session, epoch, or
+        hidden operator's epoch. The robot then brakes to rest.
+
+        A renewal of the same grant changes nothing here, and a lapsed lease that returns must not
+        release a hold: its driver may still hold a key down. Navigation ends with the lease that
+        permitted it; an action that the server ordered continues unless the robot is held.
+        """
         if _grant(before) == _grant(lease):
             return
-        # A new driver starts from a robot at rest; the last velocity of the previous one is void.
         self._target, self._accepted_at = ZERO, float("-inf")
         self.driver_heartbeat_at = self._driven_by = None
         if before is None or lease is None or before.peer != lease.peer:
@@ -604,6 +610,11 @@ class Kernel:
     def _why_not(
         self, action: Action, sender: CommandSender, *, now: float, unix: float
     ) -> str | None:
+        """Return why an action is refused, None if it may begin.
+
+        Permission comes first, then the age, then the robot's own state, which refuses only actions
+        that move it. Without a lease, clearing the emergency stop also releases a hold.
+        """
         lease = self.leases.live(now)
         reason = refusal(action, sender, lease, self.capabilities) or staleness(
             action, sender, lease, self.clocks, now=now, unix=unix

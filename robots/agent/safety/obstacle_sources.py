@@ -182,6 +182,9 @@ class SonarSource(ObstacleSource):
         return nearest
 
     def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
+        """Add the arc of an echo, or none without an echo (`distance` None), and drop points that
+        it measures again, that two cones have looked through, or that are out of date.
+        """
         self._travel(robot)
         reach = sonar.farthest if distance is None else min(distance, sonar.farthest)
         eye = robot.compose(Pose2D(sonar.x, sonar.y, sonar.theta))

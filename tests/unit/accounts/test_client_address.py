@@ -2,7 +2,7 @@
 
 import pytest
 
-from accounts.client_address import rate_limit_key, visitor_address
+from accounts.client_address import counted, visitor_address
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from accounts.client_address import rate_limit_key, visitor_address
 def test_an_address_counts_for_itself_and_one_of_ipv6_for_all_that_its_household_has(
     address: str, who: str
 ) -> None:
-    assert rate_limit_key(address) == who
+    assert counted(address) == who
 
 
 def test_a_claim_of_an_address_counts_as_far_as_our_own_proxies_tell_it() -> None:

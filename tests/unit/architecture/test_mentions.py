@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.media.sources import PACKAGES, code, notes, python_files, scripts, text_of
+from tests.support.media.sources import PACKAGES, code, notes, python_files, scripts
 from tests.support.paths import ROOT
 
 # Files of other projects, by the folder or name that comments have.
@@ -51,7 +51,7 @@ OTHERS_NAMES = frozenset(
 FILE = re.compile(r"(?<![\w./:{-])((?:[\w-]+/)*[\w-]+\.(?:py|js|html|css|md))\b")
 TICKED = re.compile(r"`([^`\s]+)`")
 NAME = re.compile(r"\.?_?[A-Za-z]\w*(?:\.\w+)*(?:\(\))?")
-TYPEDEF = re.compile(r"@typedef \{.*\} (\w+)")
+TYPEDEF = re.compile(r"@typedef [^@]*?\} ([A-Z]\w+)")
 CAMEL = re.compile(r"(?<![\w./-])[A-Z][a-z0-9]+(?:[A-Z][a-z0-9]*)+(?![\w/-])")
 
 
@@ -83,8 +83,12 @@ def names() -> frozenset[str]:
     others += [*(ROOT / "experiments").rglob("*.csv"), *(ROOT / "experiments").rglob("*.json")]
     others += [path for path in (ROOT / "deploy").rglob("*") if path.is_file()]
     texts = [code(path) for path in sources()] + [path.read_text("utf-8") for path in others]
-    texts += [name for path in scripts("static/js") for name in TYPEDEF.findall(text_of(path))]
+    texts += [name for path in scripts("static/js") for name in typedefs(path)]
     return frozenset(word for text in texts for word in WORD.findall(text))
+
+
+def typedefs(path: Path) -> list[str]:
+    return [name for note in notes(path) for name in TYPEDEF.findall(note)]
 
 
 def stale(note: str) -> Iterator[str]:

@@ -74,14 +74,12 @@ STAMPED: dict[str, bool | None] = {
 }
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 SUBSCRIBED_WITHIN = 2.0  # seconds in which a subscriber of velocities should be found
-REPORT_PERIOD = (
-    0.25  # seconds between two reports of errors; subscribers are polled five times as often
-)
+# seconds between two reports of errors; subscribers are polled five times as often
+REPORT_PERIOD = 0.25
 PUBLISHED_WITHIN = 3.0  # seconds after which a topic without a publisher is reported
 GRAPH_PERIOD = 5.0  # seconds between two requests of all topics
-FAST_PERIOD = (
-    0.1  # seconds between two readings, at most, when a velocity can wait for the next of them
-)
+# seconds between two readings, at most, when a velocity can wait for the next of them
+FAST_PERIOD = 0.1
 log = structlog.stdlib.get_logger(__name__)
 
 
