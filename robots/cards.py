@@ -261,8 +261,10 @@ def _battery(report: Any) -> tuple[int | None, bool]:
     reported = report.get("battery") if isinstance(report, dict) else None
     battery = reported if isinstance(reported, dict) else {}
     charge = battery.get("charge")
-    is_valid = isinstance(charge, int | float) and 0.0 <= charge <= 1.0
-    return round(charge * 100) if is_valid else None, battery.get("charging") is True
+    percent = None
+    if isinstance(charge, int | float) and 0.0 <= charge <= 1.0:
+        percent = round(charge * 100)
+    return percent, battery.get("charging") is True
 
 
 def picture_of(robot: Robot) -> str:

@@ -12,7 +12,7 @@ from telepresence_site.web import pages, reference_pages
 admin.autodiscover()
 # A single login form, whose attempts are limited: the administration's own form would allow any
 # number of guesses.
-admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
+admin.site.login = secure_admin_login(admin.site.login)
 
 urlpatterns = [
     path("", pages.home, name="home"),

@@ -81,8 +81,9 @@ def record_end(drive: Drive) -> None:
     session, at_end = drive.session, ended(drive.session)
     outcome = str(drive.shown.get("outcome") or "")
     if not outcome:
-        has_task = at_end is not None and track_of(drive) is not None
-        outcome = at_end.outcome if has_task else session.outcome
+        outcome = session.outcome
+        if at_end is not None and track_of(drive) is not None:
+            outcome = at_end.outcome
     moved = session.first_motion_at is not None
     Drive.objects.filter(pk=drive.pk, settled_at=None).update(outcome=outcome, moved=moved)
 

@@ -61,7 +61,7 @@ class RobotPage(WithDriver):
         }
         return render(request, f"admin/robots/robot/{name}.html", context | more)
 
-    def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: str) -> None:
+    def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: Any) -> None:
         """Add a change to a robot's history, and to the audit log as `act`."""
         self.log_change(request, robot, text)
         audit.note(act, actor=request.user, robot=robot, **more)

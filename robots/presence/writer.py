@@ -221,8 +221,12 @@ def update_each(rows: Collection[RobotPresence], fields: Collection[str]) -> int
     a hundred rows takes twice the CPU time of an `update` for each.
     """
     if connection.vendor == "mongodb":
-        values = [(row.pk, {name: getattr(row, name) for name in fields}) for row in rows]
-        return sum(RobotPresence.objects.filter(pk=pk).update(**value) for pk, value in values)
+        return sum(
+            RobotPresence.objects.filter(pk=row.pk).update(
+                **{name: getattr(row, name) for name in fields}
+            )
+            for row in rows
+        )
     meta = RobotPresence._meta
     key, columns = meta.pk, [meta.get_field(name) for name in fields]
     table, *names = (

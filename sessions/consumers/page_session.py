@@ -534,9 +534,9 @@ def _sent_terms(fixed: Terms) -> protocol.GrantedTerms | None:
     """Return the terms as the page receives them; None when they restrict nothing."""
     sent = protocol.GrantedTerms(
         label=fixed.label[:120],
-        controllers=fixed.controllers,
+        controllers=fixed.controllers,  # type: ignore[arg-type]
         actions=fixed.actions,
-        assist=fixed.assist,  # type: ignore[arg-type]
+        assist=fixed.assist,
         control_way=fixed.control_way,
         interface=fixed.interface,
     )

@@ -198,7 +198,7 @@ class WizardConsumer(RobotPageConsumer):
             reason=reason,
         )
         self.sender.post("wizard/begun", begun)
-        data = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
+        data: dict[str, Any] = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
         data |= {"skipped": press.skipped, "reason": reason}
         self._launch(self._note(self.authorization.session, leases.STEP, **data))
 

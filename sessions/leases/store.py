@@ -496,7 +496,7 @@ def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
             angular=_least(robot.max_angular, fixed.angular),
         ),
         assist=fixed.assist or session.assist or None,
-        methods=fixed.controllers,
+        methods=fixed.controllers,  # type: ignore[arg-type]
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
         private=fixed.private,

@@ -26,7 +26,7 @@ def traffic_at(
     own = None if user is None else next((s for s in sessions if s.visitor == str(user.pk)), None)
     holder = next((session for session in sessions if session.state in HOLDING_STATES), None)
     scene = Scene(Hold(0, holder.id if holder else None), tuple(sessions))
-    waits = own is not None and own.state == Session.State.WAITING
+    waits = own is not None and own.state == "waiting"
     place = place_in_queue(scene, own.id if own and waits else None, now.timestamp())
     minutes = (
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None

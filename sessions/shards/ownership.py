@@ -42,7 +42,7 @@ _LOCKED = (  # Django has no FOR SHARE; the limit holds for this transaction
 )
 
 
-class Fenced(DatabaseError):  # type: ignore[misc]  # Django has no types
+class Fenced(DatabaseError):
     """Another session manager owns the shard by now."""
 
 

@@ -67,7 +67,7 @@ def admin_home(context: template.Context) -> Home:
     """Return the first page, with what the user may view."""
     request, apps = context["request"], context["app_list"]
     now = timezone.now()
-    cards, taken = [], set()
+    cards, taken = [], set[Any]()
     for name, labels in CARDS.items():
         by_label = {app["app_label"]: app["models"] for app in apps}
         lists = [one for label in labels for one in by_label.get(label, ())]

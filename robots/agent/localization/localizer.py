@@ -21,10 +21,10 @@ from robots.agent.localization.particle_filter import (
     Cluster,
     ParticleSet,
     Sampling,
-    around,
-    evenly,
     heaviest_cluster,
     places,
+    scattered,
+    uniform,
 )
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import (
@@ -151,7 +151,7 @@ class Localizer:
         self.confidence = self.match_score = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
         count = np.array([self.settings.sampling.most])
-        self.particles = evenly(around(start, count, spread, turn, self.rng))
+        self.particles = uniform(scattered(start, count, spread, turn, self.rng))
         self.believed = heaviest_cluster(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
@@ -220,12 +220,12 @@ class Localizer:
         poses = move(self.particles.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
         evidence -= 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1])
-        particles = ParticleSet(poses, self.particles.weights).weighed(evidence)
+        particles = ParticleSet(poses, self.particles.weights).reweighted(evidence)
         self.believed = self._match(particles, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
         if particles.is_depleted():
-            particles = particles.drawn(self.settings.sampling, self.rng)
+            particles = particles.resampled(self.settings.sampling, self.rng)
         self.particles = particles
 
     def _evidence(self, poses: Floats, sweep: Sweep) -> Floats:
@@ -293,7 +293,7 @@ class Localizer:
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
         self.match_score = max(self.match_score, self.settings.scoring.lost)
         self._proven, self._stood = math.inf if len(poses) == 1 else 0.0, 0
-        hypotheses = around(poses, each, 0.08, math.radians(2.5), self.rng)
+        hypotheses = scattered(poses, each, 0.08, math.radians(2.5), self.rng)
         weights = np.repeat(share / each, each)
         if self.particles is not None:
             better = float(self.judged.against_others[0]) - float(found.merit[0])

@@ -54,7 +54,7 @@ class Sweep:
         return len(self.ranges)
 
     def thinned(self, count: int) -> "Sweep":
-        """Return about `count` of the beams, evenly."""
+        """Return about `count` of the beams, uniform."""
         if len(self) <= count:
             return self
         some = np.arange(count) * (len(self) - 1) // max(count - 1, 1)
