@@ -43,7 +43,7 @@ FULL = 0.85  # of a core, that of a process which can use but one
 
 @dataclass
 class LoadStep:
-    """What was seen with so many sessions. Delays in ms, shares of a core, memory in MB."""
+    """The measurements with a number of sessions. Delays in ms, shares of a core, memory in MB."""
 
     sessions: int
     driving: int

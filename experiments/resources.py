@@ -1,4 +1,4 @@
-"""What studies can use on this server: its sites, robots, questionnaires and measures; and why a
+"""Resources of this server for studies: its sites, robots, questionnaires and measures; and why a
 study cannot run with them.
 """
 

@@ -40,7 +40,7 @@ CLOSES = (1.0, 12.0)  # seconds after the start
 
 @dataclass
 class Tally:
-    """What became of the runs."""
+    """The results of the runs."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     ratios: list[float] = field(default_factory=list)

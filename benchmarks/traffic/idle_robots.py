@@ -168,7 +168,7 @@ class IdleRobot:
 
 
 class IdleRobots:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]

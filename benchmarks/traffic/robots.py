@@ -51,7 +51,7 @@ COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.004)
 
 @dataclass
 class RobotMeasurements:
-    """What the robots of a process have seen: seconds that commands took, and counts."""
+    """The measurements of a process's robots: seconds that commands took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
     counts: Counter[str] = field(default_factory=Counter)
@@ -361,7 +361,7 @@ class LightRobot:
 
 
 class Robots:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         self._measured, self._timers, self._rng = RobotMeasurements(), Timers(), random.Random(1)

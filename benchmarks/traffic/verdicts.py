@@ -29,7 +29,7 @@ class DrivePeriod:
 
 @dataclass(frozen=True)
 class NumberedState:
-    """Who numbered a state, and whose it is."""
+    """A state's number, the robot's run that gave it, and its session."""
 
     robot: str
     boot: str

@@ -116,7 +116,7 @@ class LightViewer:
 
 
 class Viewers:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         self._timers = Timers()

@@ -47,7 +47,7 @@ class RobotStamp(msgspec.Struct):
 
 @dataclass
 class VisitorMeasurements:
-    """What the visitors of a process have seen: seconds that poses and states took, and counts."""
+    """The measurements of a process's visitors: seconds that poses and states took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
     counts: Counter[str] = field(default_factory=Counter)
@@ -240,7 +240,7 @@ def _code_of(error: Exception) -> int | str:
 
 
 class Visitors:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         self._measured, self._timers, self._rng = VisitorMeasurements(), Timers(), random.Random(2)

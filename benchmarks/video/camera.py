@@ -34,7 +34,7 @@ FPS = 30.0
 
 
 class Shot(NamedTuple):
-    """Where the robot is, how its head is tilted, and who is there."""
+    """The robot's pose and head tilt, and the people in the scene."""
 
     pose: Pose2D
     tilt: float

@@ -58,7 +58,7 @@ BACKING = SpeedSetting(-0.22, 0.0)
 
 @dataclass(frozen=True)
 class Guide:
-    """What the page says of the task: the docked pose, checkpoints by number, and the number of the
+    """The task as shown on the page: the docked pose, checkpoints by number, and the number of the
     one with a photo.
     """
 
@@ -83,8 +83,8 @@ class Guide:
 
 @dataclass(frozen=True)
 class Intent:
-    """What the bot does now: a speed, and perhaps a photo (`take`), or an answer about it (`keep`,
-    `again`, `skip`).
+    """The bot's present action: a speed, and perhaps a photo (`take`), or an answer about it
+    (`keep`, `again`, `skip`).
     """
 
     speed: SpeedSetting = STAND

@@ -1,4 +1,4 @@
-"""What forms of the study builder offer: sites, robots, questionnaires, parts of the study."""
+"""Choices in forms of the study builder: sites, robots, questionnaires, parts of the study."""
 
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence

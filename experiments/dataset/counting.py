@@ -25,7 +25,7 @@ PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 
 @dataclass(frozen=True)
 class CountingPlan:
-    """What decides whether a drive counts, besides the drive itself: `kinds` are chosen, the data
+    """The conditions, besides the drive itself, for a drive to count: `kinds` are chosen, the data
     of `withdrawn` participants may not be used, and a rule of the plan excludes those in
     `excluded`. With `with_excluded`, excluded drives count as well, as in a sensitivity analysis.
     """

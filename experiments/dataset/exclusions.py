@@ -1,5 +1,5 @@
-"""Who is excluded from the analysis, by which rule: those of the plan, the platform's faults, and
-what a researcher decided by hand.
+"""Exclusions from the analysis, with the rule of each: those of the plan, the platform's faults,
+and what a researcher decided by hand.
 
 The rules of the plan exclude participants, with all that they did. A drive that the platform ended
 is excluded by itself, always, with or without a plan. The time that a questionnaire took is that of

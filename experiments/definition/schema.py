@@ -130,9 +130,9 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
 
 
 class Condition(TitledPart, frozen=True, kw_only=True):
-    """What a participant drives with, and cannot change. `levels` are its cell: its level of each
-    factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
-    driver is there; None or 0: never.
+    """The robot, settings and limits with which a participant drives. `levels` are its cell: its
+    level of each factor. `robot` is a series. After `idle_seconds` without input the page asks
+    whether the driver is there; None or 0: never.
     """
 
     levels: Levels = {}
@@ -161,12 +161,11 @@ class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
 
 
 class Allocation(DocumentPart, frozen=True, kw_only=True):
-    """How conditions are assigned.
-
-    Within participants, each does all conditions with their access (in a mixed design, all of one
-    cell of the between factors) in an order; a cell is then an order, else a condition. `quota` is
-    the number of participants per cell; None: no limit. A participant with conditions left who is
-    not seen for `left_after_hours` dropped out: another participant gets the order.
+    """The assignment of conditions. Within participants, each does all conditions with their access
+    (in a mixed design, all of one cell of the between factors) in an order; a cell is then an
+    order, else a condition. `quota` is the number of participants per cell; None: no limit. A
+    participant with conditions left who is not seen for `left_after_hours` dropped out: another
+    participant gets the order.
 
     A participant gets the cell with the fewest participants with `best_probability`, else any other
     one. With `balance`, only alike participants are counted: alike in all factors (`strata`), or in
@@ -213,9 +212,9 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """What counts in results. `drives`: which drives of one participant in one condition; `all` are
-    averaged. `counts`: which response of one participant, among those about drives that count.
-    `statements` is the questionnaire of the tables of statements.
+    """The data that counts in results. `drives`: which drives of one participant in one condition;
+    `all` are averaged. `counts`: which response of one participant, among those about drives that
+    count. `statements` is the questionnaire of the tables of statements.
     """
 
     drives: Literal["first", "last", "all"] = "all"

@@ -1,4 +1,4 @@
-"""How well the participants of a public dataset are hidden among each other.
+"""The anonymity of participants in a public dataset.
 
 k-anonymity (Sweeney, "k-anonymity: a model for protecting privacy", 2002): each participant shares
 what an acquaintance may know of them with at least k − 1 others in the dataset.

@@ -11,7 +11,7 @@ SOURCES = tuple(levels.SOURCES)
 
 @dataclass(frozen=True)
 class Selection:
-    """What a dataset has besides numbers and words from lists.
+    """The parts of a dataset besides numbers and words from lists.
 
     An `identified` dataset has everything, with the names of participants; `sources` are those of
     the events, `formats` the names of the requested formats (experiments/export/formats/).

@@ -138,9 +138,9 @@ class DriveRecord:
 
 @dataclass(frozen=True)
 class Findings:
-    """What the database has: drives by session, columns without a value, the names of tables and
-    figures that were drawn, and why others were not. `discrepancies` are sentences on drives whose
-    stored records give another result than the stored one.
+    """The records of a rehearsal: drives by session, columns without a value, the names of tables
+    and figures that were drawn, and why others were not. `discrepancies` are sentences on drives
+    whose stored records give another result than the stored one.
     """
 
     records: Mapping[str, DriveRecord] = field(default_factory=dict)

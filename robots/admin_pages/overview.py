@@ -36,7 +36,7 @@ def register_section(place: Place, section: Section) -> None:
 
 
 class RobotPage(WithDriver):
-    """What the pages of a robot share, and its main page."""
+    """The main page of a robot, and the base class of its other pages."""
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.

@@ -1,4 +1,4 @@
-"""When the server was away from a session: stored as events of the session, and read back.
+"""Absences of the server from a session: stored as events of the session, and read back.
 
 - A web process stores every few seconds that a page is open, and when the page's socket closes. A
   process that is killed does neither: the page was last seen long ago, and never closed. The

@@ -73,8 +73,8 @@ class PresenceNews:
 
     @property
     def key(self) -> tuple[str, str]:
-        """Of the news with one key only the newest counts. ONLINE has a key of its own: a late
-        OFFLINE must not hide that the robot is back.
+        """Only the newest message of each key counts. ONLINE has a key of its own: a late OFFLINE
+        must not hide that the robot is back.
         """
         is_online = isinstance(self.message, messages.Connection) and self.message.state == "ONLINE"
         return self.robot, "online" if is_online else type(self.message).__name__

@@ -136,12 +136,12 @@ class Recorder:
 
     @property
     def refused(self) -> Counter[str]:
-        """How many commands the robots have refused, by reason."""
+        """The number of commands that the robots have refused, by reason."""
         return self._builder.refused
 
     @property
     def waiting(self) -> int:
-        """How many items are not written yet."""
+        """The number of items that are not written yet."""
         return len(self._buffer)
 
     @property

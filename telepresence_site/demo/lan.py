@@ -1,4 +1,4 @@
-"""To open the demo from a phone: this machine's address, a certificate for it, and a QR code."""
+"""Opens the demo to phones: this machine's address, a certificate for it, and a QR code."""
 
 import datetime
 import ipaddress

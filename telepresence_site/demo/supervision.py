@@ -18,7 +18,7 @@ class PartLostError(Exception):
 
 @dataclass(frozen=True)
 class RestartPolicy:
-    """When a process that ended is started again; times in seconds.
+    """The delays before an ended process is restarted, in seconds.
 
     A process that lived shorter than `settled` died quickly; each quick death in a row doubles the
     delay before the next start. After `quick_deaths` in a row an essential process is given up; any

@@ -1,5 +1,5 @@
-"""How a robot drove, from its states as arrays. Durations are by the robot's clock within one run
-of its agent, because clocks of two machines drift apart.
+"""Metrics of a robot's motion, from its states as arrays. Durations are by the robot's clock within
+one run of its agent, because clocks of two machines drift apart.
 """
 
 import math

@@ -29,8 +29,9 @@ ABOUT = (
 
 
 class ConditionsFormat(ExportFormat):
-    """What every export has. A value is the mean over the drives that count, and of the last drive
-    where none does; scores are of the answers about these drives and about the person.
+    """One row per participant and condition, in every export. A value is the mean over the drives
+    that count, and of the last drive where none does; scores are of the answers about these drives
+    and about the person.
     """
 
     @classmethod

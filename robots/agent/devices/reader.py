@@ -44,7 +44,7 @@ LIMITS = ReaderLimits()
 
 
 class ReaderStage(Enum):
-    """How far the opening of a device is; the value names the missing step."""
+    """The progress of opening a device; the value names the missing step."""
 
     CALLED = "does not answer"
     OPENED = "answers but sends nothing"

@@ -47,7 +47,7 @@ FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])
 
 @dataclass(frozen=True)
 class Scoring:
-    """How the merit of a pose becomes a score."""
+    """The conversion of a pose's merit into a score."""
 
     lost: float = 0.5  # score below which the robot is lost
     even: float = 0.52  # merit of a pose that scores one half

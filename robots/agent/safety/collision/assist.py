@@ -57,8 +57,8 @@ BEYOND = 0.02  # metres by which a station may be before the docked robot's nose
 
 @dataclass(frozen=True)
 class DockRegion:
-    """Where a robot may touch its station, seen from the dock: at most so far before it and aside
-    (m), and turned (rad).
+    """The region in which a robot may touch its station, seen from the dock: at most so far before
+    it and aside (m), and turned (rad).
     """
 
     before: float = 0.5

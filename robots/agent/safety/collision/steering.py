@@ -24,8 +24,8 @@ AT_REST = 1e-3  # m/s
 
 @dataclass(frozen=True)
 class SteeringSettings:
-    """How much may be steered, and how arcs are weighed. Differences of turns are shares: 1 is as
-    large as the turn and `turn` together.
+    """Limits of steering, and the weights of arcs. Differences of turns are shares: 1 is as large
+    as the turn and `turn` together.
     """
 
     turn: float = 0.35  # rad/s that may be added at `full` and above, less below
