@@ -29,7 +29,7 @@ class DrivePeriod:
 
 @dataclass(frozen=True)
 class NumberedState:
-    """A state's number, the robot's run that gave it, and its session."""
+    """A state by robot, boot and number, and the session and epoch that it belongs to."""
 
     robot: str
     boot: str

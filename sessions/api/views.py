@@ -128,8 +128,10 @@ def _described(
     traffic: tuple[int, int],
     now: datetime.datetime,
 ) -> dict[str, Any]:
+    """Return a robot's fields in the JSON API: those that its report decides are null while it is
+    offline; pose, safety and errors are for the robot's own key.
+    """
     driving, waiting = traffic
-    plan, factsheet = row.floor_plan, row.presence.factsheet or {}
     online = row.is_online(now)
     report = (row.presence.report or {}) if online else {}
     battery = report.get("battery") or {}
@@ -146,22 +148,29 @@ def _described(
         "charge": battery.get("charge"),
         "charging": battery.get("charging", False) if battery else None,
         "docked": report.get("docked", False) if report else None,
+        **_fixed(request, row),
+    }
+    if key is not None and key.robot_id == row.pk:
+        own = ("pose", "velocity", "mode", "safety", "errors")
+        fields |= {name: report.get(name) for name in own}
+        fields["reason"] = row.presence.turnaround_reason
+    return fields
+
+
+def _fixed(request: HttpRequest, row: Robot) -> dict[str, Any]:
+    """Return the fields of a robot's kind and place, and its addresses."""
+    plan, factsheet = row.floor_plan, row.presence.factsheet or {}
+    address = request.build_absolute_uri
+    return {
         "series": factsheet.get("series", ""),
         "capabilities": list(factsheet.get("capabilities", ())),
         "places": [
             {name: place.get(name) for name in ("name", "x", "y")}
             for place in (plan.plan.get("places", ()) if plan else ())
         ],
-        "floorPlan": request.build_absolute_uri(reverse("floor_plan", args=[plan.name]))
-        if plan
-        else None,
-        "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
+        "floorPlan": address(reverse("floor_plan", args=[plan.name])) if plan else None,
+        "page": address(reverse("drive", args=[row.name])),
     }
-    if key is not None and key.robot_id == row.pk:
-        fields |= {
-            name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
-        } | {"reason": row.presence.turnaround_reason}
-    return fields
 
 
 def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> str:
