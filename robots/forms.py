@@ -11,9 +11,8 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names
-from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, read_upload
+from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
 from robots.models import FloorPlan, Robot, RobotElsewhere
-from robots.world.site_files import FloorPlanRefusedError
 
 
 class AdapterInput(forms.TextInput):

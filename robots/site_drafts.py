@@ -12,12 +12,11 @@ from django.utils.translation import gettext as _
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
 from robots.api.geometry import MapTransform, Pose2D
-from robots.floorplans import import_site
+from robots.floorplans import FloorPlanRefusedError, import_site
 from robots.models import FloorPlan
 from robots.world.grid import MapError, OccupancyGrid, decode_grey, load_grid, write_grid
 from robots.world.inspection import inspect_site
 from robots.world.robot_models import MODELS
-from robots.world.site_files import FloorPlanRefusedError
 from robots.world.tracing.proposal import Titles, propose_plan
 from robots.world.tracing.structure import TracingError
 

@@ -21,11 +21,10 @@ from accounts import audit
 from robots import plan_edits
 from robots.admin_pages.access import OfRobots
 from robots.api.floorplan import FloorPlan as Plan
-from robots.floorplans import plan_content
+from robots.floorplans import FloorPlanRefusedError, plan_content
 from robots.models import FloorPlan
 from robots.plan_edits import Document, EditError
 from robots.site_drafts import checked, free_at, grid_of, propose, series_titles, store_site
-from robots.world.site_files import FloorPlanRefusedError
 
 KINDS = ("place", "dock", "checkpoint", "opening")
 

@@ -6,9 +6,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.floorplans import import_site
+from robots.floorplans import FloorPlanRefusedError, import_site, read_folder
 from robots.models import FloorPlan
-from robots.world.site_files import FloorPlanRefusedError, read_folder
 
 
 class Command(BaseCommand):
