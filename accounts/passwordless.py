@@ -25,8 +25,8 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.models import EntryCode, User
 
-CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without letters that look alike
-CODE_LENGTH = 8  # of 32 letters: 40 bits
+CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without similar characters
+CODE_LENGTH = 8  # of 32 characters: 40 bits
 BACKEND = "django.contrib.auth.backends.ModelBackend"
 # A class behind one address creates many at once, but not for hours.
 NEW_GUESTS = Attempts("guests", limit=60, seconds=600)
@@ -100,7 +100,7 @@ def new_entry_code(user: User) -> str:
 
 def guest_of(code: str) -> User | None:
     """Return the active guest with this code, however it was typed; None if there is none."""
-    typed = "".join(character for character in code.upper() if character in CODE_LETTERS)
+    typed = "".join(one for one in code.upper() if one in CODE_LETTERS)
     if len(typed) != CODE_LENGTH:
         return None
     keys = (settings.SECRET_KEY, *settings.SECRET_KEY_FALLBACKS)
@@ -113,7 +113,7 @@ def _hash(code: str, key: str) -> str:
     return hmac.new(key.encode(), b"accounts.entry_code:" + code.encode(), "sha256").hexdigest()
 
 
-# --- views that guests cannot use -----------------------------------------------------------------
+# --- pages that are not for guests ----------------------------------------------------------------
 
 
 def open_to_visitors(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:

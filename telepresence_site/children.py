@@ -142,10 +142,10 @@ class Children:
 
     def _wait(self, child: Child, ready: Callable[[Child], bool], deadline: float) -> None:
         while not ready(child):
-            ended = self.ended()
-            if ended is not None:
+            gone = self.ended()
+            if gone is not None:
                 raise StartFailed(
-                    f"The {ended.name} ended at once: {ended.last_line()} (its log: {ended.log})"
+                    f"The {gone.name} ended at once: {gone.last_line()} (its log: {gone.log})"
                 )
             if time.monotonic() > deadline:
                 raise StartFailed(

@@ -10,8 +10,7 @@ from telepresence_site.ops import health, metrics
 from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
-# A single login form, whose attempts are limited: the administration's own form would allow any
-# number of guesses.
+# The site's log-in limits attempts; the administration's own form has no limit.
 admin.site.login = secure_admin_login(admin.site.login)
 
 urlpatterns = [

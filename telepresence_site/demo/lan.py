@@ -1,4 +1,4 @@
-"""Opens the demo to phones: this machine's address, a certificate for it, and a QR code."""
+"""To open the demo from a phone: this machine's address, a certificate for it, and a QR code."""
 
 import datetime
 import ipaddress
@@ -27,7 +27,7 @@ def addresses() -> list[str]:
     ]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            # a documentation address: no packet is sent, the kernel only chooses a route
+            # a documentation address: nothing is sent, the kernel only picks a route
             probe.connect(("192.0.2.1", 9))
             first = probe.getsockname()[0]
         except OSError:

@@ -34,8 +34,8 @@ ROBOTS = (
 
 
 def seed(mqtt_url: str) -> str:
-    """Create missing rows, update the descriptions of robots that were never edited, and return the
-    researcher's password.
+    """Create the demo's missing rows, describe robots again unless their owner edited them, and
+    return the researcher's password.
     """
     plan = store_floor_plan(OFFICE)
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)

@@ -27,7 +27,7 @@ GUESTS_KEPT = datetime.timedelta(days=1)
 
 @dataclass(frozen=True)
 class RetentionKind:
-    """A kind of data: how to count and how to delete the data from before a time."""
+    """A kind of data: how to count and how to delete rows older than a moment."""
 
     name: str
     count: Callable[[datetime.datetime], int]
@@ -35,7 +35,7 @@ class RetentionKind:
 
 
 def purge_expired(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
-    """Delete, or with `dry_run` count, outdated data; yield (kind, number of rows)."""
+    """Delete, or with `dry_run` only count, expired rows; yield (kind, number)."""
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]
         if days > 0.0:

@@ -157,11 +157,11 @@ def running(definition: StudyDefinition, sites: Path) -> Iterator[str]:
     children = Children(settings.VAR_DIR / "log", {**os.environ})
     try:
         yield _start(children, definition, sites)
-        ended = children.ended()
-        if ended is not None:  # the bots' results after that do not concern the study
+        gone = children.ended()
+        if gone is not None:  # what bots found after that says nothing about the study
             raise StartFailed(
-                f"The {ended.name} ended meanwhile ({ended.process.returncode}):"
-                f" {ended.last_line()} (its log: {ended.log})"
+                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_line()}"
+                f" (its log: {gone.log})"
             )
     finally:
         children.stop()

@@ -191,8 +191,8 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
-    since = now - datetime.timedelta(seconds=ONLINE_SECONDS)
-    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=since)
+    recent = now - datetime.timedelta(seconds=ONLINE_SECONDS)
+    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=recent)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
         .order_by("away", "for_experienced", "title", "name")

@@ -50,8 +50,8 @@ def restore(
 ) -> tuple[dict[str, Any], list[str]]:
     """Fill an empty site from a backup; return the manifest and sentences for the operator.
 
-    With `check_only`, reads the whole backup and verifies every checksum without changing the site.
-    The backup may unpack to `largest` bytes, if the disk has that much room.
+    With `check_only`, only read the backup to its end and verify every checksum. It may unpack to
+    `largest` bytes, if the disk has that much room.
 
     Raises:
         BackupError: the backup is damaged or not for this site, or the site is not empty; nothing
