@@ -222,12 +222,12 @@ def forgetting(what: str, now: datetime.datetime, days: float) -> Iterator[Figur
     """Delete older data; yield the number of sessions, the seconds and the bytes of WAL."""
     from django.conf import settings
 
-    from telepresence_site.ops.retention import purge_expired
+    from telepresence_site.ops.retention import forget_all
 
     settings.RETENTION_DAYS = dict.fromkeys(settings.RETENTION_DAYS, 0.0) | {"sessions": days}
     before = ask("SELECT pg_current_wal_lsn()")[0][0]
     began = time.perf_counter()
-    sessions = dict(purge_expired(now, dry_run=False))["sessions"]
+    sessions = dict(forget_all(now, dry_run=False))["sessions"]
     taken = time.perf_counter() - began
     wal = float(ask("SELECT pg_current_wal_lsn() - %s", [before])[0][0])
     yield Figure(f"forget, {what}, {sessions} sessions", taken, "s")

@@ -11,7 +11,7 @@ from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
 # The site's log-in limits attempts; the administration's own form has no limit.
-admin.site.login = secure_admin_login(admin.site.login)
+admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [
     path("", pages.home, name="home"),

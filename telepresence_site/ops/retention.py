@@ -34,7 +34,7 @@ class RetentionKind:
     forget: Callable[[datetime.datetime], int]
 
 
-def purge_expired(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
+def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
     """Delete, or with `dry_run` only count, expired rows; yield (kind, number)."""
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]

@@ -58,7 +58,7 @@ class Conversation:
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
             case _:
-                log.warning("said_too_early", message=type(message).__name__)
+                log.warning("message_too_early", message=type(message).__name__)
 
     def _settle(self, message: wire.Settle) -> str:
         try:

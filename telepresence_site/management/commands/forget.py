@@ -8,7 +8,7 @@ from django.core.management.base import BaseCommand
 from django.utils import timezone
 
 from sessions import system_log
-from telepresence_site.ops.retention import empty_write_ahead_log, purge_expired
+from telepresence_site.ops.retention import empty_write_ahead_log, forget_all
 
 
 class Command(BaseCommand):
@@ -19,7 +19,7 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         dry_run = options["dry_run"]
-        for kind, count in purge_expired(timezone.now(), dry_run=dry_run):
+        for kind, count in forget_all(timezone.now(), dry_run=dry_run):
             self.stdout.write(f"{kind}: {count}{' would be deleted' if dry_run else ' deleted'}")
             if count and not dry_run:
                 system_log.log("forgotten", kind=kind, count=count)
