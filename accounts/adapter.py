@@ -1,4 +1,4 @@
-"""How django-allauth treats this site's accounts."""
+"""Adapters of django-allauth for this site's accounts."""
 
 import time
 from typing import Any

@@ -77,13 +77,13 @@ class PersonAdmin(ShownFilters, UserAdmin):
         return (*self.readonly_fields, *(() if _user(request).is_superuser else RIGHTS))
 
     @admin.action(description=_("Close selected accounts"), permissions=["change"])
-    def close_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
+    def close_accounts(self, request: HttpRequest, queryset: Any) -> None:
         """Close accounts, except the user's own; their records stay."""
         count = _of(request, queryset).exclude(pk=request.user.pk).update(is_active=False)
         self.message_user(request, _("Accounts closed: %(n)d.") % {"n": count})
 
     @admin.action(description=_("Reopen selected accounts"), permissions=["change"])
-    def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
+    def open_accounts(self, request: HttpRequest, queryset: Any) -> None:
         count = _of(request, queryset).update(is_active=True)
         self.message_user(request, _("Accounts reopened: %(n)d.") % {"n": count})
 

@@ -3,7 +3,7 @@
 import ipaddress
 from collections.abc import Iterable
 
-NETWORK_PREFIX = 64  # bits of an IPv6 address: a household has all addresses with this prefix
+NETWORK_PREFIX = 64  # bits of an IPv6 address: one customer has all addresses with this prefix
 
 
 def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:

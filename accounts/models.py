@@ -18,8 +18,8 @@ class User(AbstractUser):
     """
 
     class Kind(models.TextChoices):
-        """What an account is for. Only a full one has a user name and password chosen by a person;
-        robots/access.py and accounts/passwordless.py limit the others.
+        """The purpose of an account. Only a full one has a user name and password chosen by a
+        person; robots/access.py and accounts/passwordless.py limit the others.
         """
 
         FULL = "full", _("full account")
@@ -38,8 +38,8 @@ class User(AbstractUser):
 
     @property
     def shown_name(self) -> str:
-        """What other visitors and people at the robot see, in the reader's language; never the
-        e-mail address.
+        """The name that other visitors and people at the robot see, in the reader's language; never
+        the e-mail address.
         """
         return str(GUEST_NAMES.get(self.sent_name, self.sent_name))
 

@@ -1,1 +1,1 @@
-"""What the project promises about time and load, measured; results in benchmarks/results."""
+"""Measurements of the project's promises about time and load; results in benchmarks/results."""

@@ -1,8 +1,8 @@
-"""From the key to the wheels, on both ways, and from the last command to the stop; one driver in
-Chromium, everything real.
+"""The delay from the key to the wheels over both transports, and from the last command to the stop,
+with one driver in Chromium and no simulated part.
 
-A key's moment is the browser's own stamp of the event. A command's moment at the robot is its stamp
-plus the age that the safety kernel found; all processes share one clock here, and the error of its
+A key press has the browser's own stamp of the event. A command reaches the robot at its stamp plus
+the age that the safety kernel found; all processes share one clock here, and the error of its
 estimate (half a round trip) is far below the figures.
 """
 
@@ -24,7 +24,7 @@ from tests.support.sessions.site import Site, running_site, wait_for
 
 PRESSES = 60
 STOPS = 40
-WAYS = {"datachannel": 5.0, "mqtt": 10.0}
+TRANSPORTS = {"datachannel": 5.0, "mqtt": 10.0}
 HOOKS = """
   window.presses = []; window.muffled = false; window.deaf = %s;
   addEventListener('keydown', (e) => {
@@ -47,15 +47,15 @@ HOOKS = """
 """
 
 
-def driver(browser: Browser, site: Site, way: str) -> Visitor:
-    """Return somebody who drives, and whose commands take this way: without a data channel that
-    works the page uses the server.
+def driver(browser: Browser, site: Site, transport: str) -> Visitor:
+    """Return a driver whose commands use this transport: without a working data channel the page
+    sends them through the server.
     """
-    someone = Visitor(browser, site, f"by-{way}")
-    someone.context.add_init_script(HOOKS % ("true" if way == "mqtt" else "false"))
+    someone = Visitor(browser, site, f"by-{transport}")
+    someone.context.add_init_script(HOOKS % ("true" if transport == "mqtt" else "false"))
     someone.page = someone.new_page()
     someone.drive()
-    wait_for(lambda: someone.page_data("transport") == way, 20, f"the way {way}")
+    wait_for(lambda: someone.page_data("transport") == transport, 20, f"the transport {transport}")
     return someone
 
 
@@ -64,7 +64,7 @@ def applied(site: Site) -> Iterator[dict[str, Any]]:
         yield from state.get("applied", [])
 
 
-def key_latencies(site: Site, someone: Visitor, way: str, rng: random.Random) -> list[float]:
+def key_latencies(site: Site, someone: Visitor, transport: str, rng: random.Random) -> list[float]:
     """Return milliseconds from each press to the first command of it that reached the wheels."""
     for number in range(PRESSES):
         key = "ArrowLeft" if number % 2 else "ArrowRight"
@@ -79,7 +79,7 @@ def key_latencies(site: Site, someone: Visitor, way: str, rng: random.Random) ->
     arrivals = [
         command["stamp"] + command["age"]
         for command in applied(site)
-        if command["way"] == way and command["stamp"] > 0
+        if command["way"] == transport and command["stamp"] > 0
     ]
     return [1000 * (min(at for at in arrivals if at > press - 0.002) - press) for press in presses]
 
@@ -149,8 +149,8 @@ def main() -> int:
         )
         giraff = site.start_robot("giraff", "--start", "lounge-centre")
         with sync_playwright() as playwright, chromium(playwright) as browser:
-            for way, bound in WAYS.items():
-                someone = driver(browser, site, way)
+            for transport, bound in TRANSPORTS.items():
+                someone = driver(browser, site, transport)
                 wait_for(
                     lambda: any(
                         state.get("assist", "off") == level
@@ -159,16 +159,16 @@ def main() -> int:
                     20,
                     f"assistance {level}",
                 )
-                samples[way] = key_latencies(site, someone, way, rng)
+                samples[transport] = key_latencies(site, someone, transport, rng)
                 figures += quantiles(
-                    f"key press to applied velocity, {way}",
-                    samples[way],
+                    f"key press to applied velocity, {transport}",
+                    samples[transport],
                     "ms",
                     p50=bound,
                     p95=None,
                     max=None,
                 )
-                if way == "datachannel":
+                if transport == "datachannel":
                     samples["stop"] = stop_delays(site, giraff, someone)
                 someone.close()
     figures += quantiles(

@@ -1,20 +1,18 @@
-"""Every part of a server is killed in turn, and each time started again a second later, while
-robots are being driven.
+"""Kills every part of a server in turn, and restarts it a second later, while robots are driven.
 
-Some of the robots are real agents, with the real safety kernel and a base elsewhere
-(benchmarks/traffic), one of which is killed too; the others are light ones, which know to a number
-what they have said. Two visitors want each robot, so that it changes hands every few seconds, also
-while things are down. Afterwards robots, bases and database are held against each other: no state
-may be lost that a robot had, no two sessions may have had a robot at the same moment, and no base
-may have moved while nobody had its robot.
+Some robots are real agents, with the real safety kernel and a base in another process
+(benchmarks/traffic); one of them is killed too. The others are light ones, which count exactly what
+they have sent. Two visitors take turns at each robot, every few seconds, also during an outage.
+Afterwards the records of robots, bases and database are compared: no state of a robot may be lost,
+no two sessions may have had a robot at the same time, and no base may have moved without a lease.
 
 The first of the real agents also has viewers, all through Janus, which is killed too. For each
-crash the table says for how long at most a drive that went on took no commands, and a viewer saw no
-new picture.
+crash the table shows the longest time for which a continued drive took no commands, and for which a
+viewer saw no new frame.
 
 `CRASH_PLACE` (demo, server-W[-managers-M][-nats], machines), `CRASH_PARTS`, `CRASH_ROBOTS` and
-`CRASH_AGENTS` choose what is run. On `machines`, the first of three is also cut off from the other
-two for half a minute, while robots and visitors reach all of them.
+`CRASH_AGENTS` select the runs. On `machines`, the first of three is also cut off from the other two
+for half a minute, while robots and visitors reach all of them.
 """
 
 import contextlib
@@ -123,13 +121,14 @@ def recovered(place: RunningSite, crowd: Crowd, names: list[str], since: float) 
     deadline = time.monotonic() + patient(RECOVERY)
     while not (
         place.is_ready()
-        and set(names) <= set(place.driven(since))
+        and set(names) <= set(place.took_commands(since))
         and crowd.viewers.ask("all_saw", since)
     ):
         if time.monotonic() > deadline:
+            without = sorted(set(names) - set(place.took_commands(since)))
             raise RuntimeError(
                 f"ready: {place.is_ready()}; viewers see: {crowd.viewers.ask('all_saw', since)};"
-                f" robots that take no commands: {sorted(set(names) - set(place.driven(since)))}"
+                f" robots that take no commands: {without}"
             )
         time.sleep(0.1)
 
@@ -149,7 +148,7 @@ def crash(place: RunningSite, crowd: Crowd, part: str, names: list[str]) -> Cras
 
 
 def calm() -> Crash:
-    """Let a while pass in which nothing is killed."""
+    """Wait for a period without a crash, to compare with."""
     at = time.time()
     time.sleep(CALM)
     return Crash(NOTHING, at, CALM)
@@ -161,7 +160,7 @@ def everybody_leaves(place: RunningSite, crowd: Crowd) -> None:
     wait_for(
         lambda: all(drive.until for drive in place.sessions()), RECOVERY, "the end of every visit"
     )
-    wait_for(lambda: robots.ask("driven") == 0, RECOVERY, "the robots' word that nobody drives")
+    wait_for(lambda: robots.ask("leased") == 0, RECOVERY, "the end of all leases")
     wait_for(
         lambda: not _awaited(place, robots),
         RECORD,
@@ -258,9 +257,9 @@ def report(
             f"{figures['no_picture']:14.1f} s"
         )
     outcomes = Counter(drive.outcome for drive in drives)
-    told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     print(
-        f"{len(drives)} drives ({told}) with {states} states, {ROBOTS} robots, {AGENTS} of them"
+        f"{len(drives)} drives ({counts}) with {states} states, {ROBOTS} robots, {AGENTS} of them"
         " real agents"
     )
     for what, found in wrong.items():

@@ -1,12 +1,10 @@
-"""Every controller drives the whole office in a real browser: out of the dock, through both doors
-to the far end, and back.
+"""Drives through the whole office with every controller in a real browser: out of the dock, through
+both doors to the far end, and back.
 
-Whoever drives sees what the page shows and nothing else
-(tests/support/browsers/scripted_visitor.py).
-Printed for each controller: seconds, metres, contacts with walls, furniture and doors, and how
-often they pressed on the picture, and at its sides to turn. `keyboard mouse` does these two alone.
-It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches
-anything.
+The scripted driver sees only what the page shows (tests/support/browsers/scripted_visitor.py). For
+each controller the table has seconds, metres, contacts with walls, furniture and doors, presses on
+the video, and presses at its sides to turn. `keyboard mouse` runs these two alone. It takes some
+minutes, because the robot drives in real time. The only bound is that there is no contact.
 """
 
 import argparse

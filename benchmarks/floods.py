@@ -47,7 +47,7 @@ WARM_SECONDS = 1.0
 RATE = 50.0  # Hz of each kind of message
 NEWCOMER_SECONDS = 0.25
 HEARD_BY_SERVER = (("pose", 0), ("state", 1), ("connection", 1))
-STRANGERS = 20  # connections of a stranger, or 70 that say nothing
+STRANGERS = 20  # connections without a key; `SILENT`: those that send nothing
 SILENT = 70
 KEY_BOUND_MS, STRANGER_BOUND_MS = 500.0, 250.0  # more than in peace, 99 of 100 messages
 NEWCOMER_BOUND_MS = 1000.0
@@ -76,7 +76,7 @@ class Client:
     def opened(self) -> None:
         self.is_open.set()
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         if f"/{HONEST}/" in topic and len(payload) == 8:
             (sent,) = struct.unpack("d", payload)
             self.arrived.append((sent, time.perf_counter() - sent))
@@ -119,7 +119,7 @@ class FloodedBroker:
             heard = [(topics.of(HONEST, suffix), qos) for suffix, qos in HEARD_BY_SERVER]
             server = await self.enter("the-server", "web", heard)
         except (OSError, TimeoutError):
-            return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # nobody is let in
+            return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # no client can connect
         sample = FloodDelays()
         coming = asyncio.create_task(self._newcomers(sample))
         sent, until = 0, time.perf_counter() + seconds
@@ -226,9 +226,9 @@ def running_broker(
         process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=log)
         assert process.stdout is not None, "a pipe was asked for"
         try:
-            said = process.stdout.readline().decode()
+            line = process.stdout.readline().decode()
             yield FloodedBroker(
-                int(said.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca
+                int(line.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca
             )
         finally:
             process.terminate()

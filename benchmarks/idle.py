@@ -1,14 +1,13 @@
-"""What thousands of robots cost that nobody needs, and how long after a restart of the broker all
-can be driven again.
+"""The cost of thousands of idle robots, and the time after a restart of the broker until all can be
+driven again.
 
-A server as it is installed (PostgreSQL, Redis, Mosquitto, the session manager, one web process)
-runs on this computer beside the robots, which are light ones with real MQTT connections and users
-of their own (benchmarks/traffic/idle_robots.py). They come one after the other; then everything
-that the broker passes on in a quiet time is counted by a subscriber, some robots are woken, and the
-broker is killed and started again. A robot counts as leasable when its row in the database says
-that it is online by a word that came after the restart.
+A server as installed (PostgreSQL, Redis, Mosquitto, the session manager, one web process) runs on
+this computer beside the robots, which are light ones with their own MQTT connections and users
+(benchmarks/traffic/idle_robots.py). They connect one after the other. Then a subscriber counts all
+messages in a quiet period, some robots are woken, and the broker is killed and restarted. A robot
+counts as leasable when its row says that it is online, from a message after the restart.
 
-`IDLE_ROBOTS` is how many robots there are, `IDLE_QUIET_SECONDS` how long the quiet time is counted.
+`IDLE_ROBOTS` is the number of robots, `IDLE_QUIET_SECONDS` the length of the quiet period.
 """
 
 import asyncio
@@ -94,7 +93,7 @@ class BusListener:
     def opened(self) -> None:
         self.is_open.set()
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         if not retained:
             self.counts[topic.rpartition("/")[2]] += 1
 
@@ -127,12 +126,12 @@ async def count_bus(place: RunningSite, credentials: list[str]) -> dict[str, flo
 
 
 async def wake(place: RunningSite, credentials: list[str], names: list[str]) -> list[float]:
-    """Tell robots that somebody needs them; return after how many seconds a state of each came."""
+    """Wake robots by heartbeats; return the seconds until a state of each arrived."""
     asked: dict[str, float] = {}
     took: dict[str, float] = {}
 
     class Waiting(BusListener):
-        def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
             robot, suffix = topics.parse(topic) or ("", "")
             if suffix == "state" and robot in asked and robot not in took:
                 took[robot] = time.perf_counter() - asked[robot]

@@ -1,16 +1,16 @@
-"""How many drives a server carries on one computer: control and state traffic alone, everything
-through the server, no picture.
+"""The number of drives that a server carries on one computer: control and state traffic only, all
+of it through the server, without video.
 
-Robots and visitors are light ones (benchmarks/traffic): real MQTT connections and real WebSockets,
-with the messages and rates of real ones, in two processes that stamp every message by the one clock
-of the computer. More and more of them come, until a message in a hundred takes longer than the
-bound from one end to the other, or something is missing. What then is full stands below the table.
+Robots and visitors are light ones (benchmarks/traffic): real MQTT connections and WebSockets, with
+the messages and rates of real ones, in two processes that stamp every message by the computer's
+clock. Their number grows until one message in a hundred exceeds the end-to-end bound, or data is
+missing. The resource that is then exhausted is printed below the table.
 
-Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a
-host gave to other virtual computers. A delay contains what the generators themselves are late,
-which stands beside it: a step in which that is large says little about the server.
+Processor shares are those of one core; `others` is other work on the computer, `stolen` the time
+that a host gave to other virtual machines. A delay includes the generators' own delay, which is
+printed beside it: a step in which that is large says little about the server.
 
-`LOAD_PLACES` (demo, server-W[-managers-M][-nats]) and `LOAD_STEPS` choose what is run.
+`LOAD_PLACES` (demo, server-W[-managers-M][-nats]) and `LOAD_STEPS` select the runs.
 """
 
 import json
@@ -43,7 +43,7 @@ FULL = 0.85  # of a core, that of a process which can use but one
 
 @dataclass
 class LoadStep:
-    """What was seen with so many sessions. Delays in ms, shares of a core, memory in MB."""
+    """The measurements with a number of sessions. Delays in ms, shares of a core, memory in MB."""
 
     sessions: int
     driving: int
@@ -166,9 +166,9 @@ def lost_at_the_end(place: RunningSite, robots: Hands, visitors: Hands) -> tuple
     record does not have.
     """
     visitors.ask("leave")
-    wait_for(lambda: robots.ask("driven") == 0, 60, "the end of every drive")
+    wait_for(lambda: robots.ask("leased") == 0, 60, "the end of every drive")
     wanted = None
-    # a lease that was renewed while its visitor left may be heard of once more
+    # a lease that was renewed while its visitor left may be published once more
     while wanted != (wanted := robots.ask("record")["states"]):
         record_behind(place, robots)
     stored = place.stored()

@@ -31,7 +31,7 @@ level = -2
 
 
 def publish(name: str) -> None:
-    """Send markers as soon as somebody listens, then wait to be ended."""
+    """Send markers once a consumer is connected, then wait for termination."""
     from experiments.markers.lsl import MarkerOutlet
 
     outlet = MarkerOutlet(name, name)

@@ -1,4 +1,4 @@
-"""Every network of a visitor against every network of a robot: by which way they meet, how soon
+"""Every network of a visitor against every network of a robot: which route they find, how soon
 there is a picture, how long a round trip takes.
 
 Linux, as root. The networks are namespaces (tests/support/programs/networks.py). In the internet
@@ -93,21 +93,21 @@ print(json.dumps({"trips": sorted(trips), "turned": turned}))
 
 @dataclass(frozen=True)
 class NetworkPairResult:
-    """One visit: times in s and ms; `way` is the visitor's end and the robot's, or the server for
+    """One visit: times in s and ms; `route` is the visitor's end and the robot's, or the server for
     pictures that come one by one.
     """
 
     visitor: str
     robot: str
     relay: bool
-    way: str
+    route: str
     first_picture: float
     round_trip: float
     drove: bool
 
     @property
     def met(self) -> bool:
-        return self.way != NOTHING and self.drove
+        return self.route != NOTHING and self.drove
 
 
 NOTHING = "nothing"
@@ -173,16 +173,16 @@ def connection(server: Server) -> str:
     ).strip()
 
 
-def visit(
+def measure(
     browser: Browser, server: Server, address: str, names: tuple[str, str], *, relay: bool
 ) -> NetworkPairResult:
-    """Go to the robot as one does, and say what came of it."""
+    """Open the drive page, take the robot and turn it; return the connection and its delays."""
     anna = Visitor(browser, server.site, "anna", url=f"https://{address}", ignore_https_errors=True)
     anna.context.add_init_script(KEEP)
-    first, way, drove = float("inf"), NOTHING, False
+    first, route, drove = float("inf"), NOTHING, False
     try:
         anna.open(go=True)
-        first, way = look(anna)
+        first, route = look(anna)
         wait_for(lambda: turn(anna, server), TURNS_WITHIN, "a turn of the robot")
         drove = True
         anna.leave()
@@ -192,7 +192,7 @@ def visit(
         anna.close()
     trips = record(server)["trips"]
     return NetworkPairResult(
-        *names, relay, way, first, trips[len(trips) // 2] if trips else float("inf"), drove
+        *names, relay, route, first, trips[len(trips) // 2] if trips else float("inf"), drove
     )
 
 
@@ -223,10 +223,10 @@ def look(visitor: Visitor) -> tuple[float, str]:
         pair = wait_for(lambda: live.count() and page.evaluate(PAIR), LATE, "live video")
     except AssertionError:
         return first, "server" if page.locator("#drive-page[data-slow]").count() else NOTHING
-    return min(first, float(page.evaluate(FIRST_FRAME))), way_of(pair)
+    return min(first, float(page.evaluate(FIRST_FRAME))), route_of(pair)
 
 
-def way_of(pair: dict[str, str]) -> str:
+def route_of(pair: dict[str, str]) -> str:
     mine = f"TURN/{pair['by'].upper()}" if pair["mine"] == "relay" else pair["mine"]
     return f"{mine} – {'TURN' if pair['theirs'] == 'relay' else pair['theirs']}"
 
@@ -264,7 +264,7 @@ def relay_settings(*, relay: bool) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def standing_server(folder: Path, address: str, settings: dict[str, str]) -> Iterator[Server]:
+def server_at(folder: Path, address: str, settings: dict[str, str]) -> Iterator[Server]:
     """The server, known by its address."""
     ports = {name: free_port() for name in PORTS} | {"https": 443, "http": 80, "mqtts": 8883}
     public = {"MQTT_PUBLIC_URL": "mqtts://{host}:8883,wss://{host}/mqtt"}
@@ -305,7 +305,9 @@ class Matrix:
             with robot_in(server, self._computer(f"robot-{robot}", robot), SERVER, self._folder):
                 for visitor in self.visitors:
                     self.add(
-                        visit(self._browser(visitor), server, SERVER, (visitor, robot), relay=relay)
+                        measure(
+                            self._browser(visitor), server, SERVER, (visitor, robot), relay=relay
+                        )
                     )
 
     def add(self, cell: NetworkPairResult) -> None:
@@ -339,15 +341,15 @@ class Matrix:
         else.
         """
         with robot_in(server, self._computer("robot-lan", LAN), LAN_SERVER, self._folder):
-            self.add(visit(self._browser(LAN), server, LAN_SERVER, (LAN, LAN), relay=False))
+            self.add(measure(self._browser(LAN), server, LAN_SERVER, (LAN, LAN), relay=False))
 
 
 def row(cell: NetworkPairResult) -> str:
     relay = "relay" if cell.relay else "no relay"
     verdict = "" if cell.met else "   MISSED"
     return (
-        f"  {cell.visitor:<11}{cell.robot:<11}{relay:<10}{cell.way:<22}{cell.first_picture:7.2f} s"
-        f" {cell.round_trip:7.1f} ms{verdict}"
+        f"  {cell.visitor:<11}{cell.robot:<11}{relay:<10}{cell.route:<22}"
+        f"{cell.first_picture:7.2f} s {cell.round_trip:7.1f} ms{verdict}"
     )
 
 
@@ -364,8 +366,10 @@ def main() -> int:
         default=["relay", "no relay", "lan"],
     )
     wanted = parser.parse_args()
-    print(f"  {'visitor':<11}{'robot':<11}{'server':<10}{'way':<22}{'first':>9} {'round trip':>10}")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that nothing is left behind
+    print(
+        f"  {'visitor':<11}{'robot':<11}{'server':<10}{'route':<22}{'first':>9} {'round trip':>10}"
+    )
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that cleanup runs
     with contextlib.ExitStack() as stack:
         folder = Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="telepresence-networks-"))
@@ -385,7 +389,7 @@ def main() -> int:
         )
         for number, kind in zip(itertools.count(), wanted.servers):
             address = LAN_SERVER if kind == "lan" else SERVER
-            with standing_server(
+            with server_at(
                 folder / f"server-{number}", address, relay_settings(relay=kind == "relay")
             ) as server:
                 if kind == "lan":

@@ -1,10 +1,10 @@
-"""Two pages that flood their robot, a driver's and an observer's: how late the control loop ticks,
-and when somebody else's stop is obeyed.
+"""Two pages that flood their robot, a driver's and an observer's: delay of the control loop's ticks
+and of another page's stop.
 
-A real control loop and media side, and two pages in Chromium that send frames of every kind as fast
-as `FLOOD` says, each on a new connection as soon as it is let in again after it has lost one. Pages
-and robot share one computer, whose browser takes most of it. The same figures without a flood stand
-beside them.
+A real control loop and media side, and two pages in Chromium that send frames of every kind at the
+rate of `FLOOD`; a page whose connection is closed opens a new one as soon as it may. Pages and
+robot share one computer, and the browser uses most of it. The same figures without a flood are
+printed beside them.
 """
 
 import asyncio
@@ -63,7 +63,7 @@ SEND = """([frames, rate]) => {
 
 
 class Watch:
-    """When the control loop ticked, and when it heard of a stop."""
+    """The times of the control loop's ticks, and when it received each stop."""
 
     def __init__(self, rig: ThreadedControlRig) -> None:
         self.ticks: list[float] = []
@@ -115,14 +115,14 @@ async def flooding(
 async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> list[Figure]:
     """Return the figures of `SECONDS` beside that."""
     first, states = len(watch.ticks), len(rig.link.all("state"))
-    said: dict[str, float] = {}
+    sent_at: dict[str, float] = {}
     work = asyncio.gather(*beside)
     ends = time.monotonic() + SECONDS
     for number in itertools.count():
         if time.monotonic() >= ends:
             break
         name = f"stop-{first}-{number}"
-        said[name] = time.monotonic()
+        sent_at[name] = time.monotonic()
         rig.act(stamped(m.Stop, name, role="staff"))
         await asyncio.sleep(STOP_EVERY)
     sent, ended = map(sum, zip(*await work, strict=True)) if beside else (0, 0)
@@ -130,7 +130,7 @@ async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> 
         1000 * max(0.0, after - before - 0.02)
         for before, after in itertools.pairwise(watch.ticks[first:])
     ]
-    stops = [1000 * (watch.obeyed[name] - at) for name, at in said.items()]
+    stops = [1000 * (watch.obeyed[name] - at) for name, at in sent_at.items()]
     numbers = [state.seq for state in rig.link.all("state")[states:]]
     lost = len(range(numbers[0], numbers[-1] + 1)) - len(set(numbers))
     title = "under a flood" if beside else "quiet"
@@ -157,7 +157,7 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
         audio=SyntheticMicrophone(),
         viewers=4,
         reply=exchange.reply,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
+        on_command=lambda peer, role, packet: rig.control.receive(peer, role, packet),
     )
     rig = ThreadedControlRig(directory, media=media)
     media.start()

@@ -198,8 +198,8 @@ def queries(now: datetime.datetime) -> Iterator[Figure]:
 
 
 def nights(now: datetime.datetime) -> Iterator[Figure]:
-    """Tell what nights cost: one of a site that keeps a year, and one that is told to keep 30 days
-    less, beside the record of many drives.
+    """Yield the cost of a night on a site that keeps a year, and of one after its retention was
+    shortened by 30 days, while many drives are recorded.
     """
     yield from forgetting("a night", now, DAYS - 1)
     with recording(now) as alone:
@@ -219,7 +219,7 @@ def nights(now: datetime.datetime) -> Iterator[Figure]:
 
 
 def forgetting(what: str, now: datetime.datetime, days: float) -> Iterator[Figure]:
-    """Forget what is older, and tell how many sessions, seconds and bytes of WAL it was."""
+    """Delete older data; yield the number of sessions, the seconds and the bytes of WAL."""
     from django.conf import settings
 
     from telepresence_site.ops.retention import forget_all

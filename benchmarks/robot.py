@@ -1,10 +1,10 @@
 """How fast a simulated robot runs without a camera, in simulated seconds a second of processor
 time.
 
-First its body alone: physics at 50 Hz, laser at 20 Hz, three people who walk. The robot wanders:
-ahead while nothing is before it, else it turns. Then the whole robot, which goes from place to
-place by itself: obstacle memory at 20 Hz, localization and navigation at 10 Hz. Seeds of this file:
-900 to 909.
+First its body alone: physics at 50 Hz, laser at 20 Hz, three people who walk. The robot drives
+ahead, and turns when an obstacle is near. Then the whole robot, which navigates from place to
+place: obstacle memory at 20 Hz, localization and navigation at 10 Hz. Seeds of this file: 900 to
+909.
 """
 
 import argparse

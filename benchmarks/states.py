@@ -52,7 +52,7 @@ def main() -> int:
         call_command("migrate", verbosity=0)
         began = time.perf_counter()
         filled = fill()
-        os.sync()  # what is measured is not the writing of these
+        os.sync()  # so that writing these is not measured
         print(
             f"{filled} states stored beforehand in {time.perf_counter() - began:.0f} s", flush=True
         )
@@ -60,7 +60,7 @@ def main() -> int:
     return report(filled, lines)
 
 
-# --- what is there beforehand ---------------------------------------------------------------------
+# --- rows stored beforehand -----------------------------------------------------------------------
 
 
 def fill() -> int:

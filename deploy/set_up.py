@@ -19,7 +19,7 @@ MEGABYTES = {"B": 1e-6, "kB": 1e-3, "MB": 1.0, "GB": 1e3}
 
 
 def fail(sentence):
-    """Say what is wrong in one sentence and end."""
+    """Print an error and exit."""
     sys.stderr.write(sentence + "\n")
     sys.exit(1)
 

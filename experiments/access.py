@@ -28,7 +28,7 @@ def role_of(user: Any, slug: str) -> Role | None:
     if user.is_superuser:
         return "owner"
     members = StudyMember.objects.filter(slug=slug, user=user)
-    role: Role | None = members.values_list("role", flat=True).first()  # type: ignore[assignment]
+    role: Role | None = members.values_list("role", flat=True).first()
     return role
 
 

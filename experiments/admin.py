@@ -267,7 +267,10 @@ class StudyAdmin(
         context = {"form": form, "reasons": reasons, "is_owner": True, "offer": offer_of(row)}
         context |= {"problems": linked_problems(row), "doubts": linked_doubts(row)}
         context["rehearsal"] = publishing.passed_rehearsal(row)
-        about = {"tab": "overview", "status": 422 if request.method == "POST" else 200}
+        about: dict[str, Any] = {
+            "tab": "overview",
+            "status": 422 if request.method == "POST" else 200,
+        }
         return self.study_page(request, row, "publish", gettext("Publish"), context, **about)
 
     def close_or_reopen(self, request: HttpRequest, row: Study, *, is_closing: bool) -> Any:

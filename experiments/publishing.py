@@ -197,7 +197,7 @@ def publish(
     if wrong:
         raise NotPublishableError(wrong)
     shipped = shipped_questionnaires()
-    for step in definition.asking:
+    for step in definition.questionnaire_steps:
         rows = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version)
         used = rows.first() or questionnaires.store(shipped[step.questionnaire, step.version], now)
         questionnaires.freeze(used, now)

@@ -1,4 +1,4 @@
-"""What studies can use on this server: its sites, robots, questionnaires and measures; and why a
+"""Resources of this server for studies: its sites, robots, questionnaires and measures; and why a
 study cannot run with them.
 """
 
@@ -58,7 +58,7 @@ def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     names = {one.name: one.name.replace("_", " ").capitalize() for one in METRICS}
     units = {one.name: f" ({one.unit})" if one.unit else "" for one in METRICS}
     found = {gettext("Metrics of a drive"): {key: names[key] + units[key] for key in names}}
-    asked = {(step.questionnaire, step.version) for step in definition.asking}
+    asked = {(step.questionnaire, step.version) for step in definition.questionnaire_steps}
     for one in _questionnaires(asked):
         language = language_for(one, get_language() or "")
         title = questionnaires.listed_title(one.slug, spoken(one.title, language))
@@ -82,7 +82,7 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
     no_item = _("the questionnaire has no item, topic or score %(name)s.")
     unfit = _("the test does not fit %(name)s; choose one of: %(tests)s.")
     known = {name for group in measures_here(definition).values() for name in group}
-    asked = {step.questionnaire for step in definition.asking}
+    asked = {step.questionnaire for step in definition.questionnaire_steps}
     for n, one in enumerate(definition.analyses):
         found = []
         for name in one.measures:
@@ -98,7 +98,7 @@ def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
     """Yield checks, screening rules and quotas whose item or answer the questionnaire lacks."""
     checks = definition.plan.attention_checks if definition.plan is not None else ()
     rules: list[Any] = [*checks, *definition.screening, *definition.answer_quotas]
-    versions = {(step.questionnaire, step.version) for step in definition.asking}
+    versions = {(step.questionnaire, step.version) for step in definition.questionnaire_steps}
     for rule in rules:
         is_check = isinstance(rule, AttentionCheck)
         answers = (rule.answer,) if is_check else rule.answers

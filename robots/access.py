@@ -56,7 +56,7 @@ def _no(reason: Reason) -> Verdict:
 def manages_all_robots(user: Any) -> bool:
     """Tell whether a user is an administrator, or staff with Django's permission to change robots.
 
-    Being staff is not enough: owners and researchers are staff too, for what is theirs.
+    Being staff is not enough: owners and researchers are staff too, for their own robots and data.
     """
     return bool(
         _is_known(user) and user.is_staff and not user.is_guest and user.has_perm(CHANGE_ROBOTS)

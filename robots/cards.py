@@ -26,7 +26,7 @@ class Traffic:
     unknown.
     """
 
-    driven: bool = False
+    in_use: bool = False
     own: bool = False
     waiting: int = 0
     place: int = 0
@@ -102,7 +102,7 @@ def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
         return "offline"
     if standstill_of(robot.presence.report):
         return "stopped"
-    return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
+    return "busy" if traffic.in_use or traffic.waiting or _away(robot) else "available"
 
 
 def was_stopped(robot: Robot) -> bool:
@@ -123,7 +123,7 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
             "Someone stopped it after the last visit. It can move again once you start to drive."
         )
         return _("Stopped"), text
-    return _away(robot) if state == "busy" and not traffic.driven else None
+    return _away(robot) if state == "busy" and not traffic.in_use else None
 
 
 def _stopped(robot: Robot) -> tuple[str, str]:
@@ -261,8 +261,10 @@ def _battery(report: Any) -> tuple[int | None, bool]:
     reported = report.get("battery") if isinstance(report, dict) else None
     battery = reported if isinstance(reported, dict) else {}
     charge = battery.get("charge")
-    is_valid = isinstance(charge, int | float) and 0.0 <= charge <= 1.0
-    return round(charge * 100) if is_valid else None, battery.get("charging") is True
+    percent = None
+    if isinstance(charge, int | float) and 0.0 <= charge <= 1.0:
+        percent = round(charge * 100)
+    return percent, battery.get("charging") is True
 
 
 def picture_of(robot: Robot) -> str:

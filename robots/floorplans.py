@@ -12,8 +12,9 @@ from robots.files.limited_process import ImportRefusedError, run_limited
 from robots.models import FloorPlan
 from robots.world import site_files
 from robots.world.grid import load_grid, write_grid
-from robots.world.site_files import FloorPlanRefusedError, read_folder
 
+FloorPlanRefusedError = site_files.FloorPlanRefusedError
+read_folder = site_files.read_folder
 MAX_YAML = 64 * 1024
 MAX_IMAGE = 8 * 1024 * 1024
 MAX_PLAN = 256 * 1024

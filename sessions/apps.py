@@ -45,7 +45,7 @@ class TelepresenceSessionsConfig(AppConfig):
 def _user_changed(
     instance: Any, created: bool, update_fields: frozenset[str] | None = None, **_more: Any
 ) -> None:
-    if not created and update_fields != {"last_login"}:
+    if not created and update_fields != frozenset({"last_login"}):
         _check_visitor(instance.pk)
 
 

@@ -26,7 +26,7 @@ class Session(models.Model):
         ENDED = "ended", _("ended")
 
     class Outcome(models.TextChoices):
-        """How the session ended; the first four are the paper's."""
+        """The result of a session; the first four are the paper's."""
 
         COMPLETED = "completed", _("completed")
         TIMED_OUT = "timed_out", _("timed out")
@@ -89,7 +89,7 @@ class Session(models.Model):
 
 
 # States of a session that has the robot, connected or not.
-AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+HOLDING_STATES = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
 
 class Lease(models.Model):

@@ -55,8 +55,8 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
 
 @dataclass(frozen=True)
 class ProblemPlace:
-    """Where a problem is corrected: a section of a document, or the part in it with a key or number
-    (from 0). No section means no place in the document.
+    """The place where a problem is corrected: a section of a document, or the part in it with a key
+    or number (from 0). No section means no place in the document.
     """
 
     section: str = ""

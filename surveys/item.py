@@ -95,9 +95,9 @@ class Viewing:
 
 @dataclass(frozen=True)
 class Widget:
-    """What a type draws with `template`. `style` names its class in CSS, `value` is the text of its
-    one input (`has_one_input`: its label is the question's text), `attributes` are those of the
-    input by their names in HTML, `more` is only for its own template.
+    """The control of a type, drawn with `template`. `style` names its class in CSS, `value` is the
+    text of its one input (`has_one_input`: its label is the question's text), `attributes` are
+    those of the input by their names in HTML, `more` is only for its own template.
     """
 
     template: str
@@ -111,8 +111,8 @@ class Widget:
 
 
 class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
-    """What all items have. The defaults are those of a question with one input on the page and one
-    value in the answer. `prefer_not` and `not_applicable` offer reasons for not answering; an
+    """The base of all items. The defaults are those of a question with one input on the page and
+    one value in the answer. `prefer_not` and `not_applicable` offer reasons for not answering; an
     optional item may also be left empty.
     """
 

@@ -75,7 +75,7 @@ class PageForm:
 
 @dataclass(frozen=True)
 class Reader(Viewing):
-    """Who looks at the page: stored and just sent answers, and errors; a preview `sees_all`."""
+    """The page's reader: stored and just sent answers, and errors; a preview `sees_all`."""
 
     stored: Stored = field(default_factory=dict)
     circumstances: Circumstances = field(default_factory=Circumstances)

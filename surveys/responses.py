@@ -48,7 +48,7 @@ class Respondent:
 
 @dataclass(frozen=True)
 class Context:
-    """What a respondent is asked in. `key` is opaque, `robot` has the robot's names; `return_to`
+    """The circumstances of a response. `key` is opaque, `robot` has the robot's names; `return_to`
     and `back_to` are paths of this site.
     """
 
@@ -62,7 +62,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Saving:
-    """How answers are saved: when, in the language shown, with seconds of attention by question;
+    """The saving of answers: when, in the language shown, with seconds of attention by question;
     `writer` is the page load that saves them, `writing` counts its requests.
     """
 

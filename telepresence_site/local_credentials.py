@@ -10,7 +10,7 @@ from robots.enrol import credentials
 from robots.models import Robot
 
 
-def keep_credentials_here(robot: Robot, mqtt_url: str) -> None:
+def save_local_credentials(robot: Robot, mqtt_url: str) -> None:
     """Write the robot's credentials file. A token in it that is still valid stays, so that copies
     of it elsewhere remain valid.
     """

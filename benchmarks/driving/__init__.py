@@ -1,1 +1,1 @@
-"""How well a robot knows where it is, navigates, docks and helps its driver, by simulation."""
+"""Simulations of localization, navigation, docking and assisted driving."""

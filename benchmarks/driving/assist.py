@@ -1,17 +1,17 @@
-"""What assisted driving is good for: a careless driver who hits nothing, and a novice who gets
-through doors.
+"""The benefit of assisted driving: collisions of a careless driver, and doors passed by a novice.
 
-The careless driver holds forward, turns at random, and goes back or turns away only when nothing
-moves any more. He drives every robot in every site that is shipped. A collision is a contact with
-anything that begins while the robot moves (its fastest corner above 0.02 m/s). The novice sees what
-was 0.3 s ago, aims some degrees beside the middle of the door, presses a key too late and lets go
-of it too late, and backs off when stuck. Every start is driven once at each level.
+The careless driver holds forward, turns at random, and reverses or turns away only when the robot
+no longer moves, with every robot in every shipped site. A collision is a contact that begins while
+the robot moves (its fastest corner above 0.02 m/s). The novice sees the video with 0.3 s of delay,
+aims some degrees beside the middle of the door, presses and releases keys too late, and backs off
+when stuck. Each start is driven once at each level.
 
-With sonars and a bumper instead of the laser the careless driver may touch, but at a creep.
+With sonars and a bumper instead of the laser, the careless driver may touch obstacles, but only at
+a creep.
 
-Headless and faster than time: the world at 50 Hz, the laser at its own rate. Runs are judged on
-seeds from 1000; what was tuned was tuned on seeds below (`--first`). `--runs` drives of `--minutes`
-each, per robot, site and level.
+The simulation is headless and faster than real time: the world at 50 Hz, the laser at its own rate.
+Results are for seeds from 1000; seeds below were used for tuning (`--first`). There are `--runs`
+drives of `--minutes` each, per robot, site and level.
 """
 
 import argparse
@@ -92,7 +92,7 @@ class Rig:
         bench.outputs.clear()
 
     @property
-    def told(self) -> Velocity:
+    def last_sent(self) -> Velocity:
         return self.bench.kernel.commanded
 
     @property
@@ -109,7 +109,7 @@ class Rig:
         )
 
     def _step(self) -> None:
-        self.world.command(self.told.linear, self.told.angular)
+        self.world.command(self.last_sent.linear, self.last_sent.angular)
         speed, before, felt = self._speed(), self.world.contacts, sides_of(self.world.bumper())
         self.world.step(TICK)
         began = self.world.contacts - before
@@ -340,18 +340,19 @@ def through(
 def careless(first: int, runs: int, minutes: float) -> list[Figure]:
     figures = []
     for level, (name, sensors) in itertools.product(LEVELS, SENSORS.items()):
-        driven, hits, touches, way, costs, hardest = 0.0, 0, 0, 0.0, list[float](), 0.0
+        minutes_run, hits, touches, metres = 0.0, 0, 0, 0.0
+        costs, hardest = list[float](), 0.0
         for site in shipped_sites():
             for model in MODELS.values():
                 for seed in range(first, first + (runs if level != "off" else 1)):
                     rig = careless_drive(
                         load_site(site).plan, model, level, seed, minutes, sensors=sensors
                     )
-                    driven, hits, touches, way = (
-                        driven + rig.world.time / 60.0,
+                    minutes_run, hits, touches, metres = (
+                        minutes_run + rig.world.time / 60.0,
                         hits + rig.collisions,
                         touches + rig.touches,
-                        way + rig.world.distance,
+                        metres + rig.world.distance,
                     )
                     costs += rig.seconds
                     hardest = max(hardest, rig.hardest)
@@ -365,8 +366,8 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
             Figure(f"{kind}: collisions", hits, "", 0.0 if helped and not name else None),
             Figure(f"{kind}: contacts of any speed", touches, ""),
             Figure(f"{kind}: hardest contact", hardest, "m/s", MONITOR.creep if helped else None),
-            Figure(f"{kind}: driven", driven, "min"),
-            Figure(f"{kind}: way a minute", way / driven, "m"),
+            Figure(f"{kind}: driven", minutes_run, "min"),
+            Figure(f"{kind}: way a minute", metres / minutes_run, "m"),
             Figure(
                 f"{kind}: one tick of the kernel, p50",
                 float(np.percentile(costs, 50)) * 1000.0,

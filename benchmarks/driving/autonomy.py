@@ -1,7 +1,7 @@
-"""How late the control loop ticks beside a mind: none, one in a thread of the same process, one in
-a process of its own.
+"""Delay of the control loop's ticks without navigation, with the navigation node in a thread of the
+same process, and with it in its own process.
 
-A simulated giraff goes to and fro between two places all the while. `--seconds N` a variant
+A simulated giraff drives to and fro between two places. Each variant runs for `--seconds`
 (default 20).
 """
 
@@ -30,7 +30,7 @@ PLACES = ("corridor-east", "laboratory")
 
 
 class NodeThread:
-    """A mind beside the control loop in the same process: what MindProcess is measured against."""
+    """The navigation node in a thread of the control loop process, to compare with its process."""
 
     def __init__(self, adapter: AutonomyAdapter) -> None:
         self.ready, self.problem = False, ""
@@ -94,7 +94,7 @@ def main() -> int:
     seconds = parser.parse_args().seconds
     measured = {
         name: _measure(make, seconds)
-        for name, make in (("no mind", _bare), ("thread", _threaded), ("process", _wrapped))
+        for name, make in (("no navigation", _bare), ("thread", _threaded), ("process", _wrapped))
     }
     figures = []
     for name, (late, _) in measured.items():
@@ -104,7 +104,7 @@ def main() -> int:
         Figure(f"control thread's share of a core, {name}", 100.0 * share, "%")
         for name, (_, share) in measured.items()
     ]
-    figures.append(Figure("tick late p99, process against no mind", worse, "ms", 5.0))
+    figures.append(Figure("tick late p99, process against no navigation", worse, "ms", 5.0))
     return keep("autonomy", figures, seconds=seconds)
 
 

@@ -1,9 +1,9 @@
 """Docking from random poses, and the whole study run, for both robots in every shipped site:
 `python -m benchmarks.driving.docking --runs 50`.
 
-The study run begins in the dock, passes the route's checkpoints, faces the mirror where the route's
-last checkpoint lies before one, comes back and docks, with people walking. Seeds below 20,000 are
-for tuning; the judging ones begin there, and `--first` goes on from any of them.
+The study run starts in the dock, passes the route's checkpoints, faces the mirror if the last
+checkpoint lies before one, returns and docks, among people who walk. Seeds below 20,000 are for
+tuning, those from 20,000 for results; `--first` sets the first one.
 """
 
 import argparse

@@ -84,7 +84,7 @@ class Tracked:
 
 
 def track(drive: LocalizationRun, seconds: float) -> Tracked:
-    """Drive about from a start that the robot was told within a hand and ten degrees."""
+    """Drive around from a start pose that the robot knows to within 0.1 m and ten degrees."""
     drive.localizer.set_pose(drive.simulation.pose, 0.1, math.radians(10.0))
     result, lost = Tracked([], [], [], 0.0), 0
     while drive.simulation.time < seconds:

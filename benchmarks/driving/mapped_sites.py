@@ -45,7 +45,7 @@ CANDIDATES = 16  # of which the one farthest from all goals so far is the next
 
 @dataclasses.dataclass
 class Drives:
-    """What became of the drives in one site: "reached", "refused" or "failed"."""
+    """The results of the drives in one site: "reached", "refused" or "failed"."""
 
     outcomes: Counter[str] = dataclasses.field(default_factory=Counter)
     contacts: int = 0

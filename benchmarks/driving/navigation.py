@@ -1,14 +1,13 @@
-"""Going to random places in every shipped site, people walking, doors closed on the way: `python -m
-benchmarks.driving.navigation --runs 50`.
+"""Navigation to random places in every shipped site, among people who walk and doors that close:
+`python -m benchmarks.driving.navigation --runs 50`.
 
-Both robots, with their own localization; half of the runs close one door at random some seconds
-after the start. A run that ends "blocked" counts only where the shortest way of the true world
-agrees that there is none. Seeds below 10,000 are for tuning; the judging ones begin there, and
-`--first` goes on from any of them.
+Both robots use their own localization; half of the runs close one door at random some seconds after
+the start. A run that ends "blocked" counts as right only if the true world has no path either.
+Seeds below 10,000 are for tuning, those from 10,000 for results; `--first` sets the first one.
 
 A collision is any contact with the simulated robot while its fastest corner moves faster than 0.02
-m/s, whoever came to whom. People yield to nobody and also walk up from where no laser looks, which
-a robot without eyes behind cannot know; of all contacts, these are told on a line of their own.
+m/s, even if a person walked into it. People never yield, and also approach from behind, where the
+robot has no sensor; such contacts are shown on a separate line.
 """
 
 import argparse
@@ -41,7 +40,7 @@ CLOSES = (1.0, 12.0)  # seconds after the start
 
 @dataclass
 class Tally:
-    """What became of the runs."""
+    """The results of the runs."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     ratios: list[float] = field(default_factory=list)

@@ -75,7 +75,7 @@ def main() -> int:
         states = sum(len(dataset.states(one.id)) for one in dataset.sessions)
         size = sum(path.stat().st_size for path in files) / 1e6
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    share = max(wanted / 1000.0, 0.25)  # what is drawn does not shrink with the sessions
+    share = max(wanted / 1000.0, 0.25)  # figures cost the same for few sessions
     return keep(
         "analysis",
         [

@@ -1,9 +1,9 @@
 """`python -m benchmarks.traffic.based_robot NAME --mqtt URL --token TOKEN --var DIR --base PORT`: a
-real agent whose base is somewhere else.
+real agent whose base is in another process.
 
-Agent, safety kernel, media and connection are the project's own; only the body is missing, and the
-camera shows a drawn picture. Every velocity that the kernel lets through is one datagram to whoever
-plays the base, so that it can be told, also of an agent that is killed, what moved and when.
+Agent, safety kernel, media and connection are the project's own; the base is simulated and the
+camera's image drawn. Each velocity that the kernel sends is one datagram to the simulated base,
+which therefore knows what moved and when even if the agent is killed.
 """
 
 import argparse
@@ -22,7 +22,7 @@ FPS = 5.0  # enough to tell for how long there was no picture
 
 
 class BasedRobot(ScriptedRobot):
-    """Moves exactly as it is told, elsewhere."""
+    """Sends each velocity to the simulated base of another process."""
 
     def __init__(self, name: str, port: int) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class BasedRobot(ScriptedRobot):
         self._socket.connect(("127.0.0.1", port))
 
     def video(self) -> SyntheticCamera:
-        """Return the camera, which works while somebody watches."""
+        """Return the camera, which captures while it has viewers."""
         return SyntheticCamera(FPS)
 
     def apply(self, velocity: Velocity) -> Velocity:

@@ -1,5 +1,5 @@
-"""The bases of robots that are agents elsewhere (based_robot.py): each does what it was told last,
-and stops by itself after a while.
+"""The simulated bases of agents in other processes (based_robot.py): each follows its last
+velocity, and stops when its watchdog expires.
 """
 
 import socket
@@ -23,7 +23,7 @@ class Bases:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self.port = int(self._socket.getsockname()[1])
-        self._told: defaultdict[str, list[tuple[float, bool]]] = defaultdict(list)
+        self._velocities: defaultdict[str, list[tuple[float, bool]]] = defaultdict(list)
         self._thread = threading.Thread(target=self._listen, daemon=True)
 
     def __enter__(self) -> Self:
@@ -44,19 +44,23 @@ class Bases:
     def _listen(self) -> None:
         while words := self._socket.recv(LONGEST).decode().split():
             name, linear, angular = words
-            self._told[name].append((time.time(), bool(float(linear) or float(angular))))
+            self._velocities[name].append((time.time(), bool(float(linear) or float(angular))))
 
     def moves(self) -> dict[str, list[tuple[float, float]]]:
-        return {name: motion(list(told)) for name, told in list(self._told.items())}
+        return {
+            name: motion(list(velocities)) for name, velocities in list(self._velocities.items())
+        }
 
 
-def motion(told: list[tuple[float, bool]]) -> list[tuple[float, float]]:
-    """Return the spans of motion of a base that was told to move or to stand at these moments."""
+def motion(velocities: list[tuple[float, bool]]) -> list[tuple[float, float]]:
+    """Return the spans of motion of a base from its velocities: (time, whether it is not zero)."""
     spans: list[tuple[float, float]] = []
-    for number, (at, moves) in enumerate(told, 1):
+    for number, (at, moves) in enumerate(velocities, 1):
         if not moves:
             continue
-        until = min(told[number][0] if number < len(told) else float("inf"), at + WATCHDOG)
+        until = min(
+            velocities[number][0] if number < len(velocities) else float("inf"), at + WATCHDOG
+        )
         if spans and spans[-1][1] >= at:
             spans[-1] = (spans[-1][0], until)
         else:

@@ -1,12 +1,12 @@
-"""A drive in a browser over a whole cluster, each of whose engines is killed while somebody
-drives: three machines, each a network namespace with etcd, PostgreSQL run by Patroni, a node of
-NATS, a session manager and a web process, as docs/howto/run-a-cluster.md has it.
+"""A drive in a browser over a whole cluster, while each of its engines is killed in turn: three
+machines, each a network namespace with etcd, PostgreSQL under Patroni, a NATS node, a session
+manager and a web process, as in docs/howto/run-a-cluster.md.
 
-The table says for how long the robot stood, and what the page said meanwhile. Pictures of the page
-are in benchmarks/results/cluster: `NAME-away.png` before an engine comes back, `NAME-back.png` when
-the robot turns again and nothing is wrong. `CLUSTER_PARTS` chooses what is killed; `partition`
-cuts the first machine off from the other two. `CLUSTER_KEEP=1` kills nothing: it says how to reach
-the site and its processes, and leaves them to whoever wants to see for themselves. Needs root.
+The table shows how long the robot stopped, and the texts of the page during that time. Screenshots
+are in benchmarks/results/cluster: `NAME-away.png` while an engine is down, `NAME-back.png` when the
+robot turns again and the page shows no fault. `CLUSTER_PARTS` selects the engines; `partition` cuts
+the first machine off from the other two. `CLUSTER_KEEP=1` kills nothing, prints how to reach the
+site and its processes, and keeps them running. Needs root.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ ana, _ = User.objects.get_or_create(username="ana")
 ana.set_password({password!r})
 ana.save()
 """
-SAID = """
+SHOWN_TEXT = """
 ["#alert", "#card-title", "#status-text"].map((name) => document.querySelector(name)).filter(
   (element) => element.checkVisibility() && element.textContent.trim(),
 ).map((element) => element.textContent.trim())
@@ -57,18 +57,18 @@ SAID = """
 
 @dataclass(frozen=True)
 class EngineLoss:
-    """An engine that was away: for how many seconds the robot stood, and what the page said, each
+    """An engine that was away: for how many seconds the robot stood, and what the page shown, each
     with the seconds since the loss.
     """
 
     part: str
     stood: float
-    said: list[tuple[float, str]]
+    shown: list[tuple[float, str]]
 
 
 @dataclass
 class ClusterDrive:
-    """Somebody who turns a robot on the spot, and who sees both page and robot."""
+    """A visitor who turns a robot on the spot, and an onlooker at the robot."""
 
     place: RunningSite
     visitor: Visitor
@@ -80,15 +80,15 @@ class ClusterDrive:
         the page has no complaint.
         """
         self._turn_until(self._is_well, RECOVERY)
-        lost, said = time.monotonic(), []
+        lost, shown = time.monotonic(), []
         stamp = self.onlooker.history(1.0)[-1].stamp
         self.place.kill(part)
-        self._turn_until(lambda: time.monotonic() > lost + AWAY, AWAY, said, lost)
+        self._turn_until(lambda: time.monotonic() > lost + AWAY, AWAY, shown, lost)
         self.visitor.screenshot(self.folder / f"{part}-away.png")
         self.place.start(part)
-        self._turn_until(self._is_well, RECOVERY, said, lost)
+        self._turn_until(self._is_well, RECOVERY, shown, lost)
         self.visitor.screenshot(self.folder / f"{part}-back.png")
-        return EngineLoss(part, self._stood(stamp, time.monotonic() - lost), said)
+        return EngineLoss(part, self._stood(stamp, time.monotonic() - lost), shown)
 
     def _is_well(self) -> bool:
         return self.onlooker.history(0.5)[-1].angular > TURNS and not self.visitor.page.evaluate(
@@ -99,21 +99,21 @@ class ClusterDrive:
         self,
         reached: Callable[[], bool],
         within: float,
-        said: list[tuple[float, str]] | None = None,
+        shown: list[tuple[float, str]] | None = None,
         since: float = 0.0,
     ) -> None:
         page, pressed, deadline = self.visitor.page, 0.0, time.monotonic() + patient(within)
         while not reached():
             if time.monotonic() > deadline:
-                raise RuntimeError(f"not well after {within} s: {page.evaluate(SAID)}")
+                raise RuntimeError(f"not well after {within} s: {page.evaluate(SHOWN_TEXT)}")
             if time.monotonic() > pressed + PRESSED:
                 page.keyboard.up("ArrowLeft")
                 page.keyboard.down("ArrowLeft")
                 pressed = time.monotonic()
-            for text in page.evaluate(SAID):
-                told = re.sub(r"\d+", "…", text)  # a countdown is one sentence
-                if said is not None and told not in [known for _, known in said]:
-                    said.append((round(time.monotonic() - since, 1), told))
+            for text in page.evaluate(SHOWN_TEXT):
+                sentence = re.sub(r"\d+", "…", text)  # a countdown is one sentence
+                if shown is not None and sentence not in [known for _, known in shown]:
+                    shown.append((round(time.monotonic() - since, 1), sentence))
             page.wait_for_timeout(100)
 
     def _stood(self, stamp: float, seconds: float) -> float:
@@ -149,7 +149,7 @@ def main() -> int:
             print(f"{part:18} is lost …", flush=True)
             loss = drive.lose(part)
             print(f"{part:18} the robot stood for {loss.stood:5.1f} s")
-            print(*(f"{at:24.1f} s  {text}" for at, text in loss.said), sep="\n", flush=True)
+            print(*(f"{at:24.1f} s  {text}" for at, text in loss.shown), sep="\n", flush=True)
             losses.append(loss)
         visitor.close()
     (RESULTS / "cluster.json").write_text(json.dumps([asdict(loss) for loss in losses], indent=1))
@@ -157,7 +157,7 @@ def main() -> int:
 
 
 def _keep(place: RunningSite) -> None:
-    """Say how to reach a running site, and wait until somebody ends it."""
+    """Print how to reach a running site, and wait for Ctrl-C."""
     password = secrets.token_urlsafe(9)
     place.site.django(PASSWORD.format(password=password))
     print(f"The site's pages, for ana with the password {password}:")

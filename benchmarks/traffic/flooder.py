@@ -1,8 +1,8 @@
 """A process that floods a broker as fast as it can, until it is killed: `-m
 benchmarks.traffic.flooder FLOOD PORT USER TOKEN CONNECTIONS [CA]`.
 
-It is given a key of a robot, or is a stranger that has none; with the path of a certificate it
-speaks TLS. Whoever is hung up on comes back at once.
+With a robot's key it logs in, without one it does not; with the path of a certificate it uses TLS.
+A closed connection is opened again at once.
 """
 
 import asyncio

@@ -1,10 +1,9 @@
-"""`python -m benchmarks.traffic.idle_robots`: thousands of robots that nobody needs, in one
-process, each with an MQTT connection, a user and a will of its own.
+"""`python -m benchmarks.traffic.idle_robots`: thousands of idle robots in one process, each with
+its own MQTT connection, user and will.
 
-They follow robots/api/idle.py with the numbers of our agent: its keep-alive, a state every half
-minute, four states and five heartbeats a second while somebody needs them, and its pauses before
-they connect again (robots/agent/broker_link/reconnection.py). They have no safety kernel and no
-base.
+They follow robots/api/idle.py with the agent's constants: its keep-alive, a state every half
+minute, four states and five heartbeats a second while they are needed, and its pauses before they
+reconnect (robots/agent/broker_link/reconnection.py). They have no safety kernel and no base.
 """
 
 import asyncio
@@ -103,8 +102,8 @@ class IdleRobot:
     def acknowledged(self, packet_id: int) -> None:
         pass
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
-        """Wake up when somebody needs the robot, and answer a will that came late."""
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        """Wake up at the first heartbeat of a command, and correct a will that arrives late."""
         if topic.endswith("/connection") and is_late_will(payload, retained=retained):
             self._say("connection", self._presence("ONLINE"))
         if retained or not topic.endswith("/command/heartbeat"):
@@ -170,7 +169,7 @@ class IdleRobot:
 
 
 class IdleRobots:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -199,7 +198,7 @@ class IdleRobots:
         return sum(robot.attempts for robot in self._robots)
 
     def woken(self) -> list[float]:
-        """Return after how many seconds robots heard that they are needed, of those that were."""
+        """Return the seconds after which each woken robot received its first heartbeat."""
         return [robot.woken_after for robot in self._robots if robot.woken_after is not None]
 
 

@@ -19,12 +19,12 @@ USER, PASSWORD, WILL_RETAIN, WILL, CLEAN = 0x80, 0x40, 0x20, 0x04, 0x02
 
 
 class PacketListener(Protocol):
-    """Whoever a line belongs to."""
+    """The owner of a line, who receives its packets."""
 
     def opened(self) -> None:
         pass
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         pass
 
     def acknowledged(self, packet_id: int) -> None:
@@ -112,7 +112,7 @@ class MqttLine(asyncio.Protocol):
         if first & 0b0110:
             self._transport.write(packets.puback(int.from_bytes(rest[:2], "big")))
             rest = rest[2:]
-        self._owner.heard(topic, rest, retained=bool(first & 1))
+        self._owner.on_message(topic, rest, retained=bool(first & 1))
 
     def _ping(self) -> None:
         self._transport.write(PING)

@@ -176,8 +176,8 @@ OutsidePart = Redis | Database | BrokerNode | Placed | Janus
 
 @dataclass
 class RunningSite:
-    """A running site and what can be asked of it. `webs` has the host and port of each web process,
-    `outside` what is not ours, `cables` what can be cut.
+    """A running site and queries to it. `webs` has the host and port of each web process, `outside`
+    the programs of others, `cables` the links that can be cut.
     """
 
     site: Site
@@ -240,9 +240,9 @@ class RunningSite:
         found = json.loads(self.site.django(RECORD))
         return StateRecord([NumberedState(*row) for row in found["states"]], dict(found["missing"]))
 
-    def driven(self, since: float) -> list[str]:
-        """Return the robots that took a command after this moment, as the record has it: every part
-        between page and database works.
+    def took_commands(self, since: float) -> list[str]:
+        """Return the robots that took a command after this time, by the stored record; for these,
+        every part between page and database works.
         """
         found: list[str] = json.loads(self.site.django(DRIVEN.format(since=since)))
         return found

@@ -33,9 +33,9 @@ from robots.api import messages as m
 
 POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
-WINDOW = 200  # letters that wait for the broker's word
-AGAIN = (0.2, 1.0)  # s until the next attempt to connect, drawn between
-WORD = TIMEOUT  # s for which it waits for the broker's word
+WINDOW = 200  # messages that may await the broker's acknowledgement
+AGAIN = (0.2, 1.0)  # s until the next attempt to connect, at random
+WORD = TIMEOUT  # s to wait for the broker's answer
 LIMITS = m.Limits(
     linear=0.7,
     reverse=0.3,
@@ -51,7 +51,7 @@ COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.004)
 
 @dataclass
 class RobotMeasurements:
-    """What the robots of a process have seen: seconds that commands took, and counts."""
+    """The measurements of a process's robots: seconds that commands took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
     counts: Counter[str] = field(default_factory=Counter)
@@ -59,7 +59,7 @@ class RobotMeasurements:
 
 @dataclass(frozen=True)
 class ObservedLease:
-    """A lease as a robot heard of it first, by Unix time."""
+    """A lease, and the Unix time at which a robot first received it."""
 
     robot: str
     session: str
@@ -89,14 +89,20 @@ def is_late_will(payload: bytes, *, retained: bool) -> bool:
 
 
 class LightRobot:
-    """One robot. `states` has how many states it numbered, by session and boot; `grants` every
-    lease that it heard of.
+    """One robot. `states` has the number of its states, by session and boot; `grants` every lease
+    that it received.
     """
 
     def __init__(
-        self, name: str, token: str, told: RobotMeasurements, timers: Timers, rng: random.Random
+        self, name: str, token: str, measured: RobotMeasurements, timers: Timers, rng: random.Random
     ) -> None:
-        self.name, self._token, self._told, self._timers, self._rng = name, token, told, timers, rng
+        self.name, self._token, self._measured, self._timers, self._rng = (
+            name,
+            token,
+            measured,
+            timers,
+            rng,
+        )
         self.boot = f"{int(time.time() * 1000):012x}-{secrets.token_hex(4)}"
         self.states: Counter[str] = Counter()
         self.grants: list[ObservedLease] = []
@@ -113,7 +119,7 @@ class LightRobot:
         self._over = asyncio.Event()
 
     @property
-    def is_driven(self) -> bool:
+    def has_lease(self) -> bool:
         return self._leases.announced(time.monotonic()) is not None
 
     # --- its connection ---------------------------------------------------------------------------
@@ -145,7 +151,7 @@ class LightRobot:
                 self._knocked_at = time.monotonic()
                 await self._over.wait()
             except OSError:  # a TimeoutError, too
-                self._told.counts["connection_refused"] += 1
+                self._measured.counts["connection_refused"] += 1
             nodes.rotate(-1)
             await asyncio.sleep(self._rng.uniform(*AGAIN))
 
@@ -153,7 +159,7 @@ class LightRobot:
         flying = next(iter(self._flying.values()), None)
         since = flying[1] if flying is not None else self._knocked_at
         if self._line is not None and since is not None and time.monotonic() - since > WORD:
-            self._told.counts["mute"] += 1
+            self._measured.counts["mute"] += 1
             self._line.abort()
 
     def opened(self) -> None:
@@ -163,7 +169,7 @@ class LightRobot:
 
     def closed(self) -> None:
         if self.online:
-            self._told.counts["connection_lost"] += 1
+            self._measured.counts["connection_lost"] += 1
         self.online, self._knocked_at = False, None
         self._flying.clear()
         self._outbox.disconnected()
@@ -186,22 +192,22 @@ class LightRobot:
             and len(self._outbox)
             and len(self._flying) < WINDOW
         ):
-            said = self._outbox.take()
-            if said.qos:
+            message = self._outbox.take()
+            if message.qos:
                 self._packet = self._packet % 0xFFFF + 1
-                self._flying[self._packet] = said, time.monotonic()
+                self._flying[self._packet] = message, time.monotonic()
             self._line.publish(
-                topics.of(self.name, said.suffix),
-                said.payload,
-                self._packet if said.qos else 0,
-                retain=said.retained,
+                topics.of(self.name, message.suffix),
+                message.payload,
+                self._packet if message.qos else 0,
+                retain=message.retained,
             )
-            if not said.qos:
-                self._outbox.acknowledged(said)
+            if not message.qos:
+                self._outbox.acknowledged(message)
 
     # --- what it hears ----------------------------------------------------------------------------
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         now = time.time()
         suffix = topic.rpartition("/")[2]
         match suffix:
@@ -222,19 +228,19 @@ class LightRobot:
                     self._say_again(action)
 
     def _command(self, command: m.VelocityCommand, now: float) -> None:
-        self._told.delays.append(now - command.stamp)
+        self._measured.delays.append(now - command.stamp)
         last = (
             self._last
             if self._last[:2] == (command.session, command.epoch)
             else (command.session, command.epoch, command.seq - 1)
         )
-        self._told.counts["commands_missing"] += max(0, command.seq - last[2] - 1)
+        self._measured.counts["commands_missing"] += max(0, command.seq - last[2] - 1)
         self._last = (command.session, command.epoch, command.seq)
         lease = self._leases.live(time.monotonic())
         if lease is None or (command.session, command.epoch) != (lease.session, lease.epoch):
-            self._told.counts["commands_refused"] += 1
+            self._measured.counts["commands_refused"] += 1
             return
-        self._told.counts["commands"] += 1
+        self._measured.counts["commands"] += 1
         applied = m.AppliedCommand(
             seq=command.seq,
             stamp=command.stamp,
@@ -258,7 +264,7 @@ class LightRobot:
 
     def _take(self, lease: m.Lease, now: float, *, retained: bool) -> None:
         if not self._leases.take(lease, retained=retained, now=time.monotonic()):
-            self._told.counts["leases_late"] += 1
+            self._measured.counts["leases_late"] += 1
         elif not self.grants or (self.grants[-1].session, self.grants[-1].epoch) != (
             lease.session,
             lease.epoch,
@@ -273,14 +279,14 @@ class LightRobot:
     def _say_again(self, action: m.ResendStates) -> None:
         for seq, payload in self._kept:
             if action.first <= seq <= action.last:
-                self._told.counts["states_resent"] += 1
+                self._measured.counts["states_resent"] += 1
                 self._put("state", payload)
 
     # --- what it says -----------------------------------------------------------------------------
 
     def _say_pose(self) -> None:
         if self._leases.live(time.monotonic()) is not None:  # a robot that stands says none
-            self._told.counts["poses"] += self.online
+            self._measured.counts["poses"] += self.online
             self._put(
                 "pose",
                 codec.encode(
@@ -303,7 +309,7 @@ class LightRobot:
     def _say_state(self, of: m.Lease | None = None) -> int:
         lapsed = self._leases.lapse(time.monotonic())
         if lapsed is not None:
-            self._told.counts["leases_lapsed"] += 1
+            self._measured.counts["leases_lapsed"] += 1
             self._close(lapsed)
         lease = of or self._leases.announced(time.monotonic())
         self._seq += 1
@@ -353,10 +359,10 @@ class LightRobot:
 
 
 class Robots:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
-        self._told, self._timers, self._rng = RobotMeasurements(), Timers(), random.Random(1)
+        self._measured, self._timers, self._rng = RobotMeasurements(), Timers(), random.Random(1)
         self._robots: list[LightRobot] = []
         self._living: set[asyncio.Task[None]] = set()
 
@@ -367,31 +373,29 @@ class Robots:
         for name, token in robots:
             nodes = deque((host, port) for host, port in brokers)
             nodes.rotate(-len(self._robots))
-            self._robots.append(LightRobot(name, token, self._told, self._timers, self._rng))
+            self._robots.append(LightRobot(name, token, self._measured, self._timers, self._rng))
             self._living.add(asyncio.create_task(self._robots[-1].live(nodes)))
         return len(self._robots)
 
     def online(self) -> int:
         return sum(robot.online for robot in self._robots)
 
-    def driven(self) -> int:
-        """Return how many belong to somebody, as far as they know."""
-        return sum(robot.is_driven for robot in self._robots)
+    def leased(self) -> int:
+        """Return the number of robots that have a lease, by their own record."""
+        return sum(robot.has_lease for robot in self._robots)
 
     def measured(self) -> dict[str, Any]:
         found = {
-            "delays": list(self._told.delays),
-            "counts": dict(self._told.counts),
+            "delays": list(self._measured.delays),
+            "counts": dict(self._measured.counts),
             "late": list(self._timers.late),
         }
-        del self._told.delays[:], self._timers.late[:]
-        self._told.counts.clear()
+        del self._measured.delays[:], self._timers.late[:]
+        self._measured.counts.clear()
         return found
 
     def record(self) -> dict[str, Any]:
-        """Return what the robots know: states by session, and grants in the order in which they
-        heard of them.
-        """
+        """Return the robots' own record: states by session, and grants in the order of arrival."""
         states = {
             session: count for robot in self._robots for session, count in robot.states.items()
         }

@@ -1,6 +1,4 @@
-"""What part of a core each process of a site takes, and how much memory, with its children (Linux,
-/proc).
-"""
+"""The CPU share and the memory of each process of a site, with its children (Linux, /proc)."""
 
 import os
 import time

@@ -1,7 +1,7 @@
-"""What must never be seen, however things crash, told by what robots, bases and database know
-afterwards. Pure; times are Unix time.
+"""Violations that no crash may cause, from the records of robots, bases and database. Pure; times
+are Unix time.
 
-Every function returns what was wrong as sentences, none when nothing was.
+Every function returns a sentence for each violation.
 """
 
 from collections import Counter, defaultdict
@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-# From the end of a drive to the moment at which the robot has heard of it or its deadman has
-# struck, on a computer with much else to do.
+# s from the end of a drive until the robot receives it or its deadman stops the robot, on a busy
+# computer
 LEAVE_SECONDS = 1.0
 
 
@@ -29,7 +29,7 @@ class DrivePeriod:
 
 @dataclass(frozen=True)
 class NumberedState:
-    """Who numbered a state, and whose it is."""
+    """A state by robot, boot and number, and the session and epoch that it belongs to."""
 
     robot: str
     boot: str
@@ -61,8 +61,8 @@ def two_at_once(drives: Sequence[DrivePeriod]) -> list[str]:
 def shared_epochs(
     states: Sequence[NumberedState], grants: Sequence[tuple[str, int, str]]
 ) -> list[str]:
-    """Find epochs of a robot that two sessions had, in its states or in the leases it heard of,
-    given as (robot, epoch, session).
+    """Find epochs of a robot that two sessions had, in its states or in the leases that it
+    received, given as (robot, epoch, session).
     """
     sessions: defaultdict[tuple[str, int], set[str]] = defaultdict(set)
     for state in states:
@@ -119,7 +119,7 @@ def moved_alone(
 
 
 def longest_pause(moments: Iterable[Sequence[float]], since: float, until: float) -> float:
-    """Return the longest time between two of somebody's moments that ends within a span."""
+    """Return the longest time between two consecutive moments of one list that ends in a span."""
     return max(
         (
             later - earlier

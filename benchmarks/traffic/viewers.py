@@ -1,10 +1,9 @@
-"""`python -m benchmarks.traffic.viewers`: people who watch a robot through the SFU, without
-browsers, many in one process.
+"""`python -m benchmarks.traffic.viewers`: viewers of a robot through the SFU, without browsers,
+many in one process.
 
-Each has a WebSocket of its own, signed in by a session's cookie, and a WebRTC connection to Janus.
-Nothing is decoded: a picture counts as seen when it has arrived as a whole, after a first one that
-needs no earlier one. A connection is asked for again when pictures stop, or when it was refused or
-never came, as pages do.
+Each has its own WebSocket, authenticated by a session cookie, and a WebRTC connection to Janus. No
+frame is decoded: a frame counts as seen when it has arrived completely, after a key frame. As pages
+do, a viewer requests a new connection when frames stop, or when a request was refused or failed.
 """
 
 import asyncio
@@ -117,7 +116,7 @@ class LightViewer:
 
 
 class Viewers:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
         self._timers = Timers()

@@ -1,14 +1,14 @@
 """`python -m benchmarks.traffic.visitors`: visitors without browsers, many in one process, with the
 traffic of drive pages whose WebRTC failed.
 
-Each has a WebSocket of its own, signed in by a session's cookie; takes the robot, sends velocities
-20 times, heartbeats 5 times and its network once a second, and reads everything that comes. A page
-with a data channel sends its velocities there, so this is the worst that a visitor does to a
-server. It sees no picture, and says that it has seen one as new as the robot's last word. One that
-was cut off comes back as the same page; one whose time is over leaves and asks again.
+Each has its own WebSocket, authenticated by a session cookie. It takes the robot, sends velocities
+20 times, heartbeats 5 times and its network once a second, and reads all messages. A page with a
+data channel sends its velocities there, so this is the most load that a visitor causes. It receives
+no video, and reports a frame as new as the robot's last message. After a lost connection it
+reconnects as the same page; when its time is over, it leaves and requests the robot again.
 
-What they measure is how long poses, states and heartbeats were on their way: the robot's stamp is
-in them, and all processes share one clock.
+They measure the delay of poses, states and heartbeats from the robot's stamp: all processes share
+one clock.
 """
 
 import asyncio
@@ -37,8 +37,8 @@ AGAIN = (0.2, 1.0)  # s until the next attempt, drawn between
 OFF_SECONDS = 0.5  # between leaving and asking again
 
 
-class Said(msgspec.Struct):
-    """All that is read of what a robot says; `seq` stands in states, `n` in heartbeats."""
+class RobotStamp(msgspec.Struct):
+    """The fields that are read of a robot's message; `seq` is in states, `n` in heartbeats."""
 
     stamp: float
     seq: int = 0
@@ -47,7 +47,7 @@ class Said(msgspec.Struct):
 
 @dataclass
 class VisitorMeasurements:
-    """What the visitors of a process have seen: seconds that poses and states took, and counts."""
+    """The measurements of a process's visitors: seconds that poses and states took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
     counts: Counter[str] = field(default_factory=Counter)
@@ -68,13 +68,19 @@ class LightVisitor:
         cookie: str,
         stays: float,
         *,
-        told: VisitorMeasurements,
+        measured: VisitorMeasurements,
         timers: Timers,
         rng: random.Random,
     ) -> None:
-        self._url, self._stays, self._told, self._timers, self._rng = url, stays, told, timers, rng
+        self._url, self._stays, self._measured, self._timers, self._rng = (
+            url,
+            stays,
+            measured,
+            timers,
+            rng,
+        )
         self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
-        self._said = msgspec.json.Decoder(Said)
+        self._decoder = msgspec.json.Decoder(RobotStamp)
         self._socket: ClientConnection | None = None
         self._session: str | None = None
         self._peer: str | None = None
@@ -96,7 +102,7 @@ class LightVisitor:
                 while True:
                     self._hear(await self._socket.recv())
             except (WebSocketException, OSError) as error:
-                self._told.counts[f"closed_{_code_of(error)}"] += 1
+                self._measured.counts[f"closed_{_code_of(error)}"] += 1
             self._socket, self.drives = None, False
             await asyncio.sleep(self._rng.uniform(*AGAIN))
 
@@ -117,30 +123,30 @@ class LightVisitor:
         suffix, _, payload = frame.partition("\n")
         match suffix:
             case "pose" | "state" | "heartbeat":
-                self._robot_said(self._said.decode(payload), now)
+                self._on_robot_message(self._decoder.decode(payload), now)
             case "session/granted":
                 self._granted(msgspec.json.decode(payload, type=protocol.Granted))
             case "session/offered":
                 self._ask()
             case "session/ended" | "session/refused":
-                self._told.counts[suffix] += 1
+                self._measured.counts[suffix] += 1
                 self._over()
             case "denied":
                 self._denied(msgspec.json.decode(payload, type=protocol.Denied))
 
-    def _robot_said(self, said: Said, now: float) -> None:
-        self._told.delays.append(now - said.stamp)
-        self._newest = max(self._newest, said.stamp)
-        if said.n:
-            self._echo = m.Echo(peer="robot", n=said.n, stamp=said.stamp, received=now)
-        if said.seq:
-            self._told.counts["states_missing"] += (
-                max(0, said.seq - self._state - 1) if self._state else 0
+    def _on_robot_message(self, stamp: RobotStamp, now: float) -> None:
+        self._measured.delays.append(now - stamp.stamp)
+        self._newest = max(self._newest, stamp.stamp)
+        if stamp.n:
+            self._echo = m.Echo(peer="robot", n=stamp.n, stamp=stamp.stamp, received=now)
+        if stamp.seq:
+            self._measured.counts["states_missing"] += (
+                max(0, stamp.seq - self._state - 1) if self._state else 0
             )
-            self._state = said.seq
+            self._state = stamp.seq
 
     def _granted(self, granted: protocol.Granted) -> None:
-        self._told.counts["resumed" if granted.resumed else "granted"] += 1
+        self._measured.counts["resumed" if granted.resumed else "granted"] += 1
         if granted.session != self._session:
             self._leaves_at = time.monotonic() + self._stays
             self.sessions.append(granted.session)
@@ -167,7 +173,7 @@ class LightVisitor:
         """Ask again, as a page does that gets no answer, for what the server could not do just
         then.
         """
-        self._told.counts[f"denied_{denied.reason}"] += 1
+        self._measured.counts[f"denied_{denied.reason}"] += 1
         again = {"session/take": self._ask, "session/leave": self.leave}.get(denied.suffix)
         if denied.reason == "unavailable" and again is not None:
             asyncio.get_running_loop().call_later(self._rng.uniform(*AGAIN), again)
@@ -181,7 +187,7 @@ class LightVisitor:
             self.leave()
             return
         self._seq += 1
-        self._told.counts["commands"] += 1
+        self._measured.counts["commands"] += 1
         linear = 0.35 if self._seq % 40 < 20 else 0.2
         self._say(
             "command/velocity",
@@ -234,10 +240,10 @@ def _code_of(error: Exception) -> int | str:
 
 
 class Visitors:
-    """What the benchmark may ask of this process; see worker.py."""
+    """The benchmark's requests to this process; see worker.py."""
 
     def __init__(self) -> None:
-        self._told, self._timers, self._rng = VisitorMeasurements(), Timers(), random.Random(2)
+        self._measured, self._timers, self._rng = VisitorMeasurements(), Timers(), random.Random(2)
         self._visitors: list[LightVisitor] = []
         self._living: set[asyncio.Task[None]] = set()
 
@@ -248,7 +254,7 @@ class Visitors:
         for url, cookie in visitors:
             self._visitors.append(
                 LightVisitor(
-                    url, cookie, stays, told=self._told, timers=self._timers, rng=self._rng
+                    url, cookie, stays, measured=self._measured, timers=self._timers, rng=self._rng
                 )
             )
             self._living.add(asyncio.create_task(self._visitors[-1].live()))
@@ -265,12 +271,12 @@ class Visitors:
 
     def measured(self) -> dict[str, Any]:
         found = {
-            "delays": list(self._told.delays),
-            "counts": dict(self._told.counts),
+            "delays": list(self._measured.delays),
+            "counts": dict(self._measured.counts),
             "late": list(self._timers.late),
         }
-        del self._told.delays[:], self._timers.late[:]
-        self._told.counts.clear()
+        del self._measured.delays[:], self._timers.late[:]
+        self._measured.counts.clear()
         return found
 
 

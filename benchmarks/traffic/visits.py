@@ -166,7 +166,9 @@ def running_agent(broker: Mosquitto, folder: Path, *, trace: bool) -> Iterator[i
             agent.wait()
 
 
-async def visit(ear: Ear, agent: int, given: Any) -> tuple[list[tuple[float, int, int]], int]:
+async def repeat_visits(
+    ear: Ear, agent: int, given: Any
+) -> tuple[list[tuple[float, int, int]], int]:
     """Make the visits, and return how large the agent was after each, and how many had a picture
     and a robot that turned.
     """
@@ -203,7 +205,7 @@ def main() -> int:
         ):
             ear.wait("state", lambda s: s.safety.inhibited == "no_lease", within=60.0)
             before = size_of(agent)
-            sizes, whole = asyncio.run(visit(ear, agent, given))
+            sizes, whole = asyncio.run(repeat_visits(ear, agent, given))
     half = np.array([megabytes for megabytes, *_ in sizes[len(sizes) // 2 :]])
     slope = float(np.polyfit(np.arange(len(half)), half, 1)[0])
     return keep(

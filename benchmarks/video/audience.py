@@ -54,8 +54,8 @@ class Spent:
     packets: float
     fewest: float
     connections: int
-    # ms, of the pictures of the robot's driver, and of the driver of another robot meanwhile, which
-    # nobody watches: what the computer does to both
+    # ms, of the frames of the robot's driver, and at the same time of the driver of another robot
+    # without viewers, for the load of the computer
     delays: tuple[float, ...] = ()
     unwatched: tuple[float, ...] = ()
 

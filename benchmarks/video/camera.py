@@ -1,12 +1,12 @@
-"""What a picture of the simulated camera costs: processor milliseconds a frame, of one thread,
-nothing else in the process.
+"""The cost of the simulated camera: processor milliseconds a frame, in one thread of an otherwise
+idle process.
 
-Four drives, each a sequence of frames of which no two are the same: turning on every start of the
-site, standing while two people walk by, facing the mirror with somebody beside, and driving along
-with a head that tilts. `--frames N` a drive, 60 by default.
+There are four drives, each a sequence of different frames: turning at every start of the site, at
+rest while two people walk by, in front of the mirror with a person beside the robot, and driving
+while the head tilts. `--frames` sets their number for each drive, 60 by default.
 
-On a busy computer the median tells more of the neighbours than of the camera; `at best` is the
-median over the frames of the least of three drawings of each.
+On a busy computer the median measures the other work rather than the camera; `at best` is the
+median over the frames of the fastest of three renderings of each.
 """
 
 import argparse
@@ -34,7 +34,7 @@ FPS = 30.0
 
 
 class Shot(NamedTuple):
-    """Where the robot is, how its head is tilted, and who is there."""
+    """The robot's pose and head tilt, and the people in the scene."""
 
     pose: Pose2D
     tilt: float
@@ -51,21 +51,21 @@ def turning(plan: FloorPlan) -> Iterator[Shot]:
 
 
 def people(plan: FloorPlan) -> Iterator[Shot]:
-    """Stand in the corridor while two walk by."""
+    """Stay at rest in the corridor while two people walk by."""
     start = next(place for place in plan.starts if abs(place.theta) < 0.1)
     number = 0
     while True:
-        way, stride = 3.5 + 2.5 * math.sin(0.02 * number), 0.2 * number
+        ahead, stride = 3.5 + 2.5 * math.sin(0.02 * number), 0.2 * number
         there = (
-            Person(start.x + way, start.y + 0.3, math.pi, stride, 1, 1.0),
-            Person(start.x + 6.0 - way / 2.0, start.y - 0.3, 0.0, stride, 2, 1.0),
+            Person(start.x + ahead, start.y + 0.3, math.pi, stride, 1, 1.0),
+            Person(start.x + 6.0 - ahead / 2.0, start.y - 0.3, 0.0, stride, 2, 1.0),
         )
         yield Shot(Pose2D(start.x, start.y, start.theta), GIRAFF.tilt.home, there)
         number += 1
 
 
 def mirror(plan: FloorPlan) -> Iterator[Shot]:
-    """Go to and fro before the mirror, somebody walking on the spot beside the robot."""
+    """Drive to and fro in front of the mirror, with a person walking on the spot beside it."""
     glass = plan.mirrors[0]
     middle = Pose2D(
         (glass.start[0] + glass.end[0]) / 2.0, (glass.start[1] + glass.end[1]) / 2.0, 0.0
@@ -117,7 +117,7 @@ def measure(
     return first, best
 
 
-def standing(
+def at_rest(
     camera: SceneCamera, doors: dict[str, DoorState], shot: Shot, frames: int
 ) -> list[float]:
     """Return the milliseconds of frames in which nothing moves."""
@@ -150,7 +150,7 @@ def main() -> int:
             p95=None,
         )
     figures += quantiles(
-        "standing", standing(camera, doors, next(turning(plan)), frames), "ms", p50=0.5, p95=None
+        "standing", at_rest(camera, doors, next(turning(plan)), frames), "ms", p50=0.5, p95=None
     )
     turn = next(figure.value for figure in figures if figure.what == "turning, p50")
     figures.append(Figure(f"turning at {FPS:g} frames a second", turn * FPS / 10.0, "% of a core"))

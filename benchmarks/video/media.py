@@ -130,7 +130,7 @@ def cpu_of_tree(pid: int) -> float:
         try:
             fields = stat.read_text().rpartition(")")[2].split()
         except OSError:
-            continue  # it ended meanwhile
+            continue  # the process has ended
         parents[int(stat.parent.name)] = (
             int(fields[1]),
             (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"),

@@ -30,7 +30,7 @@ TURNING = Velocity(linear=0.0, angular=0.5)
 
 
 class RunnableRobot(Protocol):
-    """What a robot process runs."""
+    """The interface of a robot that a process runs."""
 
     def start(self) -> None:
         pass

@@ -103,7 +103,7 @@ def drive(anna: Visitor, site: Site, network: Namespace) -> NarrowDrive:
     page.wait_for_timeout(3000)
     limit(network, RATE)
     narrow, narrowed = page.evaluate("performance.now() / 1000"), time.time()
-    # a page that is held up lets go of a key, and people press again
+    # a page that hangs releases its keys, and people press again
     for _ in range(round(NARROW / 2.5)):
         turn_left(page, 2400)
         page.wait_for_timeout(100)
@@ -129,25 +129,25 @@ def measure() -> NarrowDrive:
         site.start_robot("giraff", "--start", "corridor-centre")
         anna = Visitor(browser, site, "anna", host=HERE).drive()
         anna.wait_for("link", "live")
-        driven = drive(anna, site, network)
+        result = drive(anna, site, network)
         anna.leave()
         anna.close()
         site.stop("giraff")
         site.stop("giraff-simulator")
-        driven.layers = [
+        result.layers = [
             line.split()[0] + " " + line.split()[-1]
             for line in site.log("giraff").splitlines()
             if "picture_quality" in line
         ]
-    return driven
+    return result
 
 
-def figures_of(driven: NarrowDrive) -> list[Figure]:
-    """Return how soon pictures come as fast as they should, and how old they are meanwhile."""
-    narrow, wide, seen = driven.narrow, driven.wide, driven.seen
+def figures_of(result: NarrowDrive) -> list[Figure]:
+    """Return the time until the frame rate recovers, and the age of the frames until then."""
+    narrow, wide, seen = result.narrow, result.wide, result.seen
     old = [
         1000.0 * command["frameAge"]
-        for state in driven.states
+        for state in result.states
         for command in state.get("applied", [])
         if command.get("frameAge") is not None
     ]
@@ -173,8 +173,8 @@ def figures_of(driven: NarrowDrive) -> list[Figure]:
 
 
 def main() -> int:
-    driven = measure()
-    return keep("narrow", figures_of(driven), layers=driven.layers)
+    result = measure()
+    return keep("narrow", figures_of(result), layers=result.layers)
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ Home Assistant's own broker.
     mqtt://user:password@homeassistant.local:1883
 
 Needs paho-mqtt and nothing else of ours: a worked example of a program that uses
-docs/reference/json-api.md. What Home Assistant shows are state, charge, who is there, and three
-buttons: stop, emergency stop, go to the charging station. A button that was pressed while this
-program was away does nothing later: a retained command is not obeyed, and nothing is kept.
+docs/reference/json-api.md. Home Assistant shows the robot's state, charge and visitors, and three
+buttons: stop, emergency stop, go to the charging station. A button that is pressed while this
+program does not run has no effect later: retained commands are ignored, and none is stored.
 """
 
 import argparse
@@ -27,7 +27,7 @@ import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 log = logging.getLogger("home_assistant_bridge")
-SECONDS = 5.0  # between two looks
+SECONDS = 5.0  # between two requests of the state
 TIMEOUT = 5.0
 STALE_SECONDS = 3.0  # a press that waited longer for its turn is forgotten
 ACTIONS = {"stop": "Stop", "estop": "Emergency stop", "dock": "Go to the charging station"}
@@ -61,7 +61,7 @@ PERCENT = "{{ (value_json.charge * 100) | round(0) if value_json.charge is not n
 
 
 def components(name: str, base: str) -> dict[str, Any]:
-    """Return a robot's sensors and buttons as Home Assistant is told of them, by their names."""
+    """Return the descriptions of a robot's sensors and buttons for MQTT discovery, by name."""
     called = name.replace("-", "_")
 
     def part(kind: str, own: str, label: str, **more: Any) -> dict[str, Any]:
@@ -77,8 +77,8 @@ def components(name: str, base: str) -> dict[str, Any]:
         return part("sensor", own, label, value_template=template, **more)
 
     def truth(own: str, label: str, **more: Any) -> dict[str, Any]:
-        said = f"value_json.{own}"
-        template = f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}"
+        value = f"value_json.{own}"
+        template = f"{{{{ none if {value} is none else 'ON' if {value} else 'OFF' }}}}"
         return part("binary_sensor", own, label, value_template=template, **more)
 
     battery = {"device_class": "battery", "unit_of_measurement": "%"}
@@ -99,7 +99,7 @@ def components(name: str, base: str) -> dict[str, Any]:
 
 
 def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
-    """Return what Home Assistant is told of the robot: a device with its sensors and buttons."""
+    """Return the robot's message for MQTT discovery: a device with its sensors and buttons."""
     return {
         "device": {
             "identifiers": [f"telepresence_{robot['name']}"],
@@ -130,7 +130,7 @@ class HomeAssistantBridge:
         if parts.scheme == "mqtts":
             self._client.tls_set()
         self._client.will_set(f"{self.base}/availability", "offline", qos=1, retain=True)
-        self._client.on_connect, self._client.on_message = self._connected, self._heard
+        self._client.on_connect, self._client.on_message = self._connected, self._on_message
         self._client.connect_async(
             parts.hostname or "localhost", parts.port or (8883 if parts.scheme == "mqtts" else 1883)
         )
@@ -175,15 +175,15 @@ class HomeAssistantBridge:
         client.subscribe([(f"{self.base}/command", 1), ("homeassistant/status", 1)])
         self._announce.set()
 
-    def _heard(self, _client: paho.Client, _data: Any, message: paho.MQTTMessage) -> None:
-        said = message.payload.decode("utf-8", "replace")
+    def _on_message(self, _client: paho.Client, _data: Any, message: paho.MQTTMessage) -> None:
+        payload = message.payload.decode("utf-8", "replace")
         if message.topic == "homeassistant/status":
-            self._announce.set()  # it has started anew, and knows nothing of us
-        elif said in ACTIONS and not message.retain:
+            self._announce.set()  # Home Assistant has restarted and lost the discovery
+        elif payload in ACTIONS and not message.retain:
             try:
-                self._presses.put_nowait((said, time.monotonic()))
+                self._presses.put_nowait((payload, time.monotonic()))
             except queue.Full:
-                log.warning("press_dropped action=%s", said)
+                log.warning("press_dropped action=%s", payload)
 
     def _carry_out(self) -> None:
         while True:

@@ -90,7 +90,7 @@ def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | Non
 
 
 def _speeding(dataset: Dataset) -> Iterator[Flag]:
-    asked = {step.key: step.questionnaire for step in dataset.study.asking}
+    asked = {step.key: step.questionnaire for step in dataset.study.questionnaire_steps}
     pages = [one for one in dataset.pages if one.finished and one.step in asked]
     times: dict[str, list[float]] = {}
     for page in pages:

@@ -24,7 +24,7 @@ from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
 from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
 from experiments.analysis.documents.typesetting import Run
 from experiments.analysis.documents.word import table_document, text_document
-from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
+from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, label_figure
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
@@ -111,11 +111,11 @@ def report(
     tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
     marked = partial(hypotheses.marked_figure, study, is_sensitivity=is_sensitivity)
     who = dataset.participants
-    notes = (people.note_of(who), hypotheses.SENSITIVITY if is_sensitivity else "")
+    notes = (people.kinds_note(who), hypotheses.SENSITIVITY if is_sensitivity else "")
     return Report(
         name=EVERY if is_sensitivity else COUNTING,
-        tables=(*(people.of_whom(one, who) for one in tables), software_table()),
-        figures=tuple(drawn_of_whom(marked(one), who) for one in _figures(dataset, measured)),
+        tables=(*(people.label_kinds(one, who) for one in tables), software_table()),
+        figures=tuple(label_figure(marked(one), who) for one in _figures(dataset, measured)),
         measured=tuple(measured),
         others=tuple(others),
         problems=problems,

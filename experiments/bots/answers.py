@@ -1,4 +1,4 @@
-"""How a bot fills in a form: each control of its page as HTML has it, and the controls of some
+"""A bot's answers to a form: each control of its page as HTML has it, and the controls of some
 types of questions together.
 """
 

@@ -19,7 +19,7 @@ class Leg:
     cues: list[str] = field(default_factory=list)
     circumstances: dict[str, str] = field(default_factory=dict)
     session: str = ""
-    no_way: str = ""
+    no_route: str = ""
     refused: dict[str, int] = field(default_factory=dict)
     pictures: int = 0
     round_trip: float | None = None

@@ -97,14 +97,14 @@ class BotDrive:
             if await self._wait_for_turn():
                 driver.fastest = self._fastest()
                 await self._drive(driver)
-                leg.closed, leg.no_way = tuple(sorted(driver.closed)), driver.no_way
+                leg.closed, leg.no_route = tuple(sorted(driver.closed)), driver.no_route
         except (WebSocketException, OSError, BrowserError) as error:
             leg.reason = f"connection: {error}"
         finally:
             with contextlib.suppress(WebSocketException, OSError):
                 await self.cockpit.close()
         view, leg.circumstances = self.view, self._circumstances()
-        leg.session, leg.seconds = view.session or "", self._seconds_driven()
+        leg.session, leg.seconds = view.session or "", self._driving_seconds()
         leg.passed, leg.doors = tuple(view.task.passed), tuple(view.task.doors)
         leg.outcome = view.task.outcome or (view.ended.outcome if view.ended is not None else "")
         leg.reason = leg.reason or (view.ended.reason if view.ended is not None else "")
@@ -229,17 +229,17 @@ class BotDrive:
         """
         state = self.view.state
         is_stopped = state is not None and state.safety.inhibited == "stopped"
-        is_idle = self.ending == Ending.LETS_TIME_RUN_OUT and self._seconds_driven() > DRIVES
+        is_idle = self.ending == Ending.LETS_TIME_RUN_OUT and self._driving_seconds() > DRIVES
         return STAND if self._is_driven or is_stopped or is_idle else speed
 
-    def _seconds_driven(self) -> float:
+    def _driving_seconds(self) -> float:
         return self.clock() - self._began if self._began is not None else 0.0
 
     # --- endings ----------------------------------------------------------------------------------
 
     async def _act_out_ending(self) -> bool:
         """Do what the ending demands once it is due; True when the session is over for the bot."""
-        if self._is_practice and self._seconds_driven() > PRACTISES:
+        if self._is_practice and self._driving_seconds() > PRACTISES:
             await self._leave()
             return True
         checkpoints = len(self.study.get("checkpoints", ()))

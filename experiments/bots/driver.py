@@ -58,7 +58,7 @@ BACKING = SpeedSetting(-0.22, 0.0)
 
 @dataclass(frozen=True)
 class Guide:
-    """What the page says of the task: the docked pose, checkpoints by number, and the number of the
+    """The task as shown on the page: the docked pose, checkpoints by number, and the number of the
     one with a photo.
     """
 
@@ -83,8 +83,8 @@ class Guide:
 
 @dataclass(frozen=True)
 class Intent:
-    """What the bot does now: a speed, and perhaps a photo (`take`), or an answer about it (`keep`,
-    `again`, `skip`).
+    """The bot's present action: a speed, and perhaps a photo (`take`), or an answer about it
+    (`keep`, `again`, `skip`).
     """
 
     speed: SpeedSetting = STAND
@@ -105,7 +105,7 @@ class Driver:
     practises: bool = False
     docks_early: bool = False  # drives into the station again before anything else
     closed: set[str] = field(default_factory=set)  # doors, by name
-    no_way: str = ""
+    no_route: str = ""
     _grid: RouteGrid | None = None
     _route: list[Point] = field(default_factory=list)
     _goal: Point | None = None
@@ -163,9 +163,9 @@ class Driver:
             self._grid, self._goal = RouteGrid(self.plan, self.closed), None
         if goal != self._goal or now - self._planned_at > REPLAN_SECONDS:
             try:
-                self._route, self.no_way = self._grid.route(here, goal), ""
+                self._route, self.no_route = self._grid.route(here, goal), ""
             except NoRouteError as error:
-                self._route, self.no_way = [], str(error)
+                self._route, self.no_route = [], str(error)
                 self.closed.clear()  # at least one of them must be open, or have been opened
             self._goal, self._planned_at = goal, now
         if not self._route:

@@ -1,4 +1,4 @@
-"""How a bot's participation may end: as intended, and as people leave."""
+"""Endings of a bot's participation: as intended, and as people leave."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Ending(StrEnum):
-    """What a bot does on its own; everything else it does as asked."""
+    """What a bot does deliberately; otherwise it follows its instructions."""
 
     COMPLETES = "completes"
     REFUSES = "refuses_consent"

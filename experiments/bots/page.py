@@ -29,8 +29,9 @@ class FormChoice:
 
 @dataclass
 class FormField:
-    """What takes one answer. `kind` is the type of its input, or `textarea`, `select`; `attributes`
-    are those of its first control. In a questionnaire it is part of a `question` of a type.
+    """A control for one answer. `kind` is the type of its input, or `textarea`, `select`;
+    `attributes` are those of its first control. In a questionnaire it is part of a `question` of a
+    type.
     """
 
     name: str
@@ -45,7 +46,7 @@ class FormField:
 
 @dataclass(frozen=True)
 class Button:
-    """What sends a form; `action` is its own address, empty for that of the form."""
+    """A button that sends a form; `action` is its own address, empty for that of the form."""
 
     is_primary: bool = False
     name: str = ""

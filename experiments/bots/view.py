@@ -1,4 +1,4 @@
-"""What a bot that drives knows: what the server and the robot have sent to its page."""
+"""A driving bot's knowledge: the messages of the server and the robot to its page."""
 
 import cmath
 import contextlib
@@ -117,7 +117,7 @@ class View:
 
     @property
     def image_age(self) -> float | None:
-        """How old an image gets until the next one arrives, in seconds; None before the second."""
+        """The age of an image when the next one arrives, in seconds; None before the second."""
         return statistics.median(self.ages) if self.ages else None
 
     def points(self) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""What forms of the study builder offer: sites, robots, questionnaires, parts of the study."""
+"""Choices in forms of the study builder: sites, robots, questionnaires, parts of the study."""
 
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -80,7 +80,9 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 
 
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
-    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
+    about_person = {
+        step.questionnaire for step in study.questionnaire_steps if step.is_about_person
+    }
     named = {AGE: _("Age")}
     for one in (one for one in resources.usable() if one.slug in about_person):
         items = (item for item in one.questions() if not item.item.is_free_text)

@@ -43,7 +43,7 @@ class StudyDesign(DocumentPart, frozen=True, kw_only=True):
 
 
 def design_of(whole: Document) -> Document:
-    fields, first = shared_fields(whole), next(iter(whole["conditions"]), {})
+    fields, first = shared_fields(whole), next(iter(whole["conditions"]), dict[str, Any]())
     shared = {key: value for key, value in first.items() if key in fields}
     allocation = whole.get("allocation", {})
     return {"factors": whole["factors"], "shared": shared, "allocation": allocation}

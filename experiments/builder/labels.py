@@ -1,5 +1,7 @@
 """The words of the study builder: labels and hints of fields, and what can be chosen."""
 
+from typing import TypeAlias
+
 from django.utils.functional import Promise
 from django.utils.text import capfirst
 from django.utils.translation import gettext_lazy as _
@@ -17,7 +19,7 @@ from surveys.document_forms.guide import FormGuide
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
 from surveys.editor.labels import LABELS as SURVEY_LABELS
 
-Words = str | Promise
+Words: TypeAlias = str | Promise
 # Settings without a button for a new factor.
 RARE_FACTORS = frozenset({"video_jitter", "control_jitter", "control_way", "angular"})
 SETTINGS = {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()}

@@ -135,7 +135,9 @@ def renumber(course: Document) -> Document:
 
 @dataclass(frozen=True)
 class AtHand:
-    """What conditions can use here: the sites' plans by map id, and the series of the robots."""
+    """Resources that conditions can use on this server: the sites' plans by map id, and the series
+    of the robots.
+    """
 
     sites: Mapping[str, FloorPlan]
     robots: Sequence[str]

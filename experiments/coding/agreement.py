@@ -1,8 +1,6 @@
-"""How well coders agree.
-
-By time, the units are bins of one declared width, coders the judges, and each code is a variable
-with two values: an interval counts in the bins whose middle it covers, a point in its own bin. For
-all codes together, the value of a bin is the set of codes in it.
+"""Agreement of coders. By time, the units are bins of one declared width, coders the judges, and
+each code is a variable with two values: an interval counts in the bins whose middle it covers, a
+point in its own bin. For all codes together, the value of a bin is the set of codes in it.
 
 - Cohen's kappa (Cohen, 1960, "A coefficient of agreement for nominal scales", Educational and
   Psychological Measurement 20, 37-46): (p_o - p_e) / (1 - p_e).

@@ -25,7 +25,7 @@ PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 
 @dataclass(frozen=True)
 class CountingPlan:
-    """What decides whether a drive counts, besides the drive itself: `kinds` are chosen, the data
+    """The conditions, besides the drive itself, for a drive to count: `kinds` are chosen, the data
     of `withdrawn` participants may not be used, and a rule of the plan excludes those in
     `excluded`. With `with_excluded`, excluded drives count as well, as in a sensitivity analysis.
     """
@@ -192,8 +192,10 @@ def _answers(
     """
     ids = {one.id for one in sessions}
     drivers = {one.participant for one in sessions}
-    about_person = {one.questionnaire for one in dataset.study.asking if one.is_about_person}
-    repeated = {one.questionnaire for one in dataset.study.asking if one.repeat}
+    about_person = {
+        one.questionnaire for one in dataset.study.questionnaire_steps if one.is_about_person
+    }
+    repeated = {one.questionnaire for one in dataset.study.questionnaire_steps if one.repeat}
     is_within = dataset.study.allocation.design == "within"
     for one in dataset.responses:
         if one.participant not in people:

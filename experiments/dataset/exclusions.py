@@ -1,5 +1,5 @@
-"""Who is excluded from the analysis, by which rule: those of the plan, the platform's faults, and
-what a researcher decided by hand.
+"""Exclusions from the analysis, with the rule of each: those of the plan, the platform's faults,
+and what a researcher decided by hand.
 
 The rules of the plan exclude participants, with all that they did. A drive that the platform ended
 is excluded by itself, always, with or without a plan. The time that a questionnaire took is that of
@@ -84,7 +84,11 @@ def as_answer(value: object) -> str:
 
 def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     """Yield the finished pages that were too fast, except those about uncounted drives."""
-    steps = {one.key for one in dataset.study.asking if one.questionnaire == rule.questionnaire}
+    steps = {
+        one.key
+        for one in dataset.study.questionnaire_steps
+        if one.questionnaire == rule.questionnaire
+    }
     other = {one.id for one in dataset.others}
     finished = (one for one in dataset.pages if one.finished and one.step in steps)
     pages = [one for one in finished if one.session not in other]
@@ -123,7 +127,7 @@ def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
 
 def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:
     finished = [one for one in dataset.responses if one.finished and one.participant == who]
-    for step in dataset.study.asking:
+    for step in dataset.study.questionnaire_steps:
         answers = (one for one in finished if one.questionnaire == step.questionnaire)
         if not any(not step.repeat or one.session in sessions for one in answers):
             yield f"no answers to {step.questionnaire} ({condition})"

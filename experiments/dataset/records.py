@@ -380,7 +380,7 @@ class Dataset:
     @property
     def registration(self) -> str:
         """The questionnaire about the person; empty when the study has none."""
-        about_person = (step for step in self.study.asking if step.is_about_person)
+        about_person = (step for step in self.study.questionnaire_steps if step.is_about_person)
         return next((step.questionnaire for step in about_person), "")
 
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:

@@ -51,7 +51,7 @@ HALF_TURN = {"least": -math.pi, "greatest": math.pi}
 
 
 class StoredPart(msgspec.Struct, gc=False, rename="camel"):
-    """What the columns need of a part of robots.api.messages.State."""
+    """The fields of a part of robots.api.messages.State that columns need."""
 
 
 class StoredPose(StoredPart):
@@ -123,7 +123,7 @@ class StoredState(StoredPart):
 
 
 class StoredSample(StoredPart):
-    """What the columns need of sessions.protocol.PageNetwork."""
+    """The fields of sessions.protocol.PageNetwork that columns need."""
 
     round_trip: Annotated[Known, amount("round trip on the path of the commands", "s")] = None
     loss: Annotated[

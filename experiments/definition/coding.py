@@ -1,4 +1,6 @@
-"""What coders note on replays: point events, and state events with an end, in s since the grant."""
+"""Codes that coders assign on replays: point events, and state events with an end, in s since the
+grant.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
@@ -16,7 +18,7 @@ FORBIDDEN_IN_MODIFIERS = frozenset("(|),`~")
 
 
 class Modifier(DocumentPart, frozen=True):
-    """What a coder can add to an event: one of `values`."""
+    """A property that a coder can add to an event: one of `values`."""
 
     name: str
     values: tuple[str, ...]

@@ -55,9 +55,9 @@ def _lab(impairment: Impairment | None, seed: int) -> NetworkLab | None:
 
 @dataclass
 class Applied:
-    """What was in force in a session, by the states of the robot and the server's record. Speeds
-    are maxima in m/s and rad/s; `impaired` has every pair of networks that the robot reported while
-    it was driven, `control_network` and `video_network` its last reports.
+    """The settings in force in a session, by the states of the robot and the server's record.
+    Speeds are maxima in m/s and rad/s; `impaired` has every pair of networks that the robot
+    reported while it was driven, `control_network` and `video_network` its last reports.
     """
 
     robot: str

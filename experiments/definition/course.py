@@ -126,9 +126,9 @@ def _side(start: Point, end: Point, point: Point) -> float:
 
 @dataclass(frozen=True)
 class CourseTrack:
-    """What the task engine needs. `stops` are checkpoints 1, 2 …; `limit` and `last` (the
-    announced remainder) in s. `docked` is None in drives from before there was a rule: there, one
-    state in the station counts as docked.
+    """The course as the task engine needs it. `stops` are checkpoints 1, 2 …; `limit` and `last`
+    (the announced remainder) in s. `docked` is None in drives from before there was a rule: there,
+    one state in the station counts as docked.
     """
 
     dock: Pose2D

@@ -22,8 +22,9 @@ class TitledPart(DocumentPart, frozen=True, kw_only=True):
 
 
 class LevelSettings(DocumentPart, frozen=True, kw_only=True):
-    """What a level sets in each condition that has it; None leaves a setting to the condition.
-    Delays and jitters in s, losses as shares of the packets, speed limits in m/s and rad/s.
+    """The settings of a level, for each condition that has it; None leaves a setting to the
+    condition. Delays and jitters in s, losses as shares of the packets, speed limits in m/s and
+    rad/s.
     """
 
     video_delay: Delay | None = None

@@ -53,8 +53,8 @@ CELLS = 2.0  # the distance of free floor from the point before a station
 
 @dataclass(frozen=True)
 class RobotFacts:
-    """What a series of robots can do: its speed limits in m/s and rad/s, and how old commands and
-    the frames they are based on may be, in s.
+    """The abilities of a series of robots: its speed limits in m/s and rad/s, and how old commands
+    and the frames they are based on may be, in s.
     """
 
     capabilities: frozenset[str]
@@ -66,7 +66,7 @@ class RobotFacts:
 
 @dataclass(frozen=True)
 class Known:
-    """What a server has; `questionnaires` are name and version of those that can be asked."""
+    """A server's resources; `questionnaires` are name and version of those that can be asked."""
 
     sites: Mapping[str, FloorPlan]
     robots: Mapping[str, RobotFacts]

@@ -107,7 +107,7 @@ def _of_families(plan: StudyPlan) -> Iterator[Problem]:
 
 
 def _of_rule(rule: AttentionCheck | Speeder, study: StudyDefinition) -> Iterator[Problem]:
-    if rule.questionnaire not in {step.questionnaire for step in study.asking}:
+    if rule.questionnaire not in {step.questionnaire for step in study.questionnaire_steps}:
         words = _(
             "a rule of exclusion names the questionnaire %(name)s, which the study does not ask."
         )

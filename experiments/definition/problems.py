@@ -50,7 +50,10 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
         is_debriefed = study.tells_of_operator
         yield from wizards.problems(study.wizard, keys, study.languages, is_debriefed=is_debriefed)
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
-    place, asked = ProblemPlace("recruitment"), {step.questionnaire for step in study.asking}
+    place, asked = (
+        ProblemPlace("recruitment"),
+        {step.questionnaire for step in study.questionnaire_steps},
+    )
     if study.recruiting is not None:
         yield from within(recruiting_problems(study.recruiting), place)
     yield from within(screening_problems(study.screening, study.answer_quotas, asked), place)
@@ -234,7 +237,7 @@ def _of_rules(study: StudyDefinition) -> Iterator[Problem]:
             "(completed, timed out)."
         )
         yield Problem(words)
-    if study.analysis.statements not in {step.questionnaire for step in study.asking}:
+    if study.analysis.statements not in {step.questionnaire for step in study.questionnaire_steps}:
         words = _(
             "“Questionnaire in the tables” is %(name)s, which this study does not ask. Choose one "
             "of its questionnaires."
@@ -246,7 +249,7 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
     if not one.measures:
         yield Problem(_("it measures nothing; add at least one measure."))
     yield from duplicates(_("Measure"), one.measures)
-    asked = {step.questionnaire for step in study.asking}
+    asked = {step.questionnaire for step in study.questionnaire_steps}
     for measure in one.measures:
         questionnaire, point, _rest = measure.partition(".")
         if point and questionnaire not in asked:
@@ -273,7 +276,7 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
 def _is_asked_once(questionnaire: str, study: StudyDefinition) -> bool:
     """Tell whether a participant answers a questionnaire once for all conditions."""
     is_apart = any(factor.design == "between" for factor in study.factors)
-    steps = [step for step in study.asking if step.questionnaire == questionnaire]
+    steps = [step for step in study.questionnaire_steps if step.questionnaire == questionnaire]
     is_repeated = any(step.repeat for step in steps)
     return not is_repeated and not is_apart and participants_do_several(study)
 
@@ -290,7 +293,9 @@ def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem
     if one.contrasts or one.post_hoc:
         yield Problem(_("a model has effects, and neither contrasts nor post-hoc tests."))
     yield from duplicates(_("Covariate"), one.covariates)
-    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
+    about_person = {
+        step.questionnaire for step in study.questionnaire_steps if step.is_about_person
+    }
     for covariate in one.covariates:
         questionnaire, point, _rest = covariate.partition(".")
         if covariate != AGE and not (point and questionnaire in about_person):

@@ -130,9 +130,9 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
 
 
 class Condition(TitledPart, frozen=True, kw_only=True):
-    """What a participant drives with, and cannot change. `levels` are its cell: its level of each
-    factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
-    driver is there; None or 0: never.
+    """The robot, settings and limits with which a participant drives. `levels` are its cell: its
+    level of each factor. `robot` is a series. After `idle_seconds` without input the page asks
+    whether the driver is there; None or 0: never.
     """
 
     levels: Levels = {}
@@ -161,12 +161,11 @@ class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
 
 
 class Allocation(DocumentPart, frozen=True, kw_only=True):
-    """How conditions are assigned.
-
-    Within participants, each does all conditions with their access (in a mixed design, all of one
-    cell of the between factors) in an order; a cell is then an order, else a condition. `quota` is
-    the number of participants per cell; None: no limit. A participant with conditions left who is
-    not seen for `left_after_hours` dropped out: another participant gets the order.
+    """The assignment of conditions. Within participants, each does all conditions with their access
+    (in a mixed design, all of one cell of the between factors) in an order; a cell is then an
+    order, else a condition. `quota` is the number of participants per cell; None: no limit. A
+    participant with conditions left who is not seen for `left_after_hours` dropped out: another
+    participant gets the order.
 
     A participant gets the cell with the fewest participants with `best_probability`, else any other
     one. With `balance`, only alike participants are counted: alike in all factors (`strata`), or in
@@ -213,9 +212,9 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """What counts in results. `drives`: which drives of one participant in one condition; `all` are
-    averaged. `counts`: which response of one participant, among those about drives that count.
-    `statements` is the questionnaire of the tables of statements.
+    """The data that counts in results. `drives`: which drives of one participant in one condition;
+    `all` are averaged. `counts`: which response of one participant, among those about drives that
+    count. `statements` is the questionnaire of the tables of statements.
     """
 
     drives: Literal["first", "last", "all"] = "all"
@@ -278,7 +277,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return next((step for step in self.steps if isinstance(step, Consent)), None)
 
     @property
-    def tells_condition(self) -> bool:
+    def has_condition_specific_pages(self) -> bool:
         """Whether participants read something that depends on their condition."""
         return any(step.named_conditions for step in self.steps)
 
@@ -288,7 +287,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         places = {(one.access, one.robot, one.site) for one in self.conditions}
         parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
         looks = set(map(parts, self.conditions))
-        return self.tells_condition or len(looks) > len(places)
+        return self.has_condition_specific_pages or len(looks) > len(places)
 
     @property
     def tells_of_operator(self) -> bool:
@@ -314,7 +313,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return frozenset(step.key for step in self.drives if step.is_practice)
 
     @property
-    def asking(self) -> tuple[AskingStep, ...]:
+    def questionnaire_steps(self) -> tuple[AskingStep, ...]:
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
 
     def step(self, key: str) -> AnyStep | None:

@@ -1,6 +1,6 @@
-"""What a robot's safety limits do to a drive under the network of a condition: from half of the
-accepted age of commands and frames on, the robot slows down (robots/api/age_limits.py), so that a
-study of delay would measure these limits as well.
+"""The effect of a robot's safety limits under the network of a condition: from half of the accepted
+age of commands and frames on, the robot slows down (robots/api/age_limits.py), so that a study of
+delay would measure these limits as well.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How well the participants of a public dataset are hidden among each other.
+"""The anonymity of participants in a public dataset.
 
 k-anonymity (Sweeney, "k-anonymity: a model for protecting privacy", 2002): each participant shares
 what an acquaintance may know of them with at least k − 1 others in the dataset.
@@ -30,7 +30,7 @@ def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
     """Return what may be known of each participant: the range of their age, and what they chose
     from lists in questions about the person, by column.
     """
-    steps = [step for step in dataset.study.asking if step.is_about_person]
+    steps = [step for step in dataset.study.questionnaire_steps if step.is_about_person]
     choices = {
         (one.slug, one.version): [q.key for q in one.questions() if q.labelled_values]
         for one in dataset.questionnaires

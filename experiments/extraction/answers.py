@@ -23,7 +23,7 @@ def responses_of(
 ) -> Iterator[ResponseRecord]:
     """Yield a study's responses by participant; `sessions` has the code of each round's drive."""
     people = list(people_of(study, choice).exclude(status=Participant.Status.WITHDRAWN))
-    asking = study.as_definition().asking
+    asking = study.as_definition().questionnaire_steps
     about_drive = {step.key: not step.is_about_person for step in asking}
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
@@ -89,7 +89,9 @@ def _stated(
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
     """Return every finished version of a study's questionnaires, by name and version."""
     definition = study.as_definition()
-    slugs = {step.questionnaire for step in definition.asking} | {definition.analysis.statements}
+    slugs = {step.questionnaire for step in definition.questionnaire_steps} | {
+        definition.analysis.statements
+    }
     rows = QuestionnaireRow.objects.filter(slug__in=sorted(slugs))
     finished = [row.as_definition() for row in rows if not questionnaires.problems_of(row)]
     return tuple(sorted(finished, key=lambda one: f"{one.slug}-{one.version}.json"))

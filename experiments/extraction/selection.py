@@ -1,4 +1,6 @@
-"""The choice of a dataset's contents; allow_list.py has what is pseudonymous of each event."""
+"""The choice of a dataset's contents; allow_list.py lists the pseudonymous parts of each
+event.
+"""
 
 from dataclasses import dataclass
 
@@ -9,7 +11,7 @@ SOURCES = tuple(levels.SOURCES)
 
 @dataclass(frozen=True)
 class Selection:
-    """What a dataset has besides numbers and words from lists.
+    """The parts of a dataset besides numbers and words from lists.
 
     An `identified` dataset has everything, with the names of participants; `sources` are those of
     the events, `formats` the names of the requested formats (experiments/export/formats/).

@@ -1,4 +1,4 @@
-"""How a participation ended, and the code that a participant takes to the recruitment site.
+"""The end of a participation, and the code that a participant takes to the recruitment site.
 
 A recruitment site knows one code per ending, the same for all participants and versions of the
 study, so researchers see the codes beforehand. Participants who are screened out get a code only

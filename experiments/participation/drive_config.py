@@ -18,7 +18,14 @@ from experiments.definition.step import AskingStep, DriveStep, Step
 from robots.api.floorplan import FloorPlan
 from surveys.documents import spoken
 
-NO_COURSE = {"checkpoints": [], "dock": None, "path": [], "doors": [], "zones": [], "photo": None}
+NO_COURSE: dict[str, Any] = {
+    "checkpoints": [],
+    "dock": None,
+    "path": [],
+    "doors": [],
+    "zones": [],
+    "photo": None,
+}
 
 
 def guide(

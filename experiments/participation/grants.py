@@ -305,20 +305,15 @@ def balance_levels(participant: Participant) -> dict[str, str]:
 
 
 def _begin(drive: PendingDrive, condition: Condition, session: Session, now: datetime) -> Terms:
+    """Store the drive of a session that has just got the robot; return its terms. Of two processes
+    that do so, the later one returns the stored terms.
+
+    Raises:
+        NotGranted: the site has no course for the study, or the participant has withdrawn.
+    """
     participant, definition, seed = drive.participant, drive.definition, secrets.randbits(31)
     terms = terms_of(drive, condition, session.robot, seed)
-    assigned = {
-        "condition": as_stored(condition),
-        "terms": msgspec.to_builtins(terms),
-        "track": None,
-        "start": as_stored(definition.start),
-    }
-    if not drive.step.is_practice:
-        try:
-            assigned["track"] = _track(definition, condition, session.robot)
-        except CourseError as error:
-            log.error("study_without_course", study=definition.slug, reason=str(error))
-            raise NotGranted("not_allowed") from error
+    assigned = _assigned(drive, condition, session.robot, terms)
     before = Drive.objects.filter(participant=participant, step=participant.step).count()
     factsheet = session.robot.presence.factsheet or {}
     try:
@@ -343,6 +338,25 @@ def _begin(drive: PendingDrive, condition: Condition, session: Session, now: dat
     about = {"person": participant.user_id, "robot": session.robot, "study": definition.slug}
     audit.note("robot_granted", thing=session, detail=condition.key, at=now, **about)
     return terms
+
+
+def _assigned(
+    drive: PendingDrive, condition: Condition, robot: Robot, terms: Terms
+) -> dict[str, Any]:
+    """Return `Drive.assigned`; raises NotGranted when the robot's site has no course."""
+    definition, track = drive.definition, None
+    if not drive.step.is_practice:
+        try:
+            track = _track(definition, condition, robot)
+        except CourseError as error:
+            log.error("study_without_course", study=definition.slug, reason=str(error))
+            raise NotGranted("not_allowed") from error
+    return {
+        "condition": as_stored(condition),
+        "terms": msgspec.to_builtins(terms),
+        "track": track,
+        "start": as_stored(definition.start),
+    }
 
 
 def _track(study: StudyDefinition, condition: Condition, robot: Robot) -> dict[str, Any]:

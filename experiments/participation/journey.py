@@ -27,7 +27,7 @@ class NoPlaceError(ValueError):
 
 @dataclass(frozen=True)
 class JourneyPlace:
-    """Where a participant is; `visit` counts from 1, `round` from 0."""
+    """A participant's place in a study; `visit` counts from 1, `round` from 0."""
 
     visit: int
     round: int

@@ -62,7 +62,11 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
         recognition.note_submission(own, given)
     device = device_of({name.lower(): value for name, value in request.headers.items()}, "")
     has_device = screening.has_device(study.as_definition(), device)
-    about = {"known": known, "has_device": has_device, "is_recruited": bool(came.identifier)}
+    about: dict[str, Any] = {
+        "known": known,
+        "has_device": has_device,
+        "is_recruited": bool(came.identifier),
+    }
     language = get_language() or ""
     page = landing.landing(study, request.user, own, language=language, now=now, **about)
     if request.method == "POST":

@@ -81,17 +81,17 @@ def book(
     if slot is None:
         return None
     overlapping = Appointment.objects.filter(starts_at__lt=slot.ends_at, ends_at__gt=slot.starts_at)
-    of_visit = {"participant": participant, "visit": participant.visit}
+    owner = {"participant": participant, "visit": participant.visit}
     for robot in robots:
         if overlapping.filter(robot=robot).exists():
             continue
         key = f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}"
         try:
             with transaction.atomic():
-                made = Appointment.objects.create(robot=robot, slot=key, **of_visit, **asdict(slot))
+                made = Appointment.objects.create(robot=robot, slot=key, **owner, **asdict(slot))
         except IntegrityError:  # another participant has just taken it
             continue
-        Appointment.objects.filter(**of_visit).exclude(pk=made.pk).delete()
+        Appointment.objects.filter(**owner).exclude(pk=made.pk).delete()
         return made
     return None
 

@@ -138,9 +138,9 @@ class DriveRecord:
 
 @dataclass(frozen=True)
 class Findings:
-    """What the database has: drives by session, columns without a value, the names of tables and
-    figures that were drawn, and why others were not. `discrepancies` are sentences on drives whose
-    stored records give another result than the stored one.
+    """The records of a rehearsal: drives by session, columns without a value, the names of tables
+    and figures that were drawn, and why others were not. `discrepancies` are sentences on drives
+    whose stored records give another result than the stored one.
     """
 
     records: Mapping[str, DriveRecord] = field(default_factory=dict)
@@ -185,8 +185,8 @@ def _condition(
     study: StudyDefinition, condition: Condition, diaries: Sequence[Diary], found: Findings
 ) -> ConditionReport:
     legs = [leg for diary in diaries for leg in diary.legs if leg.session in found.records]
-    driven = [(leg, found.records[leg.session]) for leg in legs]
-    own = [one for one in driven if one[1].condition == condition.key and not one[1].practice]
+    drives = [(leg, found.records[leg.session]) for leg in legs]
+    own = [one for one in drives if one[1].condition == condition.key and not one[1].practice]
     outcomes = Counter(record.outcome or leg.outcome or "none" for leg, record in own)
     seconds = [
         leg.seconds if record.seconds is None else record.seconds

@@ -9,7 +9,7 @@ from django.urls import reverse
 
 from experiments.dataset.levels import Kind
 from experiments.dataset.records import COUNTING, EVERY
-from experiments.models import ParticipantKind, Study
+from experiments.models import Study
 from experiments.research.study_access import version_of
 
 
@@ -33,7 +33,7 @@ class AnalysisQuery:
     @property
     def counts(self) -> bool:
         """Whether it selects what the study's results are made of: participants alone."""
-        return self.kinds == (ParticipantKind.PARTICIPANT.value,)
+        return self.kinds == ("participant",)
 
 
 def asked_of(request: HttpRequest, slug: str) -> AnalysisQuery:

@@ -1,4 +1,4 @@
-"""How coders agree, as rows of texts for a page."""
+"""The agreement of coders, as rows of texts for a page."""
 
 from typing import Any
 

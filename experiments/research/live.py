@@ -248,7 +248,7 @@ def _wizard(session: Session, now: datetime.datetime) -> dict[str, Any]:
     rows = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
     newest = rows.order_by("-stamp").values_list("type", "stamp", "data")
     presence = newest.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
-    _type, stamp, step = newest.filter(type=wizards.STEP).first() or ("", None, {})
+    _type, stamp, step = newest.filter(type=wizards.STEP).first() or ("", None, dict[str, Any]())
     lost = presence is not None and presence[0] == wizards.LOST
     return {
         "status": "there" if wizards.operator_of(session) else "lost" if lost else "absent",
@@ -275,7 +275,7 @@ def _task(
     rows = TaskEvent.objects.filter(drive=drive).order_by("number")
     events = list(rows.values_list("type", "stamp", "data"))
     started = next((stamp for kind, stamp, _ in events if kind == "task_started"), None)
-    cue = next((data for kind, _, data in reversed(events) if kind == "cue"), {})
+    cue = next((data for kind, _, data in reversed(events) if kind == "cue"), dict[str, Any]())
     left = None if started is None else 60.0 * task.minutes - (now.timestamp() - started)
     condition = definition.condition(drive.condition)
     course = definition.course_of(condition) if condition is not None else None

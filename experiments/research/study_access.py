@@ -1,4 +1,4 @@
-"""What pages of a study share: the study of a request, who may open it, and a note of changes.
+"""Shared by the pages of a study: the study of a request, who may open it, and a note of changes.
 
 Studies of others are not forbidden but absent.
 """

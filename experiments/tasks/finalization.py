@@ -5,7 +5,7 @@ outcome are written again, what was in force is compared with what was assigned,
 participant's place in the cell is filled, freed or given to another. A late record opens the
 session's record again; then all of this is repeated.
 
-The session manager does it beside its other work, a little in each tick (`Settler`), so that no
+The session manager does it beside its other work, a little in each tick (`Finalizer`), so that no
 lease waits for a long record.
 """
 
@@ -48,7 +48,7 @@ def settle(drive: Drive, now: datetime) -> None:
         pass
 
 
-class Settler:
+class Finalizer:
     def __init__(self) -> None:
         self._work: Iterator[None] | None = None
         self._refused: set[object] = set()
@@ -76,13 +76,14 @@ class Settler:
             log.exception("drive_not_finalized", session=drive.session_id)
 
 
-def note_end(drive: Drive) -> None:
+def record_end(drive: Drive) -> None:
     """Store how a session has ended, until its whole record is settled."""
     session, at_end = drive.session, ended(drive.session)
     outcome = str(drive.shown.get("outcome") or "")
     if not outcome:
-        has_task = at_end is not None and track_of(drive) is not None
-        outcome = at_end.outcome if has_task else session.outcome
+        outcome = session.outcome
+        if at_end is not None and track_of(drive) is not None:
+            outcome = at_end.outcome
     moved = session.first_motion_at is not None
     Drive.objects.filter(pk=drive.pk, settled_at=None).update(outcome=outcome, moved=moved)
 

@@ -1,4 +1,4 @@
-"""What was in force in a drive, from its stored record, to be compared with what was assigned
+"""The settings in force in a drive, from its stored record, to compare with those assigned
 (experiments/definition/conditions.py).
 """
 

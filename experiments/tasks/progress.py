@@ -78,7 +78,7 @@ class ProgressEvent:
 
 @dataclass(frozen=True)
 class PhotoState:
-    """How far the photo is; `pending` is the newest picture that waits for an answer."""
+    """The progress of the photo; `pending` is the newest picture that waits for an answer."""
 
     is_open: bool = False
     prompted: bool = False

@@ -56,7 +56,7 @@ class PhotoFailed(_Input):
 
 @dataclass(frozen=True)
 class PhotoAnswer(_Input):
-    """What the visitor chose in the photo's window."""
+    """The visitor's choice in the photo's window."""
 
     choice: Literal["keep", "again", "skip"]
 

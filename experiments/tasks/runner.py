@@ -22,7 +22,7 @@ import structlog
 
 from experiments.models import Drive, TaskEvent
 from experiments.tasks.engine import TaskEngine
-from experiments.tasks.finalization import Settler, note_end, note_exposure
+from experiments.tasks.finalization import Finalizer, note_exposure, record_end
 from experiments.tasks.progress import ProgressEvent
 from experiments.tasks.records import FirstFrame, Record, seen
 from experiments.tasks.stored_records import TASK, of_message, offset_of, stored, track_of
@@ -135,7 +135,7 @@ class Runner:
     def __init__(self) -> None:
         self._running: dict[str, Running] = {}
         self._foreign: set[str] = set()
-        self._settler = Settler()
+        self._finalizer = Finalizer()
 
     def on_state(self, *, state: State, **about: Any) -> None:
         self._take(lambda offset: None if offset is None else seen(state, offset), **about)
@@ -186,7 +186,7 @@ class Runner:
                 if running is not None:
                     self._advance(running, now.timestamp())
         if ownership.owns_site:
-            self._settler.tick(now)
+            self._finalizer.tick(now)
 
     def on_end(self, *, session: Session, **_more: object) -> None:
         self._running.pop(str(session.pk), None)
@@ -194,7 +194,7 @@ class Runner:
         drives = Drive.objects.filter(session=session)
         drive = drives.select_related("session", "participant__study").first()
         if drive is not None:
-            note_end(drive)
+            record_end(drive)
 
     def _of(self, session: str) -> Running | None:
         """Return the drive of a living session. One that is being granted gets its drive later."""

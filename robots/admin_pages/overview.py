@@ -36,7 +36,7 @@ def register_section(place: Place, section: Section) -> None:
 
 
 class RobotPage(WithDriver):
-    """What the pages of a robot share, and its main page."""
+    """The main page of a robot, and the base class of its other pages."""
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.
@@ -61,7 +61,7 @@ class RobotPage(WithDriver):
         }
         return render(request, f"admin/robots/robot/{name}.html", context | more)
 
-    def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: str) -> None:
+    def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: Any) -> None:
         """Add a change to a robot's history, and to the audit log as `act`."""
         self.log_change(request, robot, text)
         audit.note(act, actor=request.user, robot=robot, **more)
@@ -132,8 +132,8 @@ class RobotPage(WithDriver):
 def status_of(robot: Robot) -> OwnerStatus:
     """Return the robot's status now, the same for all parts of its page."""
     lease = getattr(robot, "lease", None)
-    driven = lease is not None and lease.session_id is not None
-    return owner_status(robot, driven=driven, now=timezone.now())
+    in_use = lease is not None and lease.session_id is not None
+    return owner_status(robot, in_use=in_use, now=timezone.now())
 
 
 def _agent_version(robot: Robot) -> str:

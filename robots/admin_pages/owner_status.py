@@ -30,10 +30,10 @@ class OwnerStatus:
     connected: bool
 
 
-def owner_status(robot: Robot, *, driven: bool, now: datetime.datetime) -> OwnerStatus:
-    """Return the status of `robot`, with its floor plan, at `now`; `driven`: it has a driver."""
-    shown = card(robot, Traffic(driven=driven), barred="", url="", now=now)
-    tone, label, sentence = _away(robot, shown) or _present(robot, shown, driven=driven)
+def owner_status(robot: Robot, *, in_use: bool, now: datetime.datetime) -> OwnerStatus:
+    """Return the status of `robot`, with its floor plan, at `now`; `in_use`: it has a driver."""
+    shown = card(robot, Traffic(in_use=in_use), barred="", url="", now=now)
+    tone, label, sentence = _away(robot, shown) or _present(robot, shown, in_use=in_use)
     return OwnerStatus(
         tone, label, sentence, shown.battery, robot.presence.last_seen_at is not None
     )
@@ -60,11 +60,11 @@ def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
     return "bad", shown.label, f"{shown.detail} {check}"
 
 
-def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str, str]:
+def _present(robot: Robot, shown: RobotCard, *, in_use: bool) -> tuple[Tone, str, str]:
     """Return the state of a robot that is connected."""
     if standstill_of(robot.presence.report):
         return "bad", shown.label, _standstill(robot.presence.report)
-    if driven:
+    if in_use:
         sentence = _("Somebody is driving. You can watch on its drive page.")
         return "busy", shown.label, sentence
     if shown.state == "busy":

@@ -24,7 +24,7 @@ import structlog
 
 from robots import logs
 from robots.agent.adapters import registry
-from robots.agent.broker_link.broker_discovery import believed, broker_urls
+from robots.agent.broker_link.broker_discovery import broker_urls, tls_context
 from robots.agent.broker_link.enrolment import enrol_if_asked, keep_renewing
 from robots.agent.broker_link.mqtt import Endpoint, MqttLink
 from robots.agent.config import AgentConfig, ConfigError, add_arguments, load
@@ -67,7 +67,7 @@ def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> M
         reply=control.reply,
         on_picture=control.publish_picture,
         outputs=equipment.outputs,
-        trust=believed(config.ca) if config.ca else None,
+        trust=tls_context(config.ca) if config.ca else None,
     )
 
 

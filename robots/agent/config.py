@@ -59,7 +59,7 @@ class AgentConfig:
     # at the broker; the robot's name unless the server gave another one with the credentials
     user: str = ""
     credentials: Path | None = None  # the file that they came from
-    camera: str = ""  # devices as devices.words has them; empty is what the adapter has
+    camera: str = ""  # devices as devices.device_address has them; empty is what the adapter has
     microphone: str = ""
     loudspeaker: str = ""
 

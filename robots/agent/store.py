@@ -1,4 +1,4 @@
-"""What an agent keeps across restarts: a latched e-stop and the newest lease.
+"""State that an agent keeps across restarts: a latched e-stop and the newest lease.
 
 Small JSON files, replaced as a whole. An unreadable latch counts as latched until it is released by
 hand.

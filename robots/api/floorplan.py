@@ -84,7 +84,7 @@ class Room(PlanPart, frozen=True, kw_only=True):
 
 
 class Surface(PlanPart, frozen=True, kw_only=True):
-    """What one side of a wall looks like."""
+    """The appearance of one side of a wall."""
 
     material: WallMaterial = "plaster"
     colour: Colour = "#efe9dd"

@@ -38,7 +38,7 @@ _one_at_a_time = threading.Lock()  # several would need several times the memory
 
 @dataclass(frozen=True)
 class ChildLimits:
-    """What a child may use. Windows has only the limit on elapsed time."""
+    """The resources that a child may use. Windows has only the limit on elapsed time."""
 
     memory: int = 768 * 1024**2  # bytes of address space, of which libraries take about a third
     processor: int = 10  # s
@@ -47,7 +47,7 @@ class ChildLimits:
 
 @dataclass(frozen=True)
 class Request:
-    """What the child is to do: call a function of a module, in the language of the user."""
+    """The child's task: call a function of a module, in the language of the user."""
 
     module: str
     function: str

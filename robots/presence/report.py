@@ -1,4 +1,4 @@
-"""What a robot's last state means for its drivers. Pure."""
+"""The meaning of a robot's last state for its drivers. Pure."""
 
 import datetime
 import re

@@ -51,8 +51,8 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """Where on a map a robot's centre can be: `clearance` (h, w) in metres from the nearest cell
-    that is not free, `region` (h, w) numbers of connected floor.
+    """The floor on which a robot's centre can be: `clearance` (h, w) in metres from the nearest
+    cell that is not free, `region` (h, w) numbers of connected floor.
     """
 
     grid: OccupancyGrid
@@ -96,8 +96,8 @@ class Floor:
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """What a map must show of a plan: points (n, 2) on walls, each with the distance (n,) that
-    still counts as shown, and (m, 2) on free floor.
+    """The features of a plan that a map must show: points (n, 2) on walls, each with the distance
+    (n,) that still counts as shown, and (m, 2) on free floor.
     """
 
     walls: Floats

@@ -129,7 +129,8 @@ class BodyPart:
 
 @dataclass(frozen=True)
 class DockTolerance:
-    """How far from the dock's pose the contacts meet: metres ahead or back, metres aside, radians.
+    """The distance from the dock's pose within which the contacts meet: metres ahead or back,
+    metres aside, radians.
 
     They are on springs: once they meet, they keep contact until the robot is `travel` metres, or
     `twist` radians, farther away.

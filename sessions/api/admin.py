@@ -69,7 +69,7 @@ class ApiKeyAdmin(OfRobots):
 
     def save_model(self, request: HttpRequest, obj: ApiKey, form: Any, change: bool) -> None:
         """Create the key; only its hash is stored, and this response alone shows it."""
-        request.api_key = issue(obj, timezone.now())  # type: ignore[attr-defined]
+        request.api_key = issue(obj, timezone.now())
         obj.save(force_insert=True)
         audit.note("api_key_made", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label)
 
@@ -81,7 +81,7 @@ class ApiKeyAdmin(OfRobots):
             "opts": self.opts,
             "robot": obj.robot,
             "key": request.api_key,
-            "site": request.build_absolute_uri("/").rstrip("/"),  # type: ignore[attr-defined]
+            "site": request.build_absolute_uri("/").rstrip("/"),
         }
         return render(request, "admin/telepresence_sessions/apikey/shown.html", context)
 

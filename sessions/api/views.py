@@ -33,7 +33,7 @@ from robots.presence.report import standstill_of
 from sessions import system_log
 from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
-from sessions.models import AT_THE_WHEEL, ApiKey, Session
+from sessions.models import HOLDING_STATES, ApiKey, Session
 
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
@@ -115,7 +115,7 @@ def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]
     """Return how many visitors (drive, wait), by the robot's key; robots without any are absent."""
     living = sessions.filter(state__in=LIVE).order_by()
     counts = living.values("robot").annotate(
-        driving=Count("pk", filter=Q(state__in=AT_THE_WHEEL)),
+        driving=Count("pk", filter=Q(state__in=HOLDING_STATES)),
         waiting=Count("pk", filter=waits_here(now)),
     )
     return {row["robot"]: (row["driving"], row["waiting"]) for row in counts}
@@ -128,8 +128,10 @@ def _described(
     traffic: tuple[int, int],
     now: datetime.datetime,
 ) -> dict[str, Any]:
+    """Return a robot's fields in the JSON API: those that its report decides are null while it is
+    offline; pose, safety and errors are for the robot's own key.
+    """
     driving, waiting = traffic
-    plan, factsheet = row.floor_plan, row.presence.factsheet or {}
     online = row.is_online(now)
     report = (row.presence.report or {}) if online else {}
     battery = report.get("battery") or {}
@@ -146,22 +148,29 @@ def _described(
         "charge": battery.get("charge"),
         "charging": battery.get("charging", False) if battery else None,
         "docked": report.get("docked", False) if report else None,
+        **_fixed(request, row),
+    }
+    if key is not None and key.robot_id == row.pk:
+        own = ("pose", "velocity", "mode", "safety", "errors")
+        fields |= {name: report.get(name) for name in own}
+        fields["reason"] = row.presence.turnaround_reason
+    return fields
+
+
+def _fixed(request: HttpRequest, row: Robot) -> dict[str, Any]:
+    """Return the fields of a robot's kind and place, and its addresses."""
+    plan, factsheet = row.floor_plan, row.presence.factsheet or {}
+    address = request.build_absolute_uri
+    return {
         "series": factsheet.get("series", ""),
         "capabilities": list(factsheet.get("capabilities", ())),
         "places": [
             {name: place.get(name) for name in ("name", "x", "y")}
             for place in (plan.plan.get("places", ()) if plan else ())
         ],
-        "floorPlan": request.build_absolute_uri(reverse("floor_plan", args=[plan.name]))
-        if plan
-        else None,
-        "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
+        "floorPlan": address(reverse("floor_plan", args=[plan.name])) if plan else None,
+        "page": address(reverse("drive", args=[row.name])),
     }
-    if key is not None and key.robot_id == row.pk:
-        fields |= {
-            name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
-        } | {"reason": row.presence.turnaround_reason}
-    return fields
 
 
 def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> str:

@@ -129,12 +129,14 @@ class PageSession:
         return outcome
 
     def _granted(self, granted: store.TakeGranted) -> None:
+        """Make this page the driver's, in this order: its own commands pass first, then the robot
+        receives the lease, then the page is notified and sends its offer to the robot.
+        """
         self._follow(granted.session)
         self._leave_sfu()
         self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
             self.peers.replace(granted.peer, self)
-        # Before `session/granted`, so that the robot has the lease when the page's offer arrives.
         self.bridge.publish_lease(self.robot.name, granted.lease)
         message = protocol.Granted(
             session=granted.session,
@@ -532,9 +534,9 @@ def _sent_terms(fixed: Terms) -> protocol.GrantedTerms | None:
     """Return the terms as the page receives them; None when they restrict nothing."""
     sent = protocol.GrantedTerms(
         label=fixed.label[:120],
-        controllers=fixed.controllers,
+        controllers=fixed.controllers,  # type: ignore[arg-type]
         actions=fixed.actions,
-        assist=fixed.assist,  # type: ignore[arg-type]
+        assist=fixed.assist,
         control_way=fixed.control_way,
         interface=fixed.interface,
     )

@@ -133,6 +133,11 @@ class WizardConsumer(RobotPageConsumer):
     # --- control of the robot ---------------------------------------------------------------------
 
     async def _take(self, ask: protocol.TakeOver) -> None:
+        """Give the operator control of the session that this page shows.
+
+        `turn` serialises it with releasing. The session may have ended since the page showed it, or
+        another operator may have it; the lease's row decides, and the page receives `wizard/lost`.
+        """
         authorization = self.authorization
         async with self.turn:
             operated = self.at[1] if self.at is not None and self.at[0] == ask.session else None
@@ -193,14 +198,14 @@ class WizardConsumer(RobotPageConsumer):
             reason=reason,
         )
         self.sender.post("wizard/begun", begun)
-        data = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
+        data: dict[str, Any] = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
         data |= {"skipped": press.skipped, "reason": reason}
         self._launch(self._note(self.authorization.session, leases.STEP, **data))
 
     def _begin(self, press: Press, ask: protocol.BeginStep) -> str:
         """Send the action of a step; return why it could not be sent, or nothing."""
         step = press.step
-        if step.is_driven_by_page:
+        if step.sends_velocities:
             seconds = step.drive.seconds + 1.0 if step.drive is not None else TURN_SECONDS
             self.authorization.script_until = time.monotonic() + seconds
             return ""

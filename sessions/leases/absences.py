@@ -1,4 +1,4 @@
-"""When the server was away from a session: stored as events of the session, and read back.
+"""Absences of the server from a session: stored as events of the session, and read back.
 
 - A web process stores every few seconds that a page is open, and when the page's socket closes. A
   process that is killed does neither: the page was last seen long ago, and never closed. The
@@ -28,7 +28,7 @@ from sessions.leases.fault_side import (
     fault_of,
 )
 from sessions.leases.policy import ActiveSession
-from sessions.models import AT_THE_WHEEL, Session, SessionEvent, StateChunk
+from sessions.models import HOLDING_STATES, Session, SessionEvent, StateChunk
 
 ABSENT, BACK, PAGE_CLOSED = "server_absent", "server_back", "page_closed"
 EVENT_KEYS = uuid.UUID("5b0ce3cf-2d6c-4d6c-9f5a-0c4a3f5f8f39")
@@ -62,7 +62,7 @@ class WebAbsences:
 
 def note_manager_absence(since: datetime.datetime, until: datetime.datetime) -> None:
     """Store in every session that was driven then that no session manager ran."""
-    lived = Q(state__in=AT_THE_WHEEL) | Q(state=Session.State.ENDED, ended_at__gte=since)
+    lived = Q(state__in=HOLDING_STATES) | Q(state=Session.State.ENDED, ended_at__gte=since)
     ends = {"since": since.timestamp(), "until": until.timestamp()}
     for key in Session.objects.filter(lived, granted_at__lt=until).values_list("pk", flat=True):
         _note(str(key), ABSENT, until, part=MANAGER, **ends)

@@ -48,6 +48,9 @@ def tick(
 def _perform(
     transition: Transition, scene: Scene, link: RobotLink, robot: Robot, now: datetime.datetime
 ) -> bool:
+    """Carry out one transition; False when the row has changed since the scene was read, in which
+    case the next tick decides again.
+    """
     match transition:
         case ReleaseLease(epoch):
             return change_lease(robot, epoch, now=now)

@@ -1,4 +1,4 @@
-"""Whose fault the end of a session was, decided here alone, from the record.
+"""Attributes the fault for the end of a session, from the record; no other code decides this.
 
 - *platform*: the server was away (`ServerAbsence`) when the visitor's connection was lost, or was
   still away at the end; or a session had lost its lease.
@@ -64,7 +64,7 @@ class SessionEnd:
 
 @dataclass(frozen=True)
 class FaultAttribution:
-    """Whose fault it was, and for the platform which part."""
+    """The side at fault, and for the platform which part."""
 
     side: Side = ""
     part: str = ""

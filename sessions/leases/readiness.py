@@ -43,7 +43,7 @@ LEVEL_RAD = 0.03  # largest tilt of a head that counts as level
 
 @dataclass(frozen=True)
 class RobotCondition:
-    """What the robot reports of itself."""
+    """The robot's condition by its own report."""
 
     is_current: bool = True  # its last state is recent enough to decide by
     driver_released: bool = True  # the lease of its last driver is over at the robot, too
@@ -75,7 +75,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Readiness:
-    """How far the robot is. `reason` is what it waits for, `tried_at` when the last attempt ended,
+    """The robot's progress. `reason` is what it waits for, `tried_at` when the last attempt ended,
     `seen` whether it has taken a picture since it docked, `late_since` since when it has answered
     too late.
     """

@@ -53,10 +53,10 @@ from sessions.leases.policy import (
 )
 from sessions.leases.readiness import STOPPED
 from sessions.leases.terms import FREE, Terms, UnreadableTerms
-from sessions.models import AT_THE_WHEEL, Lease, Session
+from sessions.models import HOLDING_STATES, Lease, Session
 from sessions.protocol import Queued, Refused
 
-LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
+LIVE = (Session.State.WAITING, *HOLDING_STATES)
 # Every failed attempt means that another process changed the lease in between, so that this bound
 # is never reached by chance.
 ATTEMPTS = 200
@@ -226,23 +226,26 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | Refused |
     except terms.NotGranted as refusal:
         end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
         return Refused(reason=str(refusal), session=session)  # type: ignore[arg-type]
-    changes: dict[str, Any] = {
-        "state": grant.state,
-        "seen_at": asker.now,
-        "lost_at": asker.now if grant.state == "reconnecting" else None,
-    }
-    if not grant.returning:
-        changes |= {
-            "granted_at": max(
-                asker.now, datetime.datetime.fromtimestamp(scene.changed_at, datetime.UTC)
-            ),
-            "offered_at": None,
-            "turn_ends_at": None,
-        }
-    if not update_living(session, changes):  # another tab has ended it
+    if not update_living(session, _fields_of(grant, scene, asker.now)):
         change_lease(asker.robot, hold.epoch, now=asker.now)
         return None
     return _granted(scene, hold, asker, resumed=False)
+
+
+def _fields_of(grant: Grant, scene: Scene, now: datetime.datetime) -> dict[str, Any]:
+    """Return the fields of a session that a grant changes. A new turn begins no earlier than the
+    lease's last change, which another machine's clock may have put into our future.
+    """
+    lost_at = now if grant.state == "reconnecting" else None
+    changes: dict[str, Any] = {"state": grant.state, "seen_at": now, "lost_at": lost_at}
+    if grant.returning:
+        return changes
+    changed_at = datetime.datetime.fromtimestamp(scene.changed_at, datetime.UTC)
+    return changes | {
+        "granted_at": max(now, changed_at),
+        "offered_at": None,
+        "turn_ends_at": None,
+    }
 
 
 def fix_terms(session: str, now: datetime.datetime) -> None:
@@ -493,7 +496,7 @@ def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
             angular=_least(robot.max_angular, fixed.angular),
         ),
         assist=fixed.assist or session.assist or None,
-        methods=fixed.controllers,
+        methods=fixed.controllers,  # type: ignore[arg-type]
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
         private=fixed.private,

@@ -174,6 +174,11 @@ def _orphans(scene: Scene) -> Iterator[Transition]:
 
 
 def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterator[Transition]:
+    """End waiting sessions whose offer or grace period is over, and mark lost pages.
+
+    Times count from `link.since` at the earliest, when this session manager began to observe the
+    robot: visitors do not pay for its absence.
+    """
     for session in scene.queue:
         # An offer that could not be taken does not lapse: it is withdrawn.
         if (
@@ -198,6 +203,9 @@ def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterato
 def _driver(
     scene: Scene, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> Iterator[Transition]:
+    """Yield the transitions of the session that has the robot. At most one of them ends it: a fault
+    of the robot first, then a lost connection, idleness and the end of the turn.
+    """
     fault = _fault(scene, holder, link, now)
     if fault is not None:
         yield fault
@@ -247,6 +255,9 @@ def _speaks_of(link: RobotLink, holder: ActiveSession, hold: Hold) -> bool:
 def _connection(
     hold: Hold, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> SetState | Ended | None:
+    """Return the change of the driver's connection, by the heartbeats that the robot receives:
+    connecting → driving ↔ reconnecting, or the end after the time for a start or the grace period.
+    """
     if holder.state == "waiting":  # the granting process died before it stored this
         return SetState(holder.id, "connecting")
     here = visitor_here(hold, holder, link, now)
@@ -281,6 +292,9 @@ def _broken_off(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) 
 def _idle(
     holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> PresenceAsked | PresenceConfirmed | Ended | None:
+    """Ask a driver who has shown no activity for `rules.idle` seconds whether they are present, and
+    end the session `ANSWER_SECONDS` later, plus a margin for an answer that is already sent.
+    """
     still_since = max(
         link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
     )

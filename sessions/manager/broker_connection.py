@@ -73,7 +73,7 @@ TOGETHER = 200  # messages in flight to the broker, of the thousand that a clien
 
 @dataclass(frozen=True)
 class Work:
-    """What a session manager keeps from one connection to the next.
+    """State that a session manager keeps from one connection to the next.
 
     `due` is set when the scheduler is to run at once, `received` when there are signals to send to
     the apps above.

@@ -72,8 +72,8 @@ class PresenceNews:
 
     @property
     def key(self) -> tuple[str, str]:
-        """Of the news with one key only the newest counts. ONLINE has a key of its own: a late
-        OFFLINE must not hide that the robot is back.
+        """Only the newest message of each key counts. ONLINE has a key of its own: a late OFFLINE
+        must not hide that the robot is back.
         """
         is_online = isinstance(self.message, messages.Connection) and self.message.state == "ONLINE"
         return self.robot, "online" if is_online else type(self.message).__name__
@@ -146,6 +146,14 @@ class Intake:
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
     ) -> None:
+        """Update what is known of a robot's liveness, and record the message.
+
+        Called in the order of arrival; the recorder writes in another thread. Photos that the
+        session manager ordered itself are not recorded.
+
+        Raises:
+            Rejection: the message is invalid; the caller counts it.
+        """
         message = codec.decode(suffix, payload, "from_robot")
         liveness = self.liveness.get(robot) or self.liveness.setdefault(robot, RobotLiveness())
         received = self._monotonic()

@@ -1,4 +1,4 @@
-"""What a session manager takes of the messages that it receives: those of its own robots."""
+"""Selects the messages that a session manager processes: those of its own robots."""
 
 from collections.abc import Callable
 

@@ -111,6 +111,13 @@ class Membership:
     # --- in the thread ----------------------------------------------------------------------------
 
     def _join(self) -> bool:
+        """Take the first slot without a living holder; False while it cannot be determined.
+
+        Several processes may try at once: `occupy` compares with the row that was read, so that
+        one of them gets the slot. A holder counts as dead if its lock file on this machine is free,
+        or if its beat has not changed for long enough by our own clock; clocks of two machines are
+        never compared. A slot is passed over only if its holder is known to be alive.
+        """
         members = self._table.members()
         self._observer.see(members, self._clock())
         slot, before = 0, {member.slot: member for member in members}
@@ -140,6 +147,12 @@ class Membership:
         )
 
     def _beat(self, report: dict[str, Any]) -> bool:
+        """Store this process's beat, dismiss dead processes and settle the shards; False when
+        another process has taken the slot.
+
+        Shards are owned for a limited time from the beginning of a successful beat. If the database
+        fails and no other process is known, none can have taken the slot, and ownership continues.
+        """
         began = self._clock()
         self._beats += 1
         report |= {"shards": len(self.ownership.epochs)}

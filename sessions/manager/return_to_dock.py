@@ -97,6 +97,11 @@ class ReturnToDock:
         now: datetime.datetime,
         monotonic: float,
     ) -> Iterator[ManagerMessage]:
+        """Decide the next step of a robot's return, store it, and yield the order for it.
+
+        The row is stored before the order is sent: if the database or the fence refuses it, the
+        robot receives nothing, and the next tick decides again.
+        """
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
         turnaround, kind = decide(
@@ -108,7 +113,6 @@ class ReturnToDock:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, monotonic))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
-        # First, so that no order is sent that the database or the fence refuses.
         self._save(robot, turnaround, now)
         self._under_way[robot.name] = turnaround
         if turnaround.phase == "ready":

@@ -1,14 +1,12 @@
 """Reading many rows beside other work on the same connection."""
 
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import Any
 
-from django.db.models import Model, QuerySet
-
-Row = TypeVar("Row", bound=Model)
+from django.db.models import QuerySet
 
 
-def iter_batches(rows: "QuerySet[Row]", size: int) -> Iterator[Row]:
+def iter_batches(rows: QuerySet[Any], size: int) -> Iterator[Any]:
     """Yield rows in their order, `size` at a time, so that no cursor is open while the caller has
     one of them.
 

@@ -32,7 +32,7 @@ class EventItem:
 
 @dataclass(frozen=True, slots=True)
 class ActionItem:
-    """How an action ended; `session` is the one that the robot was in."""
+    """The end of an action; `session` is the one that the robot was in."""
 
     robot: str
     session: str

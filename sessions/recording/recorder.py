@@ -6,6 +6,7 @@ When it is full, further items are counted, logged and dropped. Dropped states a
 numbers, and requested again once there is room.
 """
 
+import functools
 import threading
 import time
 from collections import Counter, deque
@@ -83,7 +84,7 @@ class Buffer:
 
     def take(self, seconds: float) -> list[Item]:
         """Return a batch of items; waits at most `seconds` for a full one."""
-        taken, total = [], 0
+        taken, total = list[Item](), 0
         with self._filled:
             if len(self._items) < BATCH and self._bytes < self._limits.batch:
                 self._filled.wait(seconds)
@@ -135,12 +136,12 @@ class Recorder:
 
     @property
     def refused(self) -> Counter[str]:
-        """How many commands the robots have refused, by reason."""
+        """The number of commands that the robots have refused, by reason."""
         return self._builder.refused
 
     @property
     def waiting(self) -> int:
-        """How many items are not written yet."""
+        """The number of items that are not written yet."""
         return len(self._buffer)
 
     @property
@@ -183,7 +184,7 @@ class Recorder:
         # Read before the batch, so that items put before `stop` are always taken.
         last = self._stopping.is_set()
         for item in self._buffer.take(0.0 if last else LINGER):
-            self._retry(lambda item=item: self._builder.take(item))
+            self._retry(functools.partial(self._builder.take, item))
         self._retry(lambda: self._builder.settle(self._clock()))
         if last and not len(self._buffer):
             self._builder.close_all()

@@ -104,7 +104,7 @@ class Loss:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """The number of sequence numbers in the intervals."""
         return sum(last - first + 1 for first, last in self.ranges)
 
 

@@ -1,4 +1,4 @@
-"""How one robot's stream passes through Janus, as requests and session descriptions: pure.
+"""One robot's stream through Janus, as requests and session descriptions: pure.
 
 The robot only answers offers, as it does with pages, and Janus' video room wants publishers to
 offer. Its plug-in NoSIP offers: it is given a session description without WebRTC and turns it into

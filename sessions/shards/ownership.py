@@ -1,4 +1,4 @@
-"""What one session manager owns, as every thread of it knows, and the fence around its writes.
+"""The shards that one session manager owns, for all its threads, and the fence around its writes.
 
 A shard's epoch is a fencing token: it grows whenever the shard changes hands. Each write of the
 session manager carries the epoch that the process knows and is refused when the row of the shard
@@ -42,7 +42,7 @@ _LOCKED = (  # Django has no FOR SHARE; the limit holds for this transaction
 )
 
 
-class Fenced(DatabaseError):  # type: ignore[misc]  # Django has no types
+class Fenced(DatabaseError):
     """Another session manager owns the shard by now."""
 
 

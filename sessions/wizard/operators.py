@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OperatedSession:
-    """What an operator may know of a session. `condition` is empty for an operator blind to it."""
+    """The facts about a session that an operator may know. `condition` is empty for an operator
+    blind to it.
+    """
 
     participant: str
     condition: str

@@ -51,8 +51,8 @@ class ScriptStep(Message, frozen=True, kw_only=True):
     within: Seconds | None = None
 
     @property
-    def is_driven_by_page(self) -> bool:
-        """Whether the page carries it out with velocities."""
+    def sends_velocities(self) -> bool:
+        """Whether the operator's page performs it by sending velocities."""
         return self.drive is not None or self.turn is not None
 
 

@@ -30,7 +30,9 @@ class EditedScale(DocumentPart, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class EditorPlace:
-    """What a form edits: "about" (the questionnaire), or one of "pages", "questions", "scales"."""
+    """The part that a form edits: "about" (the questionnaire), or one of "pages", "questions",
+    "scales".
+    """
 
     section: str
     key: str = ""

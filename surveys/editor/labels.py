@@ -131,7 +131,7 @@ def ready_points(
     """Return the points of an offered scale; of a `former` one, label only unlabelled languages."""
     labels, known = READY[name][1], {code for code, _label in settings.LANGUAGES}
     new = ({"value": n} for n in range(1, len(labels) + 1))
-    points = [{"label": {}} | one for one in former or new]
+    points: list[dict[str, Any]] = [{"label": {}} | one for one in former or new]
     given = {language for point in points for language in point["label"]}
     for language in languages if len(points) == len(labels) else ():
         if language.partition("-")[0] in known and language not in given:

@@ -11,7 +11,7 @@ from accounts.models import User
 from robots.floorplans import store_floor_plan
 from robots.models import Robot
 from telepresence_site.environment import kept_secret
-from telepresence_site.local_credentials import keep_credentials_here
+from telepresence_site.local_credentials import save_local_credentials
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 VISITOR, RESEARCHER = "visitor", "researcher"
@@ -59,7 +59,7 @@ def seed(mqtt_url: str) -> str:
             action_flag=CHANGE,
         ):
             Robot.objects.filter(pk=robot.pk).update(**described)
-        keep_credentials_here(robot, mqtt_url)
+        save_local_credentials(robot, mqtt_url)
     return password
 
 

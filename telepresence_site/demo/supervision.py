@@ -36,7 +36,7 @@ class DemoPart(NamedTuple):
 
 @dataclass(frozen=True)
 class RestartPolicy:
-    """When a process that ended is started again; times in seconds.
+    """The delays before an ended process is restarted, in seconds.
 
     A process that lived shorter than `settled` died quickly; each quick death in a row doubles the
     delay before the next start. After `quick_deaths` in a row an essential process is given up; any
@@ -134,7 +134,7 @@ class ServiceSupervisor:
             self.look()
 
     def look(self) -> bool:
-        """Restart what ended and is due; report what ended, what is back, and the notices of parts.
+        """Restart ended parts that are due; report ended and restarted parts, and parts' notices.
         Return whether anything is back.
 
         Raises:

@@ -1,1 +1,1 @@
-"""How dates and times are written, beside what Django says of each language."""
+"""Formats of dates and times, in addition to Django's own for each language."""

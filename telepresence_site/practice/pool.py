@@ -1,4 +1,4 @@
-"""How many practice robots run, and which: pure; times are Unix seconds.
+"""Decides which practice robots run: pure; times are Unix seconds.
 
 A simulated robot costs a large part of a core, so it runs only on demand: one for each visitor who
 practises, and one more while a visitor waits for a real robot. It is restarted after each visitor,

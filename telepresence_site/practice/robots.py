@@ -10,7 +10,7 @@ from robots.models import FloorPlan, Robot
 from sessions.leases.policy import PAGE_GONE_SECONDS
 from sessions.leases.store import LIVE, waits_here
 from sessions.models import Session
-from telepresence_site.local_credentials import keep_credentials_here
+from telepresence_site.local_credentials import save_local_credentials
 from telepresence_site.practice.pool import Demand
 
 PLACE = "office"
@@ -43,7 +43,7 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
         robot, made = Robot.objects.get_or_create(name=name, defaults=fields)
         if not made:
             Robot.objects.filter(pk=robot.pk).update(**fields)
-        keep_credentials_here(robot, mqtt_url)
+        save_local_credentials(robot, mqtt_url)
     return names
 
 

@@ -68,7 +68,7 @@ def sandbox_folder(name: str) -> Iterator[Path]:
 def pack(row: Study, folder: Path) -> None:
     """Write a study, its questionnaires and the plans of its sites into a folder."""
     definition = row.as_definition()
-    asked = {(step.questionnaire, step.version) for step in definition.asking}
+    asked = {(step.questionnaire, step.version) for step in definition.questionnaire_steps}
     questionnaires = [
         one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked
     ]

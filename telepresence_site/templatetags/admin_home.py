@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 from django import template
 from django.contrib import admin
-from django.db.models import Count, Q
+from django.db.models import Count, Q, QuerySet
 from django.http import HttpRequest
 from django.urls import reverse
 from django.utils import timezone
@@ -67,7 +67,7 @@ def admin_home(context: template.Context) -> Home:
     """Return the first page, with what the user may view."""
     request, apps = context["request"], context["app_list"]
     now = timezone.now()
-    cards, taken = [], set()
+    cards, taken = [], set[Any]()
     for name, labels in CARDS.items():
         by_label = {app["app_label"]: app["models"] for app in apps}
         lists = [one for label in labels for one in by_label.get(label, ())]
@@ -142,15 +142,18 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
         Fact(in_use, labels[1], f"{listed}in_use"),
         Fact(troubled, labels[2], f"{listed}problem", is_problem=troubled > 0),
     ]
-    if not admin.site.get_model_admin(Session).has_view_permission(request):
-        return facts
+    if admin.site.get_model_admin(Session).has_view_permission(request):
+        facts += _of_visits(visits, waiting, now)
+    return facts
+
+
+def _of_visits(visits: QuerySet[Session], waiting: int, now: datetime.datetime) -> list[Fact]:
     midnight = timezone.localtime(now).replace(hour=0, minute=0, second=0, microsecond=0)
     today = visits.filter(queued_at__gte=midnight).count()
     listed_visits = reverse("admin:telepresence_sessions_session_changelist")
     since = urlencode({"queued_at__gte": midnight.isoformat(sep=" ")})
     in_queue = f"{listed_visits}?state__exact={Session.State.WAITING}"
     return [
-        *facts,
         Fact(waiting, ngettext("visitor waiting", "visitors waiting", waiting), in_queue),
         Fact(today, ngettext("visit today", "visits today", today), f"{listed_visits}?{since}"),
     ]

@@ -18,7 +18,7 @@ from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.analysis.tables.people import of_whom, title_of
+from experiments.analysis.tables.people import label_kinds, title_of
 from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
@@ -66,12 +66,12 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
+def label_figure(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
     """Return a figure that names its kinds of participants, unless they are participants alone."""
     if title := title_of(people):
         with house_style():
             drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
-    return replace(drawing, numbers=of_whom(drawing.numbers, people))
+    return replace(drawing, numbers=label_kinds(drawing.numbers, people))
 
 
 def as_svg(drawing: Drawing) -> bytes:

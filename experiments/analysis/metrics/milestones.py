@@ -1,4 +1,4 @@
-"""When a session reached its milestones, by the events of the task engine."""
+"""Times at which a session reached its milestones, by the events of the task engine."""
 
 import math
 from collections.abc import Iterable, Mapping

@@ -1,5 +1,5 @@
-"""How a robot drove, from its states as arrays. Durations are by the robot's clock within one run
-of its agent, because clocks of two machines drift apart.
+"""Metrics of a robot's motion, from its states as arrays. Durations are by the robot's clock within
+one run of its agent, because clocks of two machines drift apart.
 """
 
 import math
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from experiments.analysis.metrics.path import driven_path, turned
+from experiments.analysis.metrics.path import path_travelled, turned
 from experiments.dataset.columns import Columns, Floats
 from sessions.recording.sequence_tracker import MAX_GAP
 
@@ -82,7 +82,7 @@ def drive(track: Trajectory) -> dict[str, float]:
     clearance = states["clearance"][np.isfinite(states["clearance"])]
     position = np.column_stack((states["x"], states["y"]))
     odometer = np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"])
-    path = driven_path(position, odometer, track.at, seen, states["localized"] != 0.0)
+    path = path_travelled(position, odometer, track.at, seen, states["localized"] != 0.0)
     return {
         "path": path.length,
         "path_by_odometry": float(path.by_odometry),

@@ -25,8 +25,8 @@ import scipy
 
 from experiments.dataset.columns import Floats
 
-DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
-BAND = 3.0  # times the noise: after smoothing, no tremble is as wide
+DEAD_BAND = 0.01  # m: smaller movements are measurement noise
+BAND = 3.0  # times the noise: wider than what smoothing leaves of it
 LEAST_SMOOTHED = 5  # positions: a spline needs as many
 LEAST_NOISE = 0.001  # m, rad: less needs no smoothing
 SHORTEST_STEP = 0.02  # s: states closer together than this would weigh without bound
@@ -67,7 +67,7 @@ class PositionSteps:
     noise: float
 
 
-def driven_path(
+def path_travelled(
     position: Floats, odometer: Floats, at: Floats, seen: Bools, trusted: Bools
 ) -> DrivenPath:
     """Return how far a robot drove, from its positions, (n, 2) metres, and its odometer, (n,)
@@ -90,7 +90,7 @@ def driven_path(
 
 
 def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
-    """Return how far the position moved to each state, without noise; see `driven_path`."""
+    """Return how far the position moved to each state, without noise; see `path_travelled`."""
     steps = np.zeros(len(at))
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     known = known[_is_new(position[known])]

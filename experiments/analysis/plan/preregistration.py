@@ -96,7 +96,7 @@ class _Text:
         is_single = len(study.conditions) == 1
         manipulated = study.factors or (() if is_single else study.conditions)
         measures = dict.fromkeys(measure for one in study.analyses for measure in one.measures)
-        slugs = dict.fromkeys(step.questionnaire for step in study.asking)
+        slugs = dict.fromkeys(step.questionnaire for step in study.questionnaire_steps)
         recruiting = (study.recruitment, study.compensation)
         return {
             "Title": [self.say(study.title)],
@@ -213,7 +213,9 @@ class _Text:
         if len(study.conditions) == 1:
             yield _part("one_condition")
             return
-        when = _part("when_instructed" if study.tells_condition else "when_getting_robot")
+        when = _part(
+            "when_instructed" if study.has_condition_specific_pages else "when_getting_robot"
+        )
         yield _part("assignment", when=when, allocation=allocation)
         if allocation.balance:
             yield self._balance()

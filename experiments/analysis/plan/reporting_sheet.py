@@ -1,4 +1,4 @@
-"""What a report on human-robot interaction has to state, filled from the data."""
+"""The facts that a report on human-robot interaction must state, filled from the data."""
 
 import math
 from collections import Counter

@@ -11,7 +11,7 @@ MOST = 100_000
 
 @dataclass(frozen=True)
 class Need:
-    """How many participants a standardized difference needs; within participants in one group."""
+    """Participants for a standardized difference; within participants in one group."""
 
     effect: float
     per_group: int

@@ -141,7 +141,7 @@ def title_of(people: Sequence[ParticipantRecord]) -> str:
     return f"{title[0].upper()}{title[1:]}"
 
 
-def note_of(people: Sequence[ParticipantRecord]) -> str:
+def kinds_note(people: Sequence[ParticipantRecord]) -> str:
     """Return who is meant by participants; empty where they are participants alone."""
     if not title_of(people):
         return ""
@@ -149,10 +149,10 @@ def note_of(people: Sequence[ParticipantRecord]) -> str:
     return f"“Participants” are {counted_by_kind(people)} here{more}."
 
 
-def of_whom(table: Table, people: Sequence[ParticipantRecord]) -> Table:
+def label_kinds(table: Table, people: Sequence[ParticipantRecord]) -> Table:
     """Return a table that says whose results it has: it may be copied out of its report."""
     title = title_of(people)
     if not title:
         return table
-    notes = (note_of(people), *table.notes)
+    notes = (kinds_note(people), *table.notes)
     return replace(table, title=f"{title}: {table.title}", notes=notes)

@@ -1,4 +1,4 @@
-"""How reliable each scale is in each condition, or why there is no coefficient."""
+"""The reliability of each scale in each condition, or why there is no coefficient."""
 
 from collections.abc import Sequence
 

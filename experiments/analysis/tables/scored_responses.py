@@ -124,7 +124,7 @@ def _named(group: ScoreGroup) -> str:
 
 def scored_questionnaires(dataset: Dataset) -> Iterator[ScoredQuestionnaire]:
     """Yield the scored questionnaires that were answered, in the order of the study's steps."""
-    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.asking):
+    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.questionnaire_steps):
         definition = dataset.questionnaire(slug)
         if definition is None:
             continue

@@ -25,7 +25,7 @@ class Grade(IntEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """What was found of a participant (by code), as `value`; `session` if in a single one."""
+    """A finding about a participant (by code), as `value`; `session` if in a single one."""
 
     participant: str
     name: QualityFlag

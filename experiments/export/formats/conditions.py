@@ -29,8 +29,9 @@ ABOUT = (
 
 
 class ConditionsFormat(ExportFormat):
-    """What every export has. A value is the mean over the drives that count, and of the last drive
-    where none does; scores are of the answers about these drives and about the person.
+    """One row per participant and condition, in every export. A value is the mean over the drives
+    that count, and of the last drive where none does; scores are of the answers about these drives
+    and about the person.
     """
 
     @classmethod
@@ -58,7 +59,7 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
 
 
 def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
-    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.asking):
+    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.questionnaire_steps):
         newest = dataset.questionnaire(slug)
         if newest is not None:
             yield from ((slug, scale) for scale in (*scales_of(newest), *parts_of(newest)))
@@ -67,12 +68,12 @@ def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
 def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
     """Yield the rows, participant by participant; those who withdrew have none."""
     dataset = source.dataset
-    driven: dict[str, dict[str, list[SessionRecord]]] = {}
+    drives: dict[str, dict[str, list[SessionRecord]]] = {}
     for one in dataset.sessions:
         if not one.practice:
-            driven.setdefault(one.participant, {}).setdefault(one.condition, []).append(one)
+            drives.setdefault(one.participant, {}).setdefault(one.condition, []).append(one)
     for person in dataset.participants:
-        own = driven.get(person.id, {})
+        own = drives.get(person.id, {})
         assigned = [key for key in person.cell.split("-") if key]
         if person.withdrawn:
             continue

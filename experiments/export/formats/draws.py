@@ -1,4 +1,4 @@
-"""How participants were assigned: each draw with its inputs, so that it can be repeated."""
+"""The assignment of participants: each draw with its inputs, so that it can be repeated."""
 
 import json
 from collections.abc import Iterator, Sequence

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
-from experiments.analysis.tables.people import of_whom
+from experiments.analysis.tables.people import label_kinds
 from experiments.dataset.columns import declared
 from experiments.dataset.counting import counting
 from experiments.dataset.files import values_of
@@ -35,5 +35,5 @@ class PlanFormat(ExportFormat):
         for some in self._chosen:
             measured = [self.source.measured[one.id] for one in some.sessions]
             sheet = reporting_sheet(some, measured, everybody)
-            sheets.append(as_markdown(of_whom(sheet, some.participants)))
+            sheets.append(as_markdown(label_kinds(sheet, some.participants)))
         yield "reporting-sheet.md", ["\n".join(sheets)]

@@ -105,7 +105,13 @@ def _strip(participant: Participant, now: datetime) -> None:
     Contact.objects.filter(participant=participant).delete()
     for rows in (participant.consents, participant.step_visits, participant.appointments):
         rows.all().delete()
-    none = {"user": None, "age": None, "language": "", "recruitment": {}, "recruitment_id": ""}
+    none: dict[str, Any] = {
+        "user": None,
+        "age": None,
+        "language": "",
+        "recruitment": {},
+        "recruitment_id": "",
+    }
     Participant.objects.filter(pk=participant.pk).update(
         slot=str(participant.pk),
         recruited_as=not_drawn(),

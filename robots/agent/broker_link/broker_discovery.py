@@ -82,7 +82,7 @@ def request_json(
     data = None if content is None else json.dumps(content).encode()
     types = {"Accept": "application/json"} | ({"Content-Type": "application/json"} if data else {})
     request = urllib.request.Request(url, data, {**types, **headers})
-    context = believed(ca) if url.startswith("https://") else None
+    context = tls_context(ca) if url.startswith("https://") else None
     try:
         with urllib.request.urlopen(request, timeout=TIMEOUT, context=context) as response:
             answer = json.loads(response.read(LARGEST_ANSWER))
@@ -107,7 +107,7 @@ def _refusal_of(error: urllib.error.HTTPError) -> str:
     return f"the server refused the request: {reason}"
 
 
-def believed(ca: str | None) -> ssl.SSLContext:
+def tls_context(ca: str | None) -> ssl.SSLContext:
     """Trust the system's certificates and those in the file `ca`; raises ConfigError."""
     context = ssl.create_default_context()
     try:

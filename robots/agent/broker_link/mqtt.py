@@ -23,7 +23,7 @@ from aiomqtt import Client, MqttError, Will
 from aiomqtt import Message as Delivery
 from paho.mqtt.reasoncodes import ReasonCode
 
-from robots.agent.broker_link.broker_discovery import believed
+from robots.agent.broker_link.broker_discovery import tls_context
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
@@ -100,7 +100,7 @@ class Endpoint:
             host=str(parts.hostname),
             port=parts.port or PORTS[parts.scheme],
             transport="websockets" if web else "tcp",
-            tls=believed(ca) if parts.scheme in {"mqtts", "wss"} else None,
+            tls=tls_context(ca) if parts.scheme in {"mqtts", "wss"} else None,
             path=(parts.path or "/mqtt") if web else None,
             username=username or (unquote(parts.username) if parts.username else None),
             password=password or (unquote(parts.password) if parts.password else None),

@@ -16,7 +16,7 @@ from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
-from robots.agent.media.photos import develop
+from robots.agent.media.photos import encode_jpeg
 from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import MOTION, MOVING, CommandSender, role_of
@@ -133,6 +133,10 @@ class Actions:
                 self._end(status)
 
     def _begin_waiting(self) -> None:
+        """Start the waiting navigation once the kernel allows it: the robot is at rest, and the
+        end of an earlier action is confirmed. It is dropped if it was cancelled in between, and
+        fails if that end is not confirmed within `START_TIMEOUT` seconds.
+        """
         waiting, running = self._waiting, self._kernel.navigation
         if waiting is None:
             return
@@ -176,7 +180,12 @@ class Actions:
         elif reason := self._kernel.permit(
             action, sender, now=self._times.now(), unix=self._times.unix()
         ):
-            log.info("action_refused", type=kind_of(action), reason=str(reason), way=sender.way)
+            log.info(
+                "action_refused",
+                type=kind_of(action),
+                reason=str(reason),
+                transport=sender.transport,
+            )
             if self._refusals.due(self._times.now()):
                 self._out.send("action", self._status(action, "FAILED", reason))
         else:
@@ -238,7 +247,7 @@ class Actions:
         """Return the action with the role and user that count. A page's own claims on a data
         channel are discarded.
         """
-        if sender.way == "mqtt":
+        if sender.transport == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
         role = role_of(action, sender, lease)
@@ -351,6 +360,9 @@ class Actions:
             self._answer(action, "FINISHED")
 
     def _hand_over(self, action: Action) -> None:
+        """Give an action to the adapter: motion after the robot is at rest (`_begin_waiting`),
+        anything else at once.
+        """
         self._answer(action, "WAITING")
         if isinstance(action, MOTION):
             self._kernel.navigate(
@@ -368,6 +380,13 @@ class Actions:
             self._spawn(self._start(action))
 
     async def _start(self, action: Action) -> None:
+        """Start an action at the adapter.
+
+        A cancel can arrive while the adapter starts it: the adapter checks `is_wanted` just before
+        it sends the order, and confirmations of the end do not count until the start has returned.
+        A refused action certainly does not run; after any other error it may, so it is cancelled
+        until its end is confirmed.
+        """
         action_id = action.action_id
         is_owned = isinstance(action, MOVING)
         try:
@@ -400,7 +419,7 @@ class Actions:
         try:
             with adapter_errors():  # the camera may be the adapter's own
                 frame = await asyncio.to_thread(self._media.snapshot)
-                photo = await asyncio.to_thread(develop, frame) if frame is not None else None
+                photo = await asyncio.to_thread(encode_jpeg, frame) if frame is not None else None
         except AdapterError as error:
             log.warning("photo_failed", reason=str(error))
             frame = photo = None

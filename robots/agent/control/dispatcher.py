@@ -347,6 +347,11 @@ class CommandDispatcher:
             self.actions.take(message, sender)
 
     def _velocity(self, command: VelocityCommand, sender: CommandSender) -> None:
+        """Send an accepted velocity at once, not at the next tick, and report what was applied.
+
+        Two commands can arrive between two ticks, so the earlier one is reported before the later
+        one replaces it. If the adapter holds the velocity back, the report waits for the next tick.
+        """
         verdict = self._kernel.velocity(
             command, sender, now=self._times.now(), unix=self._times.unix()
         )
@@ -358,7 +363,7 @@ class CommandDispatcher:
             seq=command.seq,
             stamp=command.stamp,
             method=command.method,
-            way=sender.way,
+            way=sender.transport,
             age=verdict.age,
             linear=0.0,
             angular=0.0,
@@ -397,8 +402,10 @@ class CommandDispatcher:
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
-        self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
-        self._kernel.heartbeat(peer, sender.way, now)
+        self._kernel.clocks.on_heartbeat(
+            peer, sender.transport, beat, now=now, unix=self._times.unix()
+        )
+        self._kernel.heartbeat(peer, sender.transport, now)
 
     def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
         lease, now = self._driver(), self._times.now()
@@ -409,6 +416,13 @@ class CommandDispatcher:
             self.out.point(Pointer(stamp=self._times.unix(), by=by, at=command.at))
 
     def _lease(self, lease: Lease | None, *, retained: bool) -> None:
+        """Take a lease of the server; an outdated one changes nothing.
+
+        Two leases matter: the announced one, to whose session states belong, may be a stored copy
+        that permits nothing; the live one permits driving. If the driver has changed, the target is
+        void, and the velocity that is sent first begins to brake. The grant is stored on the disk
+        in the background, so that an older one cannot return after a restart of the agent.
+        """
         kernel, now = self._kernel, self._times.now()
         announced, driver = kernel.leases.announced(now), kernel.leases.live(now)
         newest = kernel.leases.newest

@@ -50,6 +50,12 @@ class Ingress:
             self._wake()
 
     def _keep(self, slots: Slots, role: Role, command: Command) -> None:
+        """Put a command into its slot of a page; the lock is held.
+
+        A page that floods the robot fills a bounded number of slots: of a velocity, a release and
+        other streams only the newest counts, and actions are limited in number. A stop removes the
+        earlier commands that would move the robot, so that none of them runs after it.
+        """
         if isinstance(command, Stop | EStop):
             for slot, (_, earlier) in list(slots.items()):
                 if isinstance(earlier, (VelocityCommand, *MOVING)):

@@ -180,7 +180,7 @@ class NavigationCheck:
             if why := self._why_not(is_passed_on=is_passed_on):
                 self._say(why)
                 return None
-            if self._is_under_way():
+            if self._is_ready_to_cut():
                 return self._robot.readings[-1]
         self._say(f"Navigation: the robot did not set out within {self._params.setting_out:g} s.")
         return None
@@ -210,15 +210,15 @@ class NavigationCheck:
             theta=pose.theta,
         )
 
-    def _is_under_way(self) -> bool:
+    def _is_ready_to_cut(self) -> bool:
         """Tell whether the robot is fast enough for the cut, or has driven for long enough."""
         params, readings = self._params, self._robot.readings
         moving = max(params.moving, self._robot.adapter.profile.standstill_linear)
         driving = [reading for reading in readings if _speed(reading) > moving]
         if not driving or driving[-1] is not readings[-1]:
             return False
-        driven_for = driving[-1].at - driving[0].at
-        return _speed(driving[-1]) >= params.cut_speed or driven_for >= params.cut_after
+        seconds = driving[-1].at - driving[0].at
+        return _speed(driving[-1]) >= params.cut_speed or seconds >= params.cut_after
 
     def _acceleration(self) -> float:
         """Return the largest acceleration after the cut, m/s²: at most the robot's limit, and twice

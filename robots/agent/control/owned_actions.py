@@ -77,6 +77,9 @@ class OwnedActions:
             self.cancel(action_id)
 
     async def _cancel(self, action_id: str) -> None:
+        """Repeat a cancel until the end is confirmed, here or through `ended`. A confirmation while
+        the action is being started does not count: the order may reach the robot afterwards.
+        """
         attempts = 0
         while action_id in self._ending:
             reason = ""

@@ -61,7 +61,7 @@ class Pointing:
             return "driver" if role == "driver" else "screen"
         self.refused[reason] += 1
         if self.refused[reason] == 1:
-            log.info("point_refused", reason=str(reason), role=role, way=sender.way)
+            log.info("point_refused", reason=str(reason), role=role, transport=sender.transport)
         return None
 
     def _refusal(

@@ -121,6 +121,16 @@ class Reports:
         self._contacts += max(0, reading.contacts - before.contacts)
         clearances = (self._clearance, reading.clearance)
         self._clearance = min((one for one in clearances if one is not None), default=None)
+        self._send_pose(before, reading, now)
+        if reading.scan is not None and self._scan_due.due(now):
+            self._send("scan", reading.scan)
+        if reading.path is not None:
+            self._follow(reading.stamp, reading.path[:PATH_POINTS], now)
+
+    def _send_pose(self, before: RcaState, reading: RcaState, now: float) -> None:
+        """Send the pose while the robot moves and for `STILL_MOVING` seconds after that; more often
+        while the head tilts, because the overlay on the video depends on it.
+        """
         tilting = (
             before.tilt is not None
             and reading.tilt is not None
@@ -128,9 +138,9 @@ class Reports:
         )
         if tilting or self.is_moving:
             self._moved_at = now
-        if now - self._moved_at < STILL_MOVING and (
-            self._tilt_due.due(now) if tilting else self._pose_due.due(now)
-        ):
+        if now - self._moved_at >= STILL_MOVING:
+            return
+        if self._tilt_due.due(now) if tilting else self._pose_due.due(now):
             update = PoseUpdate(
                 stamp=reading.stamp,
                 pose=reading.pose,
@@ -140,10 +150,6 @@ class Reports:
                 assist_point=reading.assist_point,
             )
             self._send("pose", update)
-        if reading.scan is not None and self._scan_due.due(now):
-            self._send("scan", reading.scan)
-        if reading.path is not None:
-            self._follow(reading.stamp, reading.path[:PATH_POINTS], now)
 
     def applied(self, command: AppliedCommand) -> None:
         self._applied.append(command)

@@ -89,22 +89,8 @@ def _sound(reading: RcaState) -> RcaState:
     except msgspec.ValidationError as error:
         raise UnsoundReadingError(str(error)) from error
     _check_encodable(reading)
-    lengths = (reading.distance, reading.clearance or 0.0)
-    if not all(math.isfinite(value) and value >= 0.0 for value in lengths) or reading.contacts < 0:
-        raise UnsoundReadingError(
-            "a distance or the number of contacts is negative or not a number"
-        )
-    if not _is_plausible(reading.odometry or ()):
-        raise UnsoundReadingError("the odometry is not a number, or is implausibly large")
-    if not all(map(_is_plausible, reading.path or ())):
-        raise UnsoundReadingError("a point of the path is not a number, or is implausibly far away")
-    if not all(map(math.isfinite, reading.bumper or ())):
-        raise UnsoundReadingError("the direction of a contact is not a number")
-    if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
-        raise UnsoundReadingError("all beams of the scan have the same direction")
-    stamped = (*reading.sonar, reading.points)
-    if not all(math.isfinite(each.stamp) for each in stamped if each is not None):
-        raise UnsoundReadingError("the time of an echo or of obstacle points is not a number")
+    if problem := _problem_of(reading):
+        raise UnsoundReadingError(problem)
     sonar = tuple(
         echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf
     )
@@ -117,6 +103,25 @@ def _sound(reading: RcaState) -> RcaState:
         sonar=sonar,
         points=_points(reading.points),
     )
+
+
+def _problem_of(reading: RcaState) -> str:
+    """Return why a reading's values are impossible; empty for a possible one."""
+    lengths = (reading.distance, reading.clearance or 0.0)
+    if not all(math.isfinite(value) and value >= 0.0 for value in lengths) or reading.contacts < 0:
+        return "a distance or the number of contacts is negative or not a number"
+    if not _is_plausible(reading.odometry or ()):
+        return "the odometry is not a number, or is implausibly large"
+    if not all(map(_is_plausible, reading.path or ())):
+        return "a point of the path is not a number, or is implausibly far away"
+    if not all(map(math.isfinite, reading.bumper or ())):
+        return "the direction of a contact is not a number"
+    if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
+        return "all beams of the scan have the same direction"
+    stamped = (*reading.sonar, reading.points)
+    if not all(math.isfinite(each.stamp) for each in stamped if each is not None):
+        return "the time of an echo or of obstacle points is not a number"
+    return ""
 
 
 def _is_plausible(metres: Iterable[float]) -> bool:

@@ -203,6 +203,14 @@ class AdapterLink:
         await until_one_ends(self._states(listener), self._progress(listener), self._failure)
 
     async def _cancel(self, action_id: str) -> bool:
+        """Cancel an action at the adapter; return whether its end is confirmed.
+
+        An adapter may cancel its own pending calls when its connection ends, which looks like a
+        cancellation of this task; only the latter is raised on.
+
+        Raises:
+            AdapterError: it failed or did not answer; the action may still run.
+        """
         try:
             async with asyncio.timeout(CANCEL_TIME):
                 with adapter_errors():
@@ -220,6 +228,12 @@ class AdapterLink:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
 
     async def _states(self, listener: AdapterListener) -> None:
+        """Pass on valid readings. Invalid ones are dropped, and the adapter counts as silent when
+        no valid one arrives for `SILENCE` seconds.
+
+        Raises:
+            AdapterError: it was silent for too long, or a reading could not be handled.
+        """
         states = guarded(self.adapter.states)
         silent = asyncio.timeout(FIRST_READING)
         complaint = "it is silent"

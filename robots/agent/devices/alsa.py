@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import structlog
 
-from robots.agent.devices.words import DeviceSetting
+from robots.agent.devices.device_address import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
 log = structlog.stdlib.get_logger(__name__)

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from av.video.reformatter import ColorRange, VideoReformatter
 
-from robots.agent.devices.newest import Newest
+from robots.agent.devices.device_address import DeviceSetting
+from robots.agent.devices.latest_value import LatestValue
 from robots.agent.devices.reader import DeviceReader
-from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import Frame
 
 LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream of ours is larger
@@ -20,7 +20,7 @@ class DeviceCamera:
 
     def __init__(self, words: DeviceSetting) -> None:
         self._reader = DeviceReader("camera", words, "video", self._take)
-        self._newest: Newest[tuple[Any, float]] = Newest()
+        self._newest: LatestValue[tuple[Any, float]] = LatestValue()
         self._reformatter = VideoReformatter()
 
     def start(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from robots.agent.config import AgentConfig, ConfigError
-from robots.agent.devices import words
+from robots.agent.devices import device_address
 from robots.agent.devices.alsa import AlsaLoudspeaker, AlsaMicrophone
 from robots.agent.devices.camera import DeviceCamera
 from robots.agent.devices.microphone import DeviceMicrophone
@@ -48,20 +48,20 @@ def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
     return Equipment(video, audio, (speaker, display))
 
 
-def _microphone(named: words.DeviceSetting) -> AudioSource:
-    return AlsaMicrophone(named) if named.format == words.ALSA else DeviceMicrophone(named)
+def _microphone(named: device_address.DeviceSetting) -> AudioSource:
+    return AlsaMicrophone(named) if named.format == device_address.ALSA else DeviceMicrophone(named)
 
 
 def _device(
-    said: str,
-    kind: words.Kind,
-    make: Callable[[words.DeviceSetting], Device],
+    address: str,
+    kind: device_address.Kind,
+    make: Callable[[device_address.DeviceSetting], Device],
     otherwise: Callable[[], Device | None],
 ) -> Device | None:
-    if not said:
+    if not address:
         return otherwise()
     try:
-        named = words.read(said, kind)
-    except words.DeviceSettingError as error:
+        named = device_address.read(address, kind)
+    except device_address.DeviceSettingError as error:
         raise ConfigError(str(error)) from error
     return make(named) if named is not None else None

@@ -8,8 +8,8 @@ import av
 import numpy as np
 import numpy.typing as npt
 
+from robots.agent.devices.device_address import DeviceSetting
 from robots.agent.devices.reader import DeviceReader
-from robots.agent.devices.words import DeviceSetting
 
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
 WAITING = 10  # unread blocks: 0.2 s, then the oldest are dropped

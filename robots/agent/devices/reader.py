@@ -17,7 +17,7 @@ from typing import Any, Literal
 import av
 import structlog
 
-from robots.agent.devices.words import DeviceSetting
+from robots.agent.devices.device_address import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
 log = structlog.stdlib.get_logger(__name__)
@@ -44,7 +44,7 @@ LIMITS = ReaderLimits()
 
 
 class ReaderStage(Enum):
-    """How far the opening of a device is; the value names the missing step."""
+    """The progress of opening a device; the value names the missing step."""
 
     CALLED = "does not answer"
     OPENED = "answers but sends nothing"

@@ -21,10 +21,10 @@ from robots.agent.localization.particle_filter import (
     Cluster,
     ParticleSet,
     Sampling,
-    around,
-    evenly,
-    heaviest,
+    heaviest_cluster,
     places,
+    scattered,
+    uniform,
 )
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import (
@@ -47,7 +47,7 @@ FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])
 
 @dataclass(frozen=True)
 class Scoring:
-    """How the merit of a pose becomes a score."""
+    """The conversion of a pose's merit into a score."""
 
     lost: float = 0.5  # score below which the robot is lost
     even: float = 0.52  # merit of a pose that scores one half
@@ -66,10 +66,10 @@ def quality(judged: Agreement, scoring: Scoring) -> float:
 
 def decay(step: Pose2D, scoring: Scoring) -> float:
     """Return the share of a score that remains after a step on odometry alone."""
-    return math.exp(-max(0.0, way_of(step) - scoring.granted) / scoring.blind)
+    return math.exp(-max(0.0, metres_of(step) - scoring.granted) / scoring.blind)
 
 
-def way_of(step: Pose2D) -> float:
+def metres_of(step: Pose2D) -> float:
     """Return the metres of a step; a radian counts as half a metre."""
     return math.hypot(step.x, step.y) + 0.5 * abs(step.theta)
 
@@ -89,10 +89,10 @@ class Settings:
     matching: Matching = field(default_factory=Matching)
     searching: Searching = field(default_factory=Searching)
     scoring: Scoring = field(default_factory=Scoring)
-    way: float = 0.05  # m between two sweeps that are weighed
+    distance: float = 0.05  # m between two sweeps that are weighed
     turn: float = math.radians(3.0)  # rad, the same
     pause: float = 0.5  # s, the same while the robot stands
-    standing: int = 4  # sweeps that are weighed while it stands
+    at_rest: int = 4  # sweeps that are weighed while it is at rest
     much: float = 0.5  # share of a sweep that says something, from which later ones are too
     beams: int = 60  # that weigh a particle
     matched: int = 120  # beams that are matched to the map
@@ -151,8 +151,8 @@ class Localizer:
         self.confidence = self.match_score = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
         count = np.array([self.settings.sampling.most])
-        self.particles = evenly(around(start, count, spread, turn, self.rng))
-        self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
+        self.particles = uniform(scattered(start, count, spread, turn, self.rng))
+        self.believed = heaviest_cluster(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
     def update(
@@ -181,7 +181,7 @@ class Localizer:
         step = self._weighed_from.inverse().compose(there)
         if self.particles is None:
             self._weighed_from = there
-        elif _exceeds(step, self.settings.way, self.settings.turn):
+        elif _exceeds(step, self.settings.distance, self.settings.turn):
             self._stood = 0
             self._weigh(sweep, there, stamp)
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
@@ -194,7 +194,7 @@ class Localizer:
     def _is_time_to_search(self, there: Pose2D, stamp: float) -> bool:
         if self._searching is not None or self.match_score >= self.settings.scoring.lost:
             return False
-        moved = way_of(self._searched_from.inverse().compose(there)) >= self.settings.elsewhere
+        moved = metres_of(self._searched_from.inverse().compose(there)) >= self.settings.elsewhere
         pause = self.settings.again if moved else self.settings.again_here
         return not 0.0 <= stamp - self._searched_at < pause
 
@@ -205,7 +205,7 @@ class Localizer:
         """
         self._stood += 1
         fits = docked and self.match_score >= self.settings.scoring.lost
-        is_telling = self._stood <= self.settings.standing or self._telling() > self.settings.much
+        is_telling = self._stood <= self.settings.at_rest or self._telling() > self.settings.much
         if is_telling and not fits:
             self._weigh(sweep, there, stamp)
         elif self.believed is not None:
@@ -216,16 +216,16 @@ class Localizer:
     def _weigh(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
         assert self.particles is not None
         step, self._weighed_from = self._weighed_from.inverse().compose(there), there
-        self._proven += way_of(step)
+        self._proven += metres_of(step)
         poses = move(self.particles.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
         evidence -= 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1])
-        particles = ParticleSet(poses, self.particles.weights).weighed(evidence)
+        particles = ParticleSet(poses, self.particles.weights).reweighted(evidence)
         self.believed = self._match(particles, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
         if particles.is_depleted():
-            particles = particles.drawn(self.settings.sampling, self.rng)
+            particles = particles.resampled(self.settings.sampling, self.rng)
         self.particles = particles
 
     def _evidence(self, poses: Floats, sweep: Sweep) -> Floats:
@@ -246,7 +246,7 @@ class Localizer:
 
     def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
-        cluster = heaviest(particles, self.settings.cluster, self.settings.cluster_turn)
+        cluster = heaviest_cluster(particles, self.settings.cluster, self.settings.cluster_turn)
         covariance = cluster.covariance + FLOOR
         prior = np.asarray(np.linalg.inv(covariance), dtype=np.float64) / self._telling()
         start, points = cluster.mean[None], sweep.thinned(self.settings.matched).points
@@ -293,7 +293,7 @@ class Localizer:
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
         self.match_score = max(self.match_score, self.settings.scoring.lost)
         self._proven, self._stood = math.inf if len(poses) == 1 else 0.0, 0
-        hypotheses = around(poses, each, 0.08, math.radians(2.5), self.rng)
+        hypotheses = scattered(poses, each, 0.08, math.radians(2.5), self.rng)
         weights = np.repeat(share / each, each)
         if self.particles is not None:
             better = float(self.judged.against_others[0]) - float(found.merit[0])
@@ -324,11 +324,11 @@ class Localizer:
 
     def _covariance(self, step: Pose2D) -> Covariance:
         assert self.believed is not None
-        noise, way, turn = self.settings.motion, math.hypot(step.x, step.y), abs(step.theta)
+        noise, metres, turn = self.settings.motion, math.hypot(step.x, step.y), abs(step.theta)
         grown = self.believed.covariance.copy()
-        grown[2, 2] += noise.turn_by_turn * turn + noise.turn_by_way * way
-        along = noise.way_by_way * way + noise.way_by_turn * turn
-        grown[[0, 1], [0, 1]] += along + way**2 * grown[2, 2]
+        grown[2, 2] += noise.turn_by_turn * turn + noise.turn_by_distance * metres
+        along = noise.distance_by_distance * metres + noise.distance_by_turn * turn
+        grown[[0, 1], [0, 1]] += along + metres**2 * grown[2, 2]
         turned = np.eye(3)
         cosine = math.cos(self.field.world_from_field.theta)
         sine = math.sin(self.field.world_from_field.theta)

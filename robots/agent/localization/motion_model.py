@@ -20,17 +20,17 @@ class MotionNoise:
     """Variances per radian turned and per metre driven, of a turn and of a distance."""
 
     turn_by_turn: float = 0.0016
-    turn_by_way: float = 0.0012
-    way_by_way: float = 0.0012
-    way_by_turn: float = 0.0001
+    turn_by_distance: float = 0.0012
+    distance_by_distance: float = 0.0012
+    distance_by_turn: float = 0.0001
 
 
 def move(poses: Floats, step: Pose2D, noise: MotionNoise, rng: np.random.Generator) -> Floats:
     """Return poses (n, 3) x, y, theta after an odometry step, each with its own error."""
-    way, turn = math.hypot(step.x, step.y), abs(step.theta)
+    metres, turn = math.hypot(step.x, step.y), abs(step.theta)
     draws = rng.standard_normal((4, len(poses)))
-    turned = math.sqrt((noise.turn_by_turn * turn + noise.turn_by_way * way) / 2.0)
-    slid = math.sqrt(noise.way_by_way * way + noise.way_by_turn * turn)
+    turned = math.sqrt((noise.turn_by_turn * turn + noise.turn_by_distance * metres) / 2.0)
+    slid = math.sqrt(noise.distance_by_distance * metres + noise.distance_by_turn * turn)
     heading = poses[:, 2] + turned * draws[0]
     along, aside = step.x + slid * draws[1], step.y + slid / 3.0 * draws[2]
     cosine, sine = np.cos(heading), np.sin(heading)

@@ -33,7 +33,7 @@ class ParticleSet:
     poses: Floats
     weights: Floats
 
-    def weighed(self, log_likelihoods: Floats) -> "ParticleSet":
+    def reweighted(self, log_likelihoods: Floats) -> "ParticleSet":
         """Return the same poses weighed by log-likelihoods (n,)."""
         weights = self.weights * np.exp(log_likelihoods - log_likelihoods.max())
         return ParticleSet(self.poses, weights / weights.sum())
@@ -42,19 +42,19 @@ class ParticleSet:
         """Tell whether so few particles carry the weight that resampling is due."""
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
-    def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
+    def resampled(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
         """Return particles of equal weight, by low variance sampling."""
-        count = needed(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
+        count = kld_count(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
         comb = (rng.random() + np.arange(count)) / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), comb), len(self.weights) - 1)
-        return evenly(self.poses[chosen])
+        return uniform(self.poses[chosen])
 
 
-def evenly(poses: Floats) -> ParticleSet:
+def uniform(poses: Floats) -> ParticleSet:
     return ParticleSet(poses, np.full(len(poses), 1.0 / len(poses)))
 
 
-def around(
+def scattered(
     poses: Floats,
     counts: npt.NDArray[np.intp],
     place: float,
@@ -66,7 +66,7 @@ def around(
     return np.repeat(poses, counts, axis=0) + errors
 
 
-def needed(poses: Floats, sampling: Sampling) -> int:
+def kld_count(poses: Floats, sampling: Sampling) -> int:
     """Return how many particles keep within `error`, with 99 % probability (Fox 2003)."""
     filled = int(groups(poses, sampling.place, sampling.heading).max(initial=0)) + 1
     if filled < 2:
@@ -114,7 +114,7 @@ def places(
     return owner, np.array(best, dtype=np.intp)
 
 
-def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
+def heaviest_cluster(particles: ParticleSet, reach: float, turn: float) -> Cluster:
     """Return the heaviest cluster: within `reach` metres and `turn` radians of the densest."""
     owner = groups(particles.poses, reach, turn)
     centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))

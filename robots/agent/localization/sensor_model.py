@@ -54,7 +54,7 @@ class Sweep:
         return len(self.ranges)
 
     def thinned(self, count: int) -> "Sweep":
-        """Return about `count` of the beams, evenly."""
+        """Return about `count` of the beams, uniform."""
         if len(self) <= count:
             return self
         some = np.arange(count) * (len(self) - 1) // max(count - 1, 1)
@@ -122,7 +122,7 @@ class Agreement:
 
     @property
     def merit(self) -> Floats:
-        """How well the pose explains the scan, from -1 to 1; blocked beams count for little.
+        """The fit of the pose to the scan, from -1 to 1; blocked beams count for little.
 
         Measured in the office among four and eight people: at the true pose 99 of 100 scans have
         more than 0.73, at wrong poses that were matched to the map 5 of 100 have more than 0.37.

@@ -16,7 +16,7 @@ QUANTIZERS = (2, 4, 7, 12, 20, 31)
 
 
 @dataclass(frozen=True)
-class DevelopedPhoto:
+class JpegPhoto:
     """An encoded picture, its hash, and when the camera sampled it."""
 
     jpeg: bytes
@@ -24,13 +24,13 @@ class DevelopedPhoto:
     stamp: float
 
 
-def develop(frame: Frame, largest: int = LARGEST) -> DevelopedPhoto | None:
+def encode_jpeg(frame: Frame, largest: int = LARGEST) -> JpegPhoto | None:
     """Return the best JPEG of at most `largest` bytes, None if none fits; takes milliseconds."""
     picture = video_frame(frame).reformat(format="yuvj420p")
     for quantizer in QUANTIZERS:
         jpeg = _encode(picture, quantizer)
         if len(jpeg) <= largest:
-            return DevelopedPhoto(jpeg, hashlib.sha256(jpeg).hexdigest(), frame.stamp)
+            return JpegPhoto(jpeg, hashlib.sha256(jpeg).hexdigest(), frame.stamp)
     return None
 
 

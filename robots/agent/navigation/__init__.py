@@ -1,1 +1,1 @@
-"""How the robot gets somewhere. Pure; no clock and no thread of its own."""
+"""Navigation to a goal. Pure; no clock and no thread of its own."""

@@ -140,7 +140,7 @@ class Navigator:
             self._last = NavigationStep(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
-        """Forget what is not on the map: the robot was carried, or got another pose."""
+        """Forget obstacles that are not on the map: the robot was carried, or got another pose."""
         self._obstacle_map.forget()
 
     # --- steps ------------------------------------------------------------------------------------

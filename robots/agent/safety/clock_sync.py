@@ -79,7 +79,7 @@ class _Peer:
     time that a beat takes. `echoed_in` is the number of our last beat with an echo of it.
     """
 
-    heard: float
+    last_beat_at: float
     delays: deque[float] = field(default_factory=lambda: deque(maxlen=CLOCK.samples))
     clock: PeerClock = field(default_factory=PeerClock)
     beats: dict[Way, tuple[int, float, float]] = field(default_factory=dict)
@@ -112,14 +112,14 @@ class PeerClocks:
             self._sent.popitem(last=False)
         return Heartbeat(n=self._n, stamp=unix, echoes=self._echoes(now))
 
-    def heard(
-        self, peer: str, way: Way, beat: CommandHeartbeat, *, now: float, unix: float
+    def on_heartbeat(
+        self, peer: str, transport: Way, beat: CommandHeartbeat, *, now: float, unix: float
     ) -> None:
         """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by our clock."""
         entry = self._peers.pop(peer, None) or _Peer(now)
         self._peers[peer] = entry
         self._evict()
-        entry.heard, entry.beats[way] = now, (beat.n, beat.stamp, unix)
+        entry.last_beat_at, entry.beats[transport] = now, (beat.n, beat.stamp, unix)
         entry.delays.append(now - beat.stamp)
         # Our own record of when beat n left is what counts, not the stamp that the peer says it
         # had.
@@ -151,7 +151,7 @@ class PeerClocks:
         lately = [
             (name, peer)
             for name, peer in self._peers.items()
-            if now - peer.heard <= CLOCK.echo_within
+            if now - peer.last_beat_at <= CLOCK.echo_within
         ]
         lately.sort(key=lambda entry: (entry[0] not in self._first, entry[1].echoed_in))
         echoes: list[Echo] = []

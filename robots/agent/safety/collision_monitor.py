@@ -80,9 +80,12 @@ class CollisionMonitor:
         """Take dead reckoning at `stamp`, the robot's Unix time in seconds."""
         self._here = self.track.add(stamp, odometry)
 
-    def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Assisted:
+    def shape(
+        self, wanted: Velocity, last_sent: Velocity, level: AssistLevel, now: float
+    ) -> Assisted:
         """Return what to send to the base instead of `wanted`, which is within the limits and on
-        the driver's ramp. The base was last sent `told`; `now` is monotonic time.
+        the driver's ramp. `last_sent` is what the base was last
+        sent; `now` is monotonic time.
         """
         points, errors = self._about(self._assist.reach)
         lost = {
@@ -94,7 +97,7 @@ class CollisionMonitor:
         everywhere = "creep" in lost or self._is_vague()
         slower = self._crept(wanted, everywhere=everywhere)
         found = self._assist.shape(
-            slower, told, points, level, errors=errors, silence=silence, dock=self.dock
+            slower, last_sent, points, level, errors=errors, silence=silence, dock=self.dock
         )
         # steering may have added a turn
         found = replace(found, velocity=self._crept(found.velocity, everywhere=everywhere))
@@ -132,8 +135,8 @@ class CollisionMonitor:
         """Return dead reckoning from measured velocities, for a robot without odometry."""
         before, self._reckoned_at = self._reckoned_at, reading.stamp
         seconds = min(max(reading.stamp - before, 0.0), MONITOR.longest_step)
-        turn, driven = reading.velocity.angular * seconds, reading.velocity.linear * seconds
-        step = Pose2D(driven * math.cos(turn / 2.0), driven * math.sin(turn / 2.0), turn)
+        turn, travelled = reading.velocity.angular * seconds, reading.velocity.linear * seconds
+        step = Pose2D(travelled * math.cos(turn / 2.0), travelled * math.sin(turn / 2.0), turn)
         self._reckoning = self._reckoning.compose(step)
         return self._reckoning
 

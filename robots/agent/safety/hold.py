@@ -21,13 +21,13 @@ HEARTBEAT_GAP = 0.5
 class DriveHold:
     """One stop that waits for its release. Times are monotonic, in seconds.
 
-    `grant` is that of its lease, None without one; `way` the transport of the driver's velocities.
+    `grant` is that of its lease, None without one; `transport` that of the driver's velocities.
     A stop `by_person` also holds without a lease: the robot then waits for a new driver, or for a
     person who releases it.
     """
 
     grant: LeaseGrant | None
-    way: Way | None
+    transport: Way | None
     since: float
     by_person: bool = False
     last_received_at: float = field(init=False)
@@ -43,13 +43,13 @@ class DriveHold:
         known, self.grant = self.grant, grant
         return is_new if known is None else known != grant
 
-    def pressed(self, way: Way, now: float) -> None:
+    def pressed(self, transport: Way, now: float) -> None:
         """Take a velocity of the driver other than zero."""
-        self.way, self.since = way, now
+        self.transport, self.since = transport, now
 
-    def is_released_by(self, way: Way, now: float) -> bool:
+    def is_released_by(self, transport: Way, now: float) -> bool:
         """Take a heartbeat of the driver, and tell whether it ends a long enough silence."""
-        if self.way not in {None, way}:
+        if self.transport not in {None, transport}:
             return False
         if now - self.last_received_at > HEARTBEAT_GAP:
             self.since = now

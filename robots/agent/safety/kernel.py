@@ -161,8 +161,10 @@ class Shaped(Protocol):
 class Shaper(Protocol):
     """The stage between limits and ramp, which knows the obstacles near the robot. Pure."""
 
-    def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Shaped:
-        """Return the safe part of `wanted`, for a base that was last sent `told`."""
+    def shape(
+        self, wanted: Velocity, last_sent: Velocity, level: AssistLevel, now: float
+    ) -> Shaped:
+        """Return the safe part of `wanted`; `last_sent` is what the base was last sent."""
 
 
 @dataclass
@@ -244,9 +246,15 @@ class Kernel:
         return True
 
     def _driver_changed(self, before: Lease | None, lease: Lease | None) -> None:
+        """Void the commands of the previous driver when the grant changes: its session, epoch, or
+        hidden operator's epoch. The robot then brakes to rest.
+
+        A renewal of the same grant changes nothing here, and a lapsed lease that returns must not
+        release a hold: its driver may still hold a key down. Navigation ends with the lease that
+        permitted it; an action that the server ordered continues unless the robot is held.
+        """
         if _grant(before) == _grant(lease):
             return
-        # A new driver starts from a robot at rest; the last velocity of the previous one is void.
         self._target, self._accepted_at = ZERO, float("-inf")
         self.driver_heartbeat_at = self._driven_by = None
         if before is None or lease is None or before.peer != lease.peer:
@@ -265,7 +273,7 @@ class Kernel:
             self._cancel_navigation("stopped")
         self._change(Change.DRIVER_CHANGED)
 
-    def heartbeat(self, peer: str, way: Way, now: float) -> None:
+    def heartbeat(self, peer: str, transport: Way, now: float) -> None:
         """Take a heartbeat. The driver's keeps navigation going, and shows that silence means
         released controls; the server's keeps actions going that the server ordered.
         """
@@ -276,7 +284,7 @@ class Kernel:
             self.visitor_heartbeat_at = now
         if lease is not None and lease.driver == peer:
             self.driver_heartbeat_at = now
-            if self._hold is not None and self._hold.is_released_by(way, now):
+            if self._hold is not None and self._hold.is_released_by(transport, now):
                 self._hold = None
 
     # --- velocities -------------------------------------------------------------------------------
@@ -294,9 +302,9 @@ class Kernel:
         if forbidden(lease, sender, method=command.method):
             return self._refuse("not_allowed")
         moving = command.linear != 0.0 or command.angular != 0.0
-        self._driven_by = sender.way
+        self._driven_by = sender.transport
         if moving and self._hold is not None:
-            self._hold.pressed(sender.way, now)
+            self._hold.pressed(sender.transport, now)
         grant = command.session, command.epoch
         if command.seq <= self._floors.get(grant, -1):
             return self._refuse("old_seq")
@@ -493,7 +501,7 @@ class Kernel:
             return False
         self._remember_stop("estop", action.action_id, now)
         user = lease.who if lease and role == "driver" else ""
-        if sender.way == "mqtt":
+        if sender.transport == "mqtt":
             user = action.user
         self._press(EStopLatch(role, unix, user, action.detail), now)
         return True
@@ -602,6 +610,11 @@ class Kernel:
     def _why_not(
         self, action: Action, sender: CommandSender, *, now: float, unix: float
     ) -> str | None:
+        """Return why an action is refused, None if it may begin.
+
+        Permission comes first, then the age, then the robot's own state, which refuses only actions
+        that move it. Without a lease, clearing the emergency stop also releases a hold.
+        """
         lease = self.leases.live(now)
         reason = refusal(action, sender, lease, self.capabilities) or staleness(
             action, sender, lease, self.clocks, now=now, unix=unix

@@ -55,7 +55,7 @@ class ObstacleSource(ABC):
 
     @abstractmethod
     def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
-        """Take what is new in a reading; `track` has the robot's pose at its stamps."""
+        """Take the new data of a reading; `track` has the robot's pose at its stamps."""
 
     def last_received_at(self) -> float:
         """Return the time of its last data; of several sensors, of the one silent for longest."""
@@ -182,6 +182,9 @@ class SonarSource(ObstacleSource):
         return nearest
 
     def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
+        """Add the arc of an echo, or none without an echo (`distance` None), and drop points that
+        it measures again, that two cones have looked through, or that are out of date.
+        """
         self._travel(robot)
         reach = sonar.farthest if distance is None else min(distance, sonar.farthest)
         eye = robot.compose(Pose2D(sonar.x, sonar.y, sonar.theta))
@@ -203,8 +206,8 @@ class SonarSource(ObstacleSource):
         self._distance += last.distance(robot) + self.TURN * turn
 
     def _arc(self, sonar: Sonar, reach: float) -> Floats:
-        """Return (n, 2) where an echo may come from, in the sensor's frame; what is too near to be
-        measured is taken to be at half the nearest distance.
+        """Return (n, 2) where an echo may come from, in the sensor's frame; an obstacle too near to
+        be measured is taken to be at half the nearest distance.
         """
         if reach >= sonar.farthest:
             return NO_POINTS

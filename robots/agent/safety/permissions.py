@@ -81,7 +81,7 @@ class CommandSender:
     message.
     """
 
-    way: Way
+    transport: Way
     peer: str | None = None
     retained: bool = False
     role: Role = "observer"
@@ -91,7 +91,7 @@ def role_of(action: Action | PointCommand, sender: CommandSender, lease: Lease |
     """Return the role that counts. On a data channel not the page's own claim counts, but its peer
     and whether it is the robot's screen.
     """
-    if sender.way == "mqtt":
+    if sender.transport == "mqtt":
         return action.role
     if lease is not None and sender.peer == lease.driver:
         return "driver"
@@ -106,7 +106,7 @@ def mismatch(
     """Return why a driver's message does not belong to the live lease, or None."""
     if lease is None:
         return "no_lease"
-    if lease.driver is None or (sender.way == "datachannel" and sender.peer != lease.driver):
+    if lease.driver is None or (sender.transport == "datachannel" and sender.peer != lease.driver):
         return "observer"
     if session != lease.session:
         return "wrong_session"
@@ -117,7 +117,7 @@ def forbidden(
     lease: Lease, sender: CommandSender, *, method: str | None = None, action: Action | None = None
 ) -> bool:
     """Tell whether the terms of a lease exclude a transport, input method or type of action."""
-    if lease.ways is not None and sender.way not in lease.ways:
+    if lease.ways is not None and sender.transport not in lease.ways:
         return True
     if method is not None:
         return lease.methods is not None and method not in lease.methods
@@ -136,7 +136,7 @@ def refusal(
     kind = type(action)
     if role == "observer" or (role == "screen" and role not in WITHOUT_LEASE.get(kind, ())):
         return "observer"
-    if isinstance(action, ClearEStop) and (sender.way != "mqtt" or not action.user):
+    if isinstance(action, ClearEStop) and (sender.transport != "mqtt" or not action.user):
         return "not_from_server"
     if role == "driver":
         reason = _drivers_refusal(action, sender, lease)

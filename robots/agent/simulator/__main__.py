@@ -140,6 +140,36 @@ async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
     await server.run(host, port, announce)
 
 
+def server_of(words: argparse.Namespace) -> Server:
+    """Return the server of the simulation that the arguments describe. Raises UnknownProfileError,
+    SiteError, StartError or ValueError.
+    """
+    model = with_fps(model_of(words.profile), words.fps)
+    plan, _ = load_plan(words.plan)
+    simulation = Simulation(
+        model,
+        plan,
+        seed=words.seed,
+        start=words.start,
+        charge=words.charge,
+        **moving_things(words.people, words.door_changes),
+    )
+
+    def renderer() -> "SceneCamera":
+        # Its import takes seconds, of which --help needs none.
+        from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415
+
+        return SceneCamera(model, plan, seed=words.seed)
+
+    return Server(
+        simulation,
+        None if words.no_camera else renderer,
+        linger=words.linger,
+        seed=words.seed,
+        sonar=words.sonar,
+    )
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run a simulated robot; return 2, with one sentence, when it cannot be built."""
     words = parser().parse_args(arguments)
@@ -149,34 +179,11 @@ def main(arguments: list[str] | None = None) -> int:
         format="simulator %(levelname)s %(name)s %(message)s",
     )
     try:
-        model = with_fps(model_of(words.profile), words.fps)
-        plan, _ = load_plan(words.plan)
         host, port = listen_address(words.listen)
-        simulation = Simulation(
-            model,
-            plan,
-            seed=words.seed,
-            start=words.start,
-            charge=words.charge,
-            **moving_things(words.people, words.door_changes),
-        )
+        server = server_of(words)
     except (UnknownProfileError, SiteError, StartError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
-
-    def renderer() -> "SceneCamera":
-        # Its import takes seconds, of which --help needs none.
-        from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415
-
-        return SceneCamera(model, plan, seed=words.seed)
-
-    server = Server(
-        simulation,
-        None if words.no_camera else renderer,
-        linger=words.linger,
-        seed=words.seed,
-        sonar=words.sonar,
-    )
     try:
         asyncio.run(serve(server, host, port, tied=words.tied))
     except KeyboardInterrupt:

@@ -1,5 +1,5 @@
-"""What the robot hears: a quiet room, and its own motors, louder and higher the faster the wheels
-turn.
+"""The simulated microphone: a quiet room, and its own motors, louder and higher the faster the
+wheels turn.
 """
 
 import numpy as np

@@ -147,7 +147,7 @@ class History(FromSimulator, frozen=True):
 
 
 class FrameRingOffer(FromSimulator, frozen=True):
-    """Where frames will be: a ring of slots in shared memory (see frame_ring.py)."""
+    """The location of frames: a ring of slots in shared memory (see frame_ring.py)."""
 
     name: str
     slots: int

@@ -19,7 +19,7 @@ from robots.world.tracing.walls import Segment
 
 @dataclass(frozen=True)
 class DockParams:
-    """What a station is like, and how much room it needs; metres."""
+    """The size of a station, and the room that it needs; metres."""
 
     ahead: float = 0.06  # of the docked robot's front
     width: float = 0.56

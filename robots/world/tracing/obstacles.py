@@ -24,7 +24,7 @@ MOST_OBSTACLES = 500  # of a plan
 
 @dataclass(frozen=True)
 class ObstacleParams:
-    """How closely boxes follow the map."""
+    """Parameters of fitting boxes to the map."""
 
     near_wall: float = 0.75  # cells beyond a wall's side that still belong to the wall
     free_share: tuple[float, ...] = (0.12, 0.25, 0.4)  # of a box; the next where there are too many

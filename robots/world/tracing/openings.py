@@ -15,7 +15,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class OpeningParams:
-    """How openings are measured."""
+    """Parameters of measuring openings."""
 
     directions: int = 36
     longest: float = 4.0  # of half a line, times the clearance of the border

@@ -25,7 +25,7 @@ OBSTACLE_HEIGHT = 1.0  # metres; a map of one height does not tell
 
 @dataclass(frozen=True)
 class Titles:
-    """What the parts are called before a person names them, in the language of that person."""
+    """The parts' first names, in the language of the person who will name them."""
 
     room: str = "Room"
     corridor: str = "Corridor"
@@ -35,7 +35,7 @@ class Titles:
 
 @dataclass(frozen=True)
 class CorridorParams:
-    """What looks like a corridor."""
+    """The proportions of a corridor."""
 
     widest: float = 3.0  # metres
     length: float = 4.0  # times as long as wide
@@ -46,7 +46,7 @@ CORRIDOR = CorridorParams()
 
 @dataclass(frozen=True, eq=False)
 class Tracing:
-    """What was found on a map, in the map's frame; `labels` (h, w) are the numbers of the rooms."""
+    """The parts found on a map, in its frame; `labels` (h, w) are the numbers of the rooms."""
 
     structure: Structure
     labels: Labels

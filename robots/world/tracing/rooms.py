@@ -32,7 +32,7 @@ JOINED_MARGIN = 1.0  # metres around that drawing
 
 @dataclass(frozen=True)
 class RoomParams:
-    """What makes a doorway, and what a room."""
+    """Limits of doorways and rooms."""
 
     widest_door: float = 1.5  # metres
     # the doorway's width to that of the narrower room beside it, at most

@@ -17,7 +17,7 @@ from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers
 
 @dataclass(frozen=True)
 class StructureParams:
-    """How floor and furniture are distinguished from the building."""
+    """Parameters of distinguishing floor and furniture from the building."""
 
     narrowest: float = 0.28  # metres from the middle of a robot to its side, at least
     speck: float = 0.12  # metres: the longer side of the leg of a chair

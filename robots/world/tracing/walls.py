@@ -30,7 +30,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class WallParams:
-    """What a wall is; metres and radians."""
+    """Limits of walls; metres and radians."""
 
     visible: float = 0.25  # metres into something solid that count
     shortest_piece: float = 0.3

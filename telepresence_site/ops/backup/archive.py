@@ -94,7 +94,7 @@ def _write(
                 info = tarfile.TarInfo(name)
                 info.size, info.mode = os.fstat(source.fileno()).st_size, 0o600
                 hashing = _Hashing(source)
-                archive.addfile(info, hashing)  # type: ignore[arg-type] -- reads, as it must
+                archive.addfile(info, hashing)  # it reads, as it must
             files[name] = {"size": info.size, "sha256": hashing.digest.hexdigest()}
         manifest = {"format": FORMAT, **facts, "files": files}
         content = json.dumps(manifest, indent=1).encode()
@@ -142,7 +142,7 @@ def _regular(archive: tarfile.TarFile, largest: int) -> Iterator[tuple[tarfile.T
         content = archive.extractfile(info) if info.isreg() else None
         if content is None:
             raise BackupError(f"The backup contains {info.name!r}, which is not a file.")
-        yield info, content  # type: ignore[misc] -- IO[bytes]
+        yield info, content  # type: ignore[misc]  # IO[bytes]
 
 
 def _safe(name: str) -> PurePosixPath:

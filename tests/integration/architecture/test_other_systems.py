@@ -69,7 +69,7 @@ PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/"
 GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
 EXCUSES = {"NotImplementedError", "AttributeError"}
 # Texts for users, and one that is compared with a user's input.
-PATHS_IN_WORDS = {"robots/__init__.py", "robots/agent/devices/words.py"}
+PATHS_IN_WORDS = {"robots/__init__.py", "robots/agent/devices/device_address.py"}
 
 
 def dotted(node: ast.AST) -> str:

@@ -150,7 +150,7 @@ def test_without_sites_and_robots_a_study_cannot_be_run():
     assert "Condition all_open: there is no robot of the series giraff." in found
 
 
-def test_with_its_site_and_robot_nothing_stands_in_the_way():
+def test_with_its_site_and_robot_it_may_be_published():
     cabin_with_giraff()
     assert resources.obstacles_here(small_study()) == []
 

@@ -77,7 +77,7 @@ class Bench:
                 peer=peer,
                 echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
             )
-            self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
+            self.kernel.clocks.on_heartbeat(peer, "mqtt", answer, now=self.now, unix=self.unix)
             self.kernel.heartbeat(peer, "mqtt", self.now)
 
     def command(self, linear=0.5, angular=0.0, *, age=0.0, frame_age=0.0, **fields):

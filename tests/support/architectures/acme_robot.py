@@ -55,7 +55,7 @@ class AcmeRig(RcaRig):
         self.device = sdk.devices[self.address] = Simulated()
 
     async def down(self):
-        self.device.gone = True
+        self.device.is_disconnected = True
 
     def freeze(self, *, on):
         self.device.freeze(on=on)

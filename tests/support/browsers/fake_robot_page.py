@@ -377,13 +377,13 @@ class FakeRobotPage:
     def _command(self, suffix: str, message: Any, sender: CommandSender, peer: str) -> None:
         now, unix = time.monotonic(), time.time()
         if suffix == "command/heartbeat":
-            self.kernel.clocks.heard(peer, sender.way, message, now=now, unix=unix)
-            self.kernel.heartbeat(peer, sender.way, now)
+            self.kernel.clocks.on_heartbeat(peer, sender.transport, message, now=now, unix=unix)
+            self.kernel.heartbeat(peer, sender.transport, now)
         elif suffix == "command/velocity":
             verdict = self.kernel.velocity(message, sender, now=now, unix=unix)
             if verdict.reason is None:
-                self.applied.append((sender.way, message))
-                self._report.append(_applied(message, sender.way, verdict.age or 0.0))
+                self.applied.append((sender.transport, message))
+                self._report.append(_applied(message, sender.transport, verdict.age or 0.0))
         elif suffix == "command/picture" and self.still is not None:
             self._pages[peer].show(picture.frame(picture.pack(unix, self.still)))
         elif isinstance(message, m.Photo):

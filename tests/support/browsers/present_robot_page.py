@@ -200,7 +200,7 @@ class PresentRobotPage(FakeRobotPage):
         if by is None or lease is None:
             return
         pointer = m.Pointer(stamp=time.time(), by=by, at=command.at)
-        self.pointed.append((sender.way, pointer))
+        self.pointed.append((sender.transport, pointer))
         self.media.point(pointer)
         screens = [page for page, _ in self._screens.values()]
         drivers = [page for peer, page in self._pages.items() if peer == lease.peer]

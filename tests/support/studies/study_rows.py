@@ -315,7 +315,9 @@ def _visits(dataset: Dataset, stored: Stored, now: datetime.datetime) -> Iterato
 def _response(dataset: Dataset, response, stored: Stored, questionnaire: QuestionnaireRow) -> None:
     who = stored.people[response.participant]
     step = next(
-        one.key for one in dataset.study.asking if one.questionnaire == response.questionnaire
+        one.key
+        for one in dataset.study.questionnaire_steps
+        if one.questionnaire == response.questionnaire
     )
     visit, robot, outcome = 1, [], ""
     if response.session:

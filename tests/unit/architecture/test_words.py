@@ -1,5 +1,5 @@
-"""Names in the code are the terms of its fields. These words were a private language once, and do
-not come back: beside each stands what the thing is called.
+"""Names in the code and events in the log are the terms of their fields. These words were a private
+language once; each has the term that replaced it.
 """
 
 import ast
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.media.sources import PACKAGES, python_files, text_of
+from tests.support.media.sources import PACKAGES, python_files, scripts, text_of
 from tests.support.paths import ROOT
 
 INSTEAD = {
@@ -29,6 +29,8 @@ INSTEAD = {
     "lateness": "jitter, staleness",
     "ledger": "sequence tracker, action history",
     "lettering": "bitmap font",
+    "land": "answer, acknowledge",
+    "lent": "assigned",
     "life_sign": "lock file",
     "mailbox": "send queue",
     "passers": "recently lost obstacles",
@@ -48,9 +50,24 @@ INSTEAD = {
     "ways_out": "publisher",
     "whereabouts": "pose buffer, pose extrapolator",
 }
-BANNED = re.compile(rf"(?:^|_)({'|'.join(INSTEAD)})s?(?:_|$)")
+# These are terms of tests, where a visitor hears and is told things.
+IN_PRODUCT = {
+    "heard": "received",
+    "mind": "navigation node",
+    "nobody": "without …, none",
+    "said": "sent, reported, text",
+    "somebody": "visitor, driver",
+    "told": "published, reported",
+    "whoever": "driver, visitor",
+}
 # How long something takes to settle, in control and filtering, is a term of those fields.
 ALLOWED = {"SETTLING", "settling", "settling_seconds"}
+ALLOWED_IN_SCRIPTS = {"Surroundings", "fate", "newFate"}
+BROKER = ROOT / "robots/broker"
+DECLARED = re.compile(
+    r"\b(?:const|let|function|class)\s+(\w+)|^ +(?:async |static |get |#)*(\w+)\(.*\) \{$",
+    re.MULTILINE,
+)
 
 
 def snake(name: str) -> str:
@@ -58,7 +75,7 @@ def snake(name: str) -> str:
 
 
 def names_in(source: str) -> set[str]:
-    """Every name that the source gives to something of its own."""
+    """Every name that the source gives to something of its own, and the events that it logs."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         match node:
@@ -68,49 +85,79 @@ def names_in(source: str) -> set[str]:
                 found.add(name)
             case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
                 found.add(name)
+            case ast.Call(
+                func=ast.Attribute(value=ast.Name(id="log")),
+                args=[ast.Constant(value=str(event)), *_],
+            ):
+                found.add(event)
     return {name for name in found if not name.startswith("test_")}
 
 
-def banned_in(names: set[str]) -> dict[str, str]:
-    matches = {name: BANNED.search(snake(name)) for name in names - ALLOWED}
-    return {name: INSTEAD[match[1]] for name, match in matches.items() if match}
+def names_in_script(source: str) -> set[str]:
+    return {one or other for one, other in DECLARED.findall(source)} - ALLOWED_IN_SCRIPTS
 
 
-def may_have_banned_names(source: str) -> bool:
+def banned_in(names: set[str], words: dict[str, str] = INSTEAD) -> dict[str, str]:
+    banned = re.compile(rf"(?:^|_)({'|'.join(words)})s?(?:_|$)")
+    matches = {name: banned.search(snake(name)) for name in names - ALLOWED}
+    return {name: words[match[1]] for name, match in matches.items() if match}
+
+
+def may_have_banned_names(source: str, words: dict[str, str] = INSTEAD) -> bool:
     """Tell whether a source has the letters of a banned word anywhere: few have."""
     letters = source.lower().replace("_", "")
-    return any(word.replace("_", "") in letters for word in INSTEAD)
+    return any(word.replace("_", "") in letters for word in words)
 
 
-def names_of(path: Path) -> set[str]:
+def names_of(path: Path, words: dict[str, str]) -> set[str]:
     source = text_of(path)
-    inside = names_in(source) if may_have_banned_names(source) else set()
+    inside = names_in(source) if may_have_banned_names(source, words) else set()
     return {path.stem, path.parent.name, *inside}
 
 
-@pytest.mark.parametrize("package", [*PACKAGES, "benchmarks", "tests"])
+@pytest.mark.parametrize("package", [*PACKAGES, "benchmarks", "deploy", "docs", "tests"])
 def test_no_name_is_of_the_private_language(package):
     found = {}
     for path in python_files(package):
         if "migrations" in path.parts:
             continue
-        banned = banned_in(names_of(path))
+        words = INSTEAD | IN_PRODUCT if is_product(path) else INSTEAD
+        banned = banned_in(names_of(path, words), words)
         found |= {f"{path.relative_to(ROOT)}: {name}": word for name, word in banned.items()}
     assert found == {}
 
 
-def test_scripts_are_named_by_what_they_are():
-    paths = [path for path in (ROOT / "static/js").rglob("*.js") if banned_in({path.stem})]
-    assert [str(path.relative_to(ROOT)) for path in paths] == []
+def is_product(path: Path) -> bool:
+    return path.relative_to(ROOT).parts[0] in PACKAGES and BROKER not in path.parents
 
 
-def test_the_list_finds_what_it_bans():
-    source = "class RollCall:\n    def whereabouts(self, tourist): self._clockwork = in_parts = 1"
-    assert may_have_banned_names(source)
-    assert set(banned_in(names_in(source))) == {
-        "RollCall",
-        "whereabouts",
-        "tourist",
-        "_clockwork",
-        "in_parts",
+def test_no_name_in_a_script_is_of_the_private_language():
+    found = {
+        f"{path.relative_to(ROOT)}: {name}": word
+        for path in scripts("static/js")
+        for name, word in banned_in({path.stem, *names_in_script(text_of(path))}).items()
     }
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "banned"),
+    [
+        ("class RollCall: pass", {"RollCall"}),
+        ("def whereabouts(tourist): pass", {"whereabouts", "tourist"}),
+        ("self._clockwork = in_parts = 1", {"_clockwork", "in_parts"}),
+        ("heard, told = 1, 2", {"heard", "told"}),
+        ('log.info("nobody_drives", way=1)', {"nobody_drives"}),
+        ("untold = SETTLING = 1", set()),
+        ("def test_told(): pass", set()),
+    ],
+)
+def test_the_list_finds_what_it_bans(source, banned):
+    words = INSTEAD | IN_PRODUCT
+    assert may_have_banned_names(source, words)
+    assert set(banned_in(names_in(source), words)) == banned
+
+
+def test_names_in_scripts_are_found():
+    source = "const herald = 1;\nclass RollCall {\n  async tourist(a) {\n  }\n}\n"
+    assert set(banned_in(names_in_script(source))) == {"herald", "RollCall", "tourist"}

@@ -25,7 +25,7 @@ class Owner:
     def opened(self):
         self.said.append("opened")
 
-    def heard(self, topic, payload, *, retained):
+    def on_message(self, topic, payload, *, retained):
         self.said.append((topic, payload, retained))
 
     def acknowledged(self, packet_id):
@@ -143,20 +143,22 @@ def said(robot):
 
 async def test_a_robot_that_hears_its_own_will_says_that_it_is_there(robot):
     topic = topics.of(robot.name, "connection")
-    robot.heard(topic, robot._presence("ONLINE"), retained=False)
-    robot.heard(topic, robot._presence("CONNECTIONBROKEN"), retained=True)
+    robot.on_message(topic, robot._presence("ONLINE"), retained=False)
+    robot.on_message(topic, robot._presence("CONNECTIONBROKEN"), retained=True)
     assert said(robot) == []
-    robot.heard(topic, robot._presence("CONNECTIONBROKEN"), retained=False)
+    robot.on_message(topic, robot._presence("CONNECTIONBROKEN"), retained=False)
     assert [(suffix, word.state) for suffix, word in said(robot)] == [("connection", "ONLINE")]
 
 
 async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(robot):
-    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    robot.on_message(topics.of("light-0", "lease"), lease(1), retained=False)
     assert [message.type for suffix, message in said(robot) if suffix == "event"] == ["lease_taken"]
     command = m.VelocityCommand(
         session="s1", epoch=1, seq=1, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard"
     )
-    robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
+    robot.on_message(
+        topics.of("light-0", "command/velocity"), codec.encode(command), retained=False
+    )
     robot._say_state()
     ((_, state),) = said(robot)
     assert (state.session, state.epoch, [applied.seq for applied in state.applied]) == (
@@ -164,7 +166,7 @@ async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(rob
         1,
         [1],
     )
-    robot.heard(topics.of("light-0", "lease"), b"", retained=False)
+    robot.on_message(topics.of("light-0", "lease"), b"", retained=False)
     assert [suffix for suffix, _ in said(robot)] == ["state", "event"], (
         "its last state, and that it was the last"
     )
@@ -175,7 +177,7 @@ async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(rob
 async def test_a_light_robot_keeps_states_without_broker_and_resends_old_ones(
     robot,
 ):
-    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    robot.on_message(topics.of("light-0", "lease"), lease(1), retained=False)
     robot.closed()
     robot.wire.written = b""
     robot._say_state()
@@ -187,7 +189,7 @@ async def test_a_light_robot_keeps_states_without_broker_and_resends_old_ones(
     again = m.ResendStates(
         action_id="r", stamp=1.0, role="server", boot=robot.boot, first=1, last=1
     )
-    robot.heard(topics.of("light-0", "command/action"), codec.encode(again), retained=False)
+    robot.on_message(topics.of("light-0", "command/action"), codec.encode(again), retained=False)
     assert [message.seq for suffix, message in said(robot) if suffix == "state"] == [1]
 
 
@@ -203,14 +205,16 @@ async def test_a_light_robot_leaves_a_node_that_confirms_nothing(robot, monkeypa
 
 
 async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
-    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    robot.on_message(topics.of("light-0", "lease"), lease(1), retained=False)
     for seq in (5, 6, 9):
         command = m.VelocityCommand(
             session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
         )
-        robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
-    assert robot._told.counts["commands_missing"] == 2
-    assert len(robot._told.delays) == 3
+        robot.on_message(
+            topics.of("light-0", "command/velocity"), codec.encode(command), retained=False
+        )
+    assert robot._measured.counts["commands_missing"] == 2
+    assert len(robot._measured.delays) == 3
 
 
 KEY, DELTA = b"\x50\x00", b"\x51\x00"

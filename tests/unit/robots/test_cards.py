@@ -39,7 +39,7 @@ def test_a_robot_that_visitors_do_not_see_says_so_to_those_who_do():
 
 
 def test_a_robot_that_somebody_drives_offers_the_next_place():
-    it = shown(Traffic(driven=True))
+    it = shown(Traffic(in_use=True))
     assert (it.state, it.action, it.drives) == ("busy", "Join the queue", True)
     assert it.detail == "Somebody is driving. You would be next."
 
@@ -48,11 +48,11 @@ def test_a_robot_that_somebody_drives_offers_the_next_place():
     ("waiting", "words"), [(1, "1 visitor in the queue."), (3, "3 visitors in the queue.")]
 )
 def test_the_line_is_counted(waiting, words):
-    assert shown(Traffic(driven=True, waiting=waiting)).detail == words
+    assert shown(Traffic(in_use=True, waiting=waiting)).detail == words
 
 
 def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
-    assert shown(Traffic(driven=False, waiting=1)).state == "busy"
+    assert shown(Traffic(in_use=False, waiting=1)).state == "busy"
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_an_offline_robot_says_when_it_was_last_there():
 
 
 def test_an_emergency_stop_is_shown_before_everything_else():
-    it = shown(Traffic(driven=True), report={"safety": {"estop": True}})
+    it = shown(Traffic(in_use=True), report={"safety": {"estop": True}})
     assert (it.state, it.drives) == ("stopped", False)
 
 
@@ -134,7 +134,7 @@ def test_lists_begin_with_what_can_be_driven_now():
 def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)
     assert (it.state, it.label, it.action) == ("busy", label, "Join the queue")
-    assert shown(Traffic(driven=True), returns_home=True, turnaround=turnaround).label == "In use"
+    assert shown(Traffic(in_use=True), returns_home=True, turnaround=turnaround).label == "In use"
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
 
 
@@ -147,7 +147,7 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
         it.detail
         == "Someone stopped it after the last visit. It can move again once you start to drive."
     )
-    driven = shown(Traffic(driven=True), **stopped)
+    driven = shown(Traffic(in_use=True), **stopped)
     assert (driven.label, driven.badge) == ("In use", "busy")
 
 
@@ -182,7 +182,7 @@ def test_the_sentence_depends_on_whether_the_robot_is_docked(
     ],
 )
 def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):
-    assert shown(Traffic(driven=True, waiting=waiting, minutes=minutes)).detail == words
+    assert shown(Traffic(in_use=True, waiting=waiting, minutes=minutes)).detail == words
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, 
 )
 @pytest.mark.parametrize("changes", [{}, {"held": True}])
 def test_the_card_shows_a_waiting_visitor_their_place_and_leads_back_to_it(minutes, words, changes):
-    it = shown(Traffic(driven=True, waiting=3, place=2, minutes=minutes), **changes)
+    it = shown(Traffic(in_use=True, waiting=3, place=2, minutes=minutes), **changes)
     assert (it.state, it.detail, it.action, it.own) == ("busy", words, "Back to the queue", True)
 
 
@@ -202,7 +202,7 @@ LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does
 
 
 def test_a_robot_that_its_agent_does_not_reach_is_unavailable():
-    for traffic in (Traffic(), Traffic(driven=True, waiting=2)):
+    for traffic in (Traffic(), Traffic(in_use=True, waiting=2)):
         it = shown(traffic, report=LOST)
         assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
         assert "10.0.0.7" not in it.detail

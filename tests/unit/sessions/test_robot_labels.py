@@ -42,7 +42,7 @@ def test_a_robot_is_called_on_its_page_as_on_its_card(word):
 
 def test_a_robot_that_is_driven_is_called_the_same_too():
     robot = unsaved_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW)
-    shown = card(robot, Traffic(driven=True), barred="", url="", now=NOW)
+    shown = card(robot, Traffic(in_use=True), barred="", url="", now=NOW)
     assert words()["busy"] == shown.label
-    own = card(robot, Traffic(driven=True, own=True), barred="", url="", now=NOW)
+    own = card(robot, Traffic(in_use=True, own=True), barred="", url="", now=NOW)
     assert words()["own"] == own.label

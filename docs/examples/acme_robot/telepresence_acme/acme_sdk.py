@@ -1,9 +1,9 @@
-"""A double of a robot vendor's Python SDK, with the habits that many have: every call blocks, and
-hangs for as long as the robot does; callbacks come on threads of the SDK; a picture is BGR, in a
-buffer that the SDK uses again.
+"""A test double of a robot vendor's Python SDK, with the usual habits: every call blocks, and hangs
+for as long as the robot does; callbacks run on threads of the SDK; a frame is BGR, in a buffer that
+the SDK reuses.
 
-`devices` stands for the network: robots by their addresses. A robot that nobody has put there is
-made when it is asked for, and stands in an open room.
+`devices` simulates the network: robots by address. Connecting to an unknown address creates a robot
+in an open room.
 """
 
 import math
@@ -39,8 +39,8 @@ class Status:
 
 
 class Device:
-    """The robot itself: it drives as it was told last, for `watchdog` seconds, until its bumper
-    meets a wall at `wall` metres ahead of where it began.
+    """The robot itself. It follows the last velocity for `watchdog` seconds, or until its bumper
+    touches a wall `wall` metres ahead of its start.
     """
 
     watchdog = 0.4
@@ -49,17 +49,17 @@ class Device:
 
     def __init__(self, wall: float = math.inf) -> None:
         self.wall = wall
-        self.gone = False
+        self.is_disconnected = False
         self._frozen = threading.Event()
         self._lock = threading.Lock()
-        self._told, self._told_at = (0.0, 0.0), -math.inf
+        self._velocity, self._velocity_at = (0.0, 0.0), -math.inf
         self._at = time.monotonic()
         self._pose = [0.0, 0.0, 0.0]
         self._speed = [0.0, 0.0]
         self._pressed = False
 
     def freeze(self, *, on: bool) -> None:
-        """Let every call hang from now on, or no longer."""
+        """Make every call hang, or end that."""
         if on:
             self._frozen.set()
         else:
@@ -69,7 +69,7 @@ class Device:
         """Block for as long as a call takes.
 
         Raises:
-            AcmeError: nobody answers.
+            AcmeError: the robot does not answer.
         """
         time.sleep(CALL)
         began = time.monotonic()
@@ -77,17 +77,17 @@ class Device:
             if time.monotonic() - began > timeout:
                 raise AcmeError("no answer")
             time.sleep(CALL)
-        if self.gone:
+        if self.is_disconnected:
             raise AcmeError("the connection was lost")
 
     def drive(self, linear: float, angular: float) -> None:
-        """Obey a velocity until `watchdog` seconds have passed."""
+        """Follow a velocity for `watchdog` seconds."""
         with self._lock:
             self._advance()
-            self._told, self._told_at = (linear, angular), self._at
+            self._velocity, self._velocity_at = (linear, angular), self._at
 
     def status(self) -> Status:
-        """Say how the robot is."""
+        """Return odometry, battery voltage and bumper at this moment."""
         with self._lock:
             self._advance()
             return Status(*self._pose, *self._speed, volts=25.4, bumper=self._pressed)
@@ -96,7 +96,8 @@ class Device:
         now = time.monotonic()
         while self._at + STEP <= now:
             self._at += STEP
-            wanted = self._told if self._at - self._told_at < self.watchdog else (0.0, 0.0)
+            is_recent = self._at - self._velocity_at < self.watchdog
+            wanted = self._velocity if is_recent else (0.0, 0.0)
             for axis in (0, 1):
                 change = wanted[axis] - self._speed[axis]
                 most = self.acceleration * STEP
@@ -141,33 +142,33 @@ class Robot:
         self._device.drive(linear, angular)
 
     def get_status(self) -> Status:
-        """Return how the robot is."""
+        """Request the status; blocks until the robot answers."""
         self._device.answer()
         return self._device.status()
 
     def on_bumper(self, callback: Callable[[bool], None]) -> None:
-        """Call back, on a thread of the SDK, whenever the bumper is pressed or let go."""
+        """Call back, on a thread of the SDK, whenever the bumper is pressed or released."""
         threading.Thread(target=self._feel, args=[callback], name="sdk-bumper", daemon=True).start()
 
     def start_camera(self, callback: Callable[[np.ndarray, float], None]) -> None:
         """Call back, on a thread of the SDK, with (rows, columns, 3) uint8 BGR and the Unix time of
-        each picture. The array holds only until the callback returns.
+        each frame. The array is valid only until the callback returns.
         """
         self._camera = callback
         threading.Thread(target=self._film, args=[callback], name="sdk-camera", daemon=True).start()
 
     def stop_camera(self) -> None:
-        """Let the camera rest."""
+        """End the camera's thread after its present frame."""
         self._camera = None
 
     def disconnect(self) -> None:
-        """Let go of the robot."""
+        """End the threads of this connection."""
         self._connected.clear()
         self._camera = None
 
     def _feel(self, callback: Callable[[bool], None]) -> None:
         pressed = False
-        while self._connected.is_set() and not self._device.gone:
+        while self._connected.is_set() and not self._device.is_disconnected:
             if self._device.status().bumper != pressed:
                 pressed = not pressed
                 callback(pressed)
@@ -176,7 +177,11 @@ class Robot:
     def _film(self, callback: Callable[[np.ndarray, float], None]) -> None:
         buffer = np.empty((*CAMERA, 3), dtype=np.uint8)
         count = 0
-        while self._connected.is_set() and self._camera is callback and not self._device.gone:
+        while (
+            self._connected.is_set()
+            and self._camera is callback
+            and not self._device.is_disconnected
+        ):
             buffer[:] = (20, 30, 200)  # blue, green, red: a red room
             buffer[:, (4 * count) % CAMERA[1] :][:, :40] = 60  # with a dark bar that moves
             callback(buffer, time.time())

@@ -1,10 +1,10 @@
 """An adapter for a blocking SDK with callbacks on threads of its own.
 
-Nothing that runs on the agent's control loop may wait: the safety kernel runs there, fifty times a
-second. So one thread of ours talks to the robot. Velocities go to it through `Newest`, so that only
-the latest counts; what it and the SDK's own threads hear comes to the loop through
-`call_soon_threadsafe`. A call that hangs keeps that thread and nothing else: the agent notices the
-silence, gives the connection up and makes a new one.
+Nothing on the agent's control loop may block, because the safety kernel runs there fifty times a
+second. A separate thread therefore talks to the robot. Velocities reach it through `LatestValue`,
+which keeps only the latest; data from it and from the SDK's own threads reaches the loop through
+`call_soon_threadsafe`. A call that hangs blocks only that thread: the agent notices the silence,
+drops the connection and makes a new one.
 """
 
 import asyncio
@@ -20,15 +20,15 @@ from msgspec import Struct
 
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
-from robots.agent.devices.newest import Newest
+from robots.agent.devices.latest_value import LatestValue
 from robots.agent.robot_interface import AdapterError, Frame, VideoSource
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from telepresence_acme import acme_sdk
 
 PROFILES = Path(__file__).parent / "profiles"
-PERIOD = 0.04  # s between two rounds of the thread while no velocity comes
-ENDING = 1.0  # s that the thread may take to let go of the robot
+PERIOD = 0.04  # s between two status requests while no velocity arrives
+ENDING = 1.0  # s that the thread may take to disconnect from the robot
 
 
 class Options(Struct, frozen=True, kw_only=True):
@@ -46,7 +46,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "AcmeAdapter":
 
 
 class AcmeAdapter(RemoteAdapter):
-    """Runs on the control loop, but for what `SdkThread` and `AcmeCamera` say of themselves."""
+    """Runs on the control loop, except for `SdkThread` and `AcmeCamera`."""
 
     vital = "its odometry"
 
@@ -68,7 +68,7 @@ class AcmeAdapter(RemoteAdapter):
             raise AdapterError(f"{self.place} cannot be reached: {error}") from error
         self.readings.bumped(touching=False, bearings=())
         self._thread = thread = SdkThread(robot, asyncio.get_running_loop())
-        thread.begin(self._told, self._bumped, lambda why: self._lose(f"{self.place}: {why}"))
+        thread.begin(self._on_status, self._bumped, lambda why: self._lose(f"{self.place}: {why}"))
         await asyncio.to_thread(self._camera.connected, robot)
 
     async def _shut(self) -> None:
@@ -88,7 +88,7 @@ class AcmeAdapter(RemoteAdapter):
         self._thread.velocities.put(velocity)
 
     async def _ask(self) -> None:
-        """Wait until the robot has answered once more: one that hangs is not told to move."""
+        """Wait for the robot's next answer, so that a robot that hangs gets no velocity."""
         self._answered.clear()
         await self._answered.wait()
 
@@ -96,7 +96,7 @@ class AcmeAdapter(RemoteAdapter):
         """Return the robot's camera."""
         return self._camera
 
-    def _told(self, status: acme_sdk.Status) -> None:
+    def _on_status(self, status: acme_sdk.Status) -> None:
         self._answered.set()
         self.readings.charged(voltage=status.volts)
         self.readings.moved(
@@ -112,12 +112,12 @@ class AcmeAdapter(RemoteAdapter):
 
 
 class SdkThread:
-    """The one thread that talks to the robot, because an SDK is seldom made for two. A daemon: one
-    that hangs for ever does not keep the agent from ending, as a thread of asyncio's pool would.
+    """The only thread that talks to the robot, because few SDKs are thread-safe. It is a daemon, so
+    that a call that hangs does not keep the agent from exiting, as asyncio's thread pool would.
     """
 
     def __init__(self, robot: acme_sdk.Robot, loop: asyncio.AbstractEventLoop) -> None:
-        self.velocities: Newest[Velocity] = Newest()
+        self.velocities: LatestValue[Velocity] = LatestValue()
         self._robot = robot
         self._loop = loop
         self._ending = threading.Event()
@@ -125,57 +125,59 @@ class SdkThread:
 
     def begin(
         self,
-        told: Callable[[acme_sdk.Status], None],
+        on_status: Callable[[acme_sdk.Status], None],
         bumped: Callable[[bool], None],
         lost: Callable[[str], None],
     ) -> None:
         """Talk to the robot until `end`; all three are called on the loop."""
         self._robot.on_bumper(lambda pressed: self._call(bumped, pressed))
         self._thread = threading.Thread(
-            target=self._run, args=[told, lost], name="acme", daemon=True
+            target=self._run, args=[on_status, lost], name="acme", daemon=True
         )
         self._thread.start()
 
     def end(self) -> None:
-        """Tell the robot nothing more; returns at once."""
+        """Send nothing more to the robot; returns at once."""
         self._ending.set()
 
     def wait(self, seconds: float) -> None:
-        """Block until the robot was let go of, or for so long."""
+        """Block until the robot is disconnected, at most `seconds`."""
         if self._thread is not None:
             self._thread.join(seconds)
 
-    def _run(self, told: Callable[[acme_sdk.Status], None], lost: Callable[[str], None]) -> None:
+    def _run(
+        self, on_status: Callable[[acme_sdk.Status], None], lost: Callable[[str], None]
+    ) -> None:
         try:
             while not self._ending.is_set():
                 velocity = self.velocities.take(PERIOD)
                 if velocity is not None and not self._ending.is_set():
                     self._robot.set_speed(velocity.linear, velocity.angular)
-                self._call(told, self._robot.get_status())
+                self._call(on_status, self._robot.get_status())
             self._robot.disconnect()
         except acme_sdk.AcmeError as error:
             self._call(lost, str(error))
 
-    def _call(self, function: Callable[[Any], None], told: Any) -> None:
-        """Have the loop call a function, unless nobody listens to this connection any more."""
-        with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+    def _call(self, function: Callable[[Any], None], argument: Any) -> None:
+        """Call a function on the loop, unless the connection is closing."""
+        with contextlib.suppress(RuntimeError):  # the loop was closed in between
             if not self._ending.is_set():
-                self._loop.call_soon_threadsafe(function, told)
+                self._loop.call_soon_threadsafe(function, argument)
 
 
 class AcmeCamera:
-    """See robot_interface.VideoSource: `start`, `stop` and `read` come from the agent's media side,
-    which may wait; pictures from a thread of the SDK.
+    """See robot_interface.VideoSource: the agent's media thread, which may block, calls `start`,
+    `stop` and `read`; a thread of the SDK delivers frames.
     """
 
     def __init__(self) -> None:
-        self._newest: Newest[Frame] = Newest()
+        self._newest: LatestValue[Frame] = LatestValue()
         self._lock = threading.Lock()
         self._robot: acme_sdk.Robot | None = None
         self._wanted = False
 
     def connected(self, robot: acme_sdk.Robot | None) -> None:
-        """Take a new connection, and go on with it; None when there is none any more."""
+        """Use a new connection, None when it is closed; capturing continues on it."""
         with self._lock:
             self._robot = robot
             if robot is not None and self._wanted:
@@ -208,8 +210,8 @@ class AcmeCamera:
         return frame
 
     def _take(self, bgr: np.ndarray, stamp: float) -> None:
-        """Keep a picture: RGB, as the agent wants it, and in memory of its own, because the SDK
-        uses its buffer again.
+        """Store a frame as RGB, as the agent expects, and as a copy, because the SDK reuses its
+        buffer.
         """
         if self._wanted:
             self._newest.put(Frame(np.ascontiguousarray(bgr[:, :, ::-1]), stamp))

@@ -56,7 +56,7 @@ CONNECT_TIME = 5.0
 FIRST_READING = 5.0
 SILENCE = 1.0
 PERIOD = 0.08  # seconds after which a state is repeated without news
-GLANCE = 0.05  # seconds between two checks of actions
+POLL_PERIOD = 0.05  # seconds between two checks of actions
 CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
 CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
 BRAKING_TIME = 2.0
@@ -420,7 +420,7 @@ class RemoteAdapter(ABC):
             if drive and drive.failure and now - drive.cancelled_at > CANCEL_AGAIN:
                 drive.cancelled_at = now
                 self._run(self._cancel_again(drive))
-            await asyncio.sleep(GLANCE)
+            await asyncio.sleep(POLL_PERIOD)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
         while True:

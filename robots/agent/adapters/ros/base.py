@@ -73,11 +73,13 @@ STAMPED: dict[str, bool | None] = {
     **dict.fromkeys(("false", "no", "off", "0"), False),
 }
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
-LISTENERS = 2.0  # seconds in which a subscriber of velocities should be found
-LOOKING = 0.25  # seconds between two reports of errors; a fifth between two looks at subscribers
-SETTLING = 3.0  # seconds after which a topic without a publisher is reported
-LOOKING_ROUND = 5.0  # seconds between two looks at all topics
-OFTEN = 0.1  # seconds between two readings, at most, when a velocity can wait for the next of them
+SUBSCRIBED_WITHIN = 2.0  # seconds in which a subscriber of velocities should be found
+# seconds between two reports of errors; subscribers are polled five times as often
+REPORT_PERIOD = 0.25
+PUBLISHED_WITHIN = 3.0  # seconds after which a topic without a publisher is reported
+GRAPH_PERIOD = 5.0  # seconds between two requests of all topics
+# seconds between two readings, at most, when a velocity can wait for the next of them
+FAST_PERIOD = 0.1
 log = structlog.stdlib.get_logger(__name__)
 
 
@@ -245,7 +247,7 @@ class RosAdapter(RemoteAdapter):
 
     async def _ask(self) -> None:
         await self._bus.ask()
-        if not self._bus.answers and self._gate.usual < OFTEN:
+        if not self._bus.answers and self._gate.usual < FAST_PERIOD:
             self._next_reading = asyncio.get_running_loop().create_future()
             await self._next_reading
 
@@ -273,7 +275,7 @@ class RosAdapter(RemoteAdapter):
         if self._advertised:
             if wanted == self._stamped or self._bus.listeners(topic):
                 return
-        elif graph is not None and graph.get(topic, TopicPeers(listeners=0)).listeners == 0:
+        elif graph is not None and graph.get(topic, TopicPeers(subscribers=0)).subscribers == 0:
             return
         self._stamped, self._advertised = wanted, True
         self._bus.advertise(topic, TWIST_STAMPED if wanted else TWIST, drives=True)
@@ -288,12 +290,12 @@ class RosAdapter(RemoteAdapter):
         return no_subscriber(self._graph, self._options.cmd_vel, stamped=self._stamped)
 
     async def _settle(self) -> None:
-        deadline = time.monotonic() + LISTENERS
+        deadline = time.monotonic() + SUBSCRIBED_WITHIN
         # A bus does not announce its first subscriber.
         while (  # noqa: ASYNC110
             self._why_not_received() and not self._failure and time.monotonic() < deadline
         ):
-            await asyncio.sleep(LOOKING / 5)
+            await asyncio.sleep(REPORT_PERIOD / 5)
 
     async def _watch_listeners(self) -> None:
         """Send a new subscriber a zero velocity first, and use the type of the base."""
@@ -304,7 +306,7 @@ class RosAdapter(RemoteAdapter):
             self._subscribers = now
             if not self._gate.moving:
                 self._advertise_velocities()
-            await asyncio.sleep(LOOKING / 5)
+            await asyncio.sleep(REPORT_PERIOD / 5)
 
     async def _watch_graph(self) -> None:
         """Report missing peers. The graph is requested only at rest: during the request, rosbridge
@@ -315,10 +317,10 @@ class RosAdapter(RemoteAdapter):
         while True:
             now = time.monotonic()
             if not self._gate.moving and (now >= due or self._why_not_received()):
-                due = now + LOOKING_ROUND
+                due = now + GRAPH_PERIOD
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
             silent = [need for need in self._needs() if need.topic in self._silent]
-            missing = unpublished(self._graph, silent) if now - began > SETTLING else ()
+            missing = unpublished(self._graph, silent) if now - began > PUBLISHED_WITHIN else ()
             hangs = self._gate.shut(time.monotonic())
             errors = (
                 hangs and f"{self.place} {hangs}",
@@ -328,7 +330,7 @@ class RosAdapter(RemoteAdapter):
                 *missing,
             )
             self.readings.errors = tuple(filter(None, errors))
-            await asyncio.sleep(LOOKING)
+            await asyncio.sleep(REPORT_PERIOD)
 
     def _why_silent(self) -> str:
         odometry = [need for need in self._needs() if need.topic == self._options.odom]

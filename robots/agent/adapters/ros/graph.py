@@ -19,8 +19,8 @@ class TopicPeers:
     """The other nodes of a topic: their types, and how many; None when unknown."""
 
     kinds: frozenset[str] = frozenset()
-    listeners: int | None = None
-    speakers: int | None = None
+    subscribers: int | None = None
+    publishers: int | None = None
 
 
 Graph = Mapping[str, TopicPeers]
@@ -58,7 +58,7 @@ def no_subscriber(graph: Graph | None, topic: str, *, stamped: bool) -> str:
     others = [
         f"{name} ({' and '.join(sorted(each.kinds & set(VELOCITIES)))})"
         for name, each in sorted(graph.items())
-        if each.kinds & set(VELOCITIES) and each.listeners != 0 and name != topic
+        if each.kinds & set(VELOCITIES) and each.subscribers != 0 and name != topic
     ]
     here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
     return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base{here}"
@@ -72,17 +72,17 @@ def unpublished(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, .
         return ()
     found = []
     for need in needs:
-        known = graph.get(need.topic, TopicPeers(speakers=0))
+        known = graph.get(need.topic, TopicPeers(publishers=0))
         if known.kinds and need.kind not in known.kinds:
             found.append(
                 f"{need.topic} is {' and '.join(sorted(known.kinds))}, not {need.kind}: set"
                 f" {need.option} to another topic"
             )
-        elif known.speakers == 0:
+        elif known.publishers == 0:
             others = [
                 name
                 for name, each in sorted(graph.items())
-                if need.kind in each.kinds and each.speakers != 0 and name != need.topic
+                if need.kind in each.kinds and each.publishers != 0 and name != need.topic
             ]
             here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
             found.append(

@@ -195,8 +195,8 @@ class NodeBus:
             raise AdapterError(f"{self.place}: {self.graph_source} does not answer") from error
         self._described(answer)
         return {
-            str(topic): TopicPeers(frozenset(kinds), listeners, speakers)
-            for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
+            str(topic): TopicPeers(frozenset(kinds), subscribers, publishers)
+            for topic, (kinds, subscribers, publishers) in answer.get("topics", {}).items()
         }
 
     def _before(self) -> dict[str, Any]:

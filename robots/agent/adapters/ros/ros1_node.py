@@ -41,7 +41,7 @@ if __package__:
 else:  # as a program, in a Python that does not have ours
     import guarded_node as guarded  # type: ignore[no-redef]
 
-GLANCE = 0.05
+POLL_PERIOD = 0.05  # seconds
 MASTER_PERIOD = 0.3
 LIVES_WITHIN = 1.0
 ALL_LIVE_WITHIN = 1.5  # seconds for any number of nodes, well below node_bus.GRAPH_TIME
@@ -250,7 +250,7 @@ class Node(guarded.GuardedNode):
         pending: Any = []
         while True:
             try:
-                pending.append(self.arriving.get(timeout=GLANCE / 5 if pending else None))
+                pending.append(self.arriving.get(timeout=POLL_PERIOD / 5 if pending else None))
             except queue.Empty:
                 pass
             for entry in list(pending):
@@ -292,10 +292,10 @@ class Node(guarded.GuardedNode):
         master = self.new_master()
         while True:
             number = self.questions.get()
-            self.drop_the_dead(master)
+            self.disconnect_unresponsive(master)
             self.say(op="response", number=number)
 
-    def drop_the_dead(self, master: Any) -> None:
+    def disconnect_unresponsive(self, master: Any) -> None:
         """Probe each subscriber of velocities, and disconnect those that do not answer. One that
         has never answered cannot be reached from here, and keeps its connection.
         """
@@ -388,7 +388,7 @@ class Node(guarded.GuardedNode):
     def hand_over(self, topic: str, publisher: Any, waiting: Any) -> None:
         deadline = time.monotonic() + guarded.HEARING
         while not publisher.get_num_connections() and time.monotonic() < deadline:
-            time.sleep(GLANCE)
+            time.sleep(POLL_PERIOD)
         while waiting:
             if publisher.get_num_connections() and self.guard.permits(topic):
                 publisher.publish(waiting[0])
@@ -442,7 +442,7 @@ class Node(guarded.GuardedNode):
     def watch_wheels(self) -> None:
         """Stop a robot that receives no more velocities, and report their subscribers."""
         while True:
-            time.sleep(GLANCE)
+            time.sleep(POLL_PERIOD)
             self.attempt(self.look_at_wheels)
 
     def look_at_wheels(self) -> None:
@@ -462,7 +462,7 @@ class Node(guarded.GuardedNode):
         if self.moved_at is not None:
             self.moved_at = None
             self.publish_zero()
-            time.sleep(GLANCE)
+            time.sleep(POLL_PERIOD)
 
     def watch_master(self) -> None:
         """End when the master is lost or was restarted, and so does not know this node.

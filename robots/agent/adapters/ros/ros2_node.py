@@ -549,7 +549,7 @@ class Ros2Node(guarded.GuardedNode):
     def watch(self) -> None:
         try:
             self.say(op="lost", reason=self.serve())
-        except Exception as error:  # any error: the robot has to be stopped
+        except Exception as error:  # after any error, the guard stops the robot
             traceback.print_exc()
             self.say(op="lost", reason=f"the node of ROS 2 failed: {error!r}")
         self.guard()

@@ -162,7 +162,7 @@ class RosbridgeBus:
         """Do nothing: nothing runs on the robot's side."""
 
     async def _open_probe(self) -> None:
-        """Wait until a probe returns: ROS loses what is published before both ends connect."""
+        """Wait until a probe returns: ROS loses messages published before both ends connect."""
         self._probe_topic = f"/telepresence_probe/p{secrets.token_hex(4)}"
         self._probe_sent = self._probe_came = 0
         kind = "std_msgs/UInt32"
@@ -357,7 +357,7 @@ class RosbridgeBus:
         if topic in self._refused:
             return 0
         known = (self._graph or {}).get(topic)
-        return known.listeners if known is not None else None
+        return known.subscribers if known is not None else None
 
     async def graph(self, driving: str, received: Iterable[str]) -> Graph | None:
         try:
@@ -374,14 +374,14 @@ class RosbridgeBus:
             }
             for topic, answer in speaking.items():
                 kinds = found.get(topic, TopicPeers()).kinds
-                found[topic] = TopicPeers(kinds, speakers=len(answer["publishers"]))
+                found[topic] = TopicPeers(kinds, publishers=len(answer["publishers"]))
             kinds = found.get(driving, TopicPeers()).kinds
-            found[driving] = TopicPeers(kinds, listeners=len(listening["subscribers"]))
+            found[driving] = TopicPeers(kinds, subscribers=len(listening["subscribers"]))
         except (AdapterError, KeyError, TypeError):
             found = {}
         if driving in self._refused:  # without rosapi, the refusal is the only sign of it
             there = self._refused[driving][1]
-            found[driving] = TopicPeers(frozenset({there} if there else ()), listeners=1)
+            found[driving] = TopicPeers(frozenset({there} if there else ()), subscribers=1)
         self._graph = found or None
         return self._graph
 

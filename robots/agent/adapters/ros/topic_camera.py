@@ -7,7 +7,7 @@ import av
 from av.video.reformatter import VideoReformatter
 
 from robots.agent.devices.camera import picture_of
-from robots.agent.devices.newest import Newest
+from robots.agent.devices.latest_value import LatestValue
 from robots.agent.robot_interface import AdapterError, Frame
 
 OPENING = 20.0  # s until the first picture: a publisher may be started by its first subscriber
@@ -19,7 +19,7 @@ class TopicCamera:
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
-        self._newest: Newest[tuple[bytes, float]] = Newest()
+        self._newest: LatestValue[tuple[bytes, float]] = LatestValue()
         self._reformatter = VideoReformatter()
         self._decoders: dict[str, Any] = {}
         self._awaited_since: float | None = None  # monotonic s, None once something came

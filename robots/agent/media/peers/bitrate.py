@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class BitrateParams:
-    """When a viewer's layer changes.
+    """The conditions for changing a viewer's layer.
 
     Lateness is (s older than at its best, reports in a row).
     """

@@ -129,7 +129,7 @@ class HeldCandidates:
 
 
 class OfferLimits:
-    """How many offers are answered, because each costs sockets and processor time: five of one peer
+    """Limits on answered offers, because each costs sockets and processor time: five of one peer
     and one more every two seconds; of all peers together twenty and two a second, except the
     driver's.
     """

@@ -28,7 +28,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class WatchedVideo(Protocol):
-    """What a viewer watches: the camera, or for the robot's screen the visitor."""
+    """The source of a viewer's video: the camera, or for the robot's screen the visitor."""
 
     @property
     def rates(self) -> tuple[int, ...]:

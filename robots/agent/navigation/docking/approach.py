@@ -31,7 +31,7 @@ from robots.world.sensing import Floats, points_in_frame
 
 @dataclass(frozen=True)
 class DockingParams:
-    """How a robot comes into its charging station; distances in the frame of the docked robot."""
+    """Parameters of docking; distances in the frame of the docked robot."""
 
     start_distance: float = 0.9  # m before the docked pose: where the last metre begins
     tries: int = 3  # until the robot gives up
@@ -63,7 +63,7 @@ class DockingParams:
 
 @dataclass(frozen=True)
 class UndockingParams:
-    """How a robot backs out of its charging station, and turns round."""
+    """Parameters of leaving the charging station and turning round."""
 
     speed: float = 0.15  # m/s
     distance: float = 0.4  # m to back out, at least
@@ -79,7 +79,7 @@ UNDOCKING = UndockingParams()
 
 
 class DockingStage(Enum):
-    """What a docking robot is doing. A failed try goes to BACK, then to APPROACH again."""
+    """The stages of docking. A failed try goes to BACK, then to APPROACH again."""
 
     APPROACH = "to where the last metre begins"
     LOOK = "for the station"

@@ -20,7 +20,7 @@ from robots.world.sensing import Floats, LaserScan, points_in_frame
 
 @dataclass(frozen=True)
 class StationParams:
-    """How the shape of a station is recognized in a sweep."""
+    """Parameters of recognizing a station's shape in a sweep."""
 
     on_front: float = 0.035  # m from the line that count as on it
     beyond_edges: float = 0.5  # m beyond either edge, up to which points count
@@ -38,7 +38,7 @@ STATION = StationParams()
 
 @dataclass(frozen=True)
 class SearchWindow:
-    """How far about the expected pose to search: metres along, aside, radians, and steps."""
+    """The range of the search around the expected pose: metres along, aside, radians, and steps."""
 
     along: float
     aside: float

@@ -20,7 +20,7 @@ from robots.world.sensing import Floats, LaserScan
 
 @dataclass(frozen=True)
 class DoorParams:
-    """When a door of the plan counts as closed."""
+    """Conditions for a door of the plan to count as closed."""
 
     memory: float = 120.0  # s for which a door that was seen closed counts so
     near: float = 4.0  # m: doorways farther off are not judged

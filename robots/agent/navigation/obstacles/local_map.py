@@ -21,7 +21,7 @@ from robots.world.solids import leaf_end
 
 @dataclass(frozen=True)
 class LocalMapParams:
-    """How what the laser sees becomes marks on the map, and for how long."""
+    """Parameters of marking laser points on the map, and of keeping the marks."""
 
     on_map: float = 0.2  # m: points so close to something of the map are part of it
     marked: float = 4.0  # m up to which the laser is trusted to mark a cell

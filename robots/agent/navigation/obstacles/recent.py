@@ -18,7 +18,7 @@ from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in
 
 @dataclass(frozen=True)
 class RecentSweepsParams:
-    """How much is kept."""
+    """Number and age of the sweeps that are kept."""
 
     sweeps: int = 5
     seconds: float = 0.6  # at most, for a laser that is slow

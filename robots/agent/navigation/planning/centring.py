@@ -20,7 +20,7 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class CentringParams:
-    """Where a path is moved, and how far."""
+    """Limits on moving a path towards the middle."""
 
     tight: float = 0.15  # m of room beside the robot, below which a place is narrow
     too_tight: float = 0.06  # m that a place may seem too narrow and be driven into nevertheless

@@ -23,7 +23,7 @@ from robots.world.sensing import points_in_frame
 
 @dataclass(frozen=True)
 class FollowerParams:
-    """How a path is followed."""
+    """Parameters of following a path."""
 
     ahead: float = 0.32  # m: the point pursued
     ahead_per_speed: float = 0.5  # m more for each m/s
@@ -54,7 +54,7 @@ State = Literal["driving", "held", "arrived"]
 
 @dataclass(frozen=True)
 class Followed:
-    """What to ask of the base; `why` it is held: "thing" or "walker"."""
+    """The velocity for the base; `why` it is held: "thing" or "walker"."""
 
     velocity: Velocity
     state: State

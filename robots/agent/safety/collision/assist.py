@@ -57,8 +57,8 @@ BEYOND = 0.02  # metres by which a station may be before the docked robot's nose
 
 @dataclass(frozen=True)
 class DockRegion:
-    """Where a robot may touch its station, seen from the dock: at most so far before it and aside
-    (m), and turned (rad).
+    """The region in which a robot may touch its station, seen from the dock: at most so far before
+    it and aside (m), and turned (rad).
     """
 
     before: float = 0.5
@@ -79,9 +79,9 @@ class Assisted:
     """A velocity, and why it differs from the wanted one.
 
     `point` (x, y) in the robot's frame, metres, is the obstacle that decided, or the nearest; it is
-    on `side`, `clearance` metres from the footprint; None where nothing is near. `turn` is what
-    steering added, in rad/s. The driver's ramp continues from `own`, the velocity without it, or
-    else an added turn would count as the driver's next time.
+    on `side`, `clearance` metres from the footprint; None without a near obstacle. `turn` is the
+    turn that steering added, in rad/s. The driver's ramp continues from `own`, the velocity without
+    it; otherwise an added turn would count as the driver's next time.
     """
 
     velocity: Velocity
@@ -152,19 +152,19 @@ class DriverAssistance:
             turned = self.steering.steered(wanted, current, near, dt)
         close = np.flatnonzero(gaps - off <= self.slowing.reach_at(turned, current))
         allowed = np.zeros(len(close), dtype=np.bool_) if touchable is None else touchable[close]
-        told, decided = self.slowing.slowed(
+        slowed, decided = self.slowing.slowed(
             turned, current, near[close], allowed, errors=off[close], dt=dt
         )
         if decided is None and touchable is None:
-            decided = self.slowing.minds(turned, near[close], off[close])
-        share = told.angular / turned.angular if turned.angular else 1.0
-        own = Velocity(linear=told.linear, angular=wanted.angular * share)
-        turn = told.angular - own.angular
+            decided = self.slowing.limiting_point(turned, near[close], off[close])
+        share = slowed.angular / turned.angular if turned.angular else 1.0
+        own = Velocity(linear=slowed.linear, angular=wanted.angular * share)
+        turn = slowed.angular - own.angular
         why: Why = "steer" if abs(turn) >= REPORTED_TURN else "free"
         if decided is not None:
-            corner = abs(told.linear) + self.hull.radius * abs(told.angular)
+            corner = abs(slowed.linear) + self.hull.radius * abs(slowed.angular)
             why = "stop" if corner < AT_REST else "slow"
-        found = Assisted(told, why, turn=turn, own=own)
+        found = Assisted(slowed, why, turn=turn, own=own)
         return answer(found, near, gaps, None if decided is None else int(close[decided]))
 
     def _within_reach(self, points: Floats, errors: Floats | None) -> tuple[Floats, Floats]:

@@ -94,8 +94,8 @@ class BrakeCheck:
         poses, times = stop_course(current, wanted, self.limits, self._params)
         speed = max(abs(current.linear), abs(wanted.linear))
         margin = params.margin + params.margin_per_speed * speed
-        driven = abs(float(poses[-1, 0])) + abs(float(poses[-1, 1]))
-        room = self._hull.radius + margin + driven + 0.1
+        travelled = abs(float(poses[-1, 0])) + abs(float(poses[-1, 1]))
+        room = self._hull.radius + margin + travelled + 0.1
         walked = params.walking * float(times[-1])
         walkers = _within(hazards.walkers, room + params.body + walked)
         if self._touches_walker(poses, times, margin, walkers):
@@ -111,8 +111,8 @@ class BrakeCheck:
         """Return the distance in metres to the nearest point after a motion, `inf` if none."""
         points = np.vstack([hazards.things, hazards.strangers, hazards.walkers])
         half = motion.angular * seconds / 2.0
-        driven = motion.linear * seconds
-        pose = np.array([[driven * math.cos(half), driven * math.sin(half), 2.0 * half]])
+        travelled = motion.linear * seconds
+        pose = np.array([[travelled * math.cos(half), travelled * math.sin(half), 2.0 * half]])
         return float(self.gaps(_seen_from(pose, points)).min()) if len(points) else math.inf
 
     def _touches_thing(self, poses: Floats, margin: float, unseen: float, points: Floats) -> bool:

@@ -3,7 +3,7 @@ robot.
 
 Points are in the smooth frame of the odometry, which drifts only with the distance driven. So a
 point is forgotten by the distance since it was seen, not by time: a robot that has stood at a wall
-for an hour still knows what is behind it. With the distance a point also becomes less exact
+for an hour still knows the obstacles behind it. With the distance a point also becomes less exact
 (`about`).
 
 A scan replaces what it measures again, and removes what it sees through. One beam between two
@@ -37,17 +37,17 @@ SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a las
 class MemorySettings:
     radius: float = 4.0  # m about the robot
     cell: float = 0.025  # m: one point is kept in such a square
-    way: float = 6.0  # m driven since a point was seen, for which it is kept
-    turn: float = 0.3  # m of that way, which a radian of turning counts as
+    distance: float = 6.0  # m driven since a point was seen, for which it is kept
+    turn: float = 0.3  # m of that distance, which a radian of turning counts as
     close: float = 1.2  # m: what the robot may run into next
     # m for which that is kept: who goes to and fro in a corner drives far without seeing its back
-    close_way: float = 30.0
+    close_distance: float = 30.0
     margin: float = 0.1  # m by which a beam must pass a point to see through it
     blind: float = 0.3  # m from the laser, where no echo tells nothing
     doubts: int = 2  # sweeps that must see through a point
     jump: float = 1.0  # m of odometry between two scans: it restarted
     inexact: float = 0.02  # m that a point may be off, at most
-    inexact_way: float = 0.3  # m of that way after which it may
+    inexact_distance: float = 0.3  # m of that distance after which it may
     edge: float = 0.15  # m by which an edge is nearer than its neighbour
     edge_near: float = 1.5  # m from the laser, within which edges count
     behind: tuple[float, ...] = (0.04, 0.08)  # m for which an edge is taken to go on
@@ -64,7 +64,7 @@ class RollingObstacleMap:
         self.settings = settings or MemorySettings()
         self.seen = -math.inf
         self._odometry: Pose2D | None = None
-        self._way = 0.0
+        self._travelled = 0.0
         # points are kept in a square of this many cells around the robot, so that no two cells
         # share an entry of the table
         width = 2.0 * (self.settings.radius + self.settings.jump)
@@ -77,13 +77,13 @@ class RollingObstacleMap:
 
     def forget(self) -> None:
         """Forget every point: the odometry started again, or the robot was carried."""
-        # x, y, the way driven when it was seen, how many sweeps have seen through it
+        # x, y, the distance driven when it was seen, how many sweeps have seen through it
         self._points: Floats = np.zeros((0, 4))
-        # behind edges, out of sight: x, y, the way driven when the edge was seen
+        # behind edges, out of sight: x, y, the distance driven when the edge was seen
         self._behind: Floats = np.zeros((0, 3))
-        # the same of the last sweep that was looked at for edges, which may still be in sight
+        # the same of the last sweep that was searched for edges, which may still be in sight
         self._edges: Floats = np.zeros((0, 3))
-        self._looked = -math.inf  # the way driven at that sweep
+        self._looked = -math.inf  # the distance driven at that sweep
 
     def update(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Take a scan, and the odometry (pose in any smooth frame) at its stamp."""
@@ -114,7 +114,7 @@ class RollingObstacleMap:
     def _about(self, kept: Floats, odometry: Pose2D, radius: float) -> tuple[Floats, Floats]:
         local = points_in_frame(odometry, kept)
         close = np.flatnonzero(_square(local) <= radius * radius)
-        since = (self._way - kept[close, SEEN_AFTER]) / self.settings.inexact_way
+        since = (self._travelled - kept[close, SEEN_AFTER]) / self.settings.inexact_distance
         return local[close], self.settings.inexact * np.minimum(since, 1.0)
 
     def _travel(self, odometry: Pose2D) -> None:
@@ -124,7 +124,9 @@ class RollingObstacleMap:
         moved = before.distance(odometry)
         if moved > self.settings.jump:
             self.forget()
-        self._way += moved + self.settings.turn * abs(wrap_angle(odometry.theta - before.theta))
+        self._travelled += moved + self.settings.turn * abs(
+            wrap_angle(odometry.theta - before.theta)
+        )
 
     def _look(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Drop points that this scan measures again or sees through, that are far away, or that
@@ -137,34 +139,34 @@ class RollingObstacleMap:
         squares = _square(local)
         far = squares > self.settings.radius**2
         is_close = squares < self.settings.close**2
-        kept_for = np.where(is_close, self.settings.close_way, self.settings.way)
-        old = self._points[:, SEEN_AFTER] < self._way - kept_for
+        kept_for = np.where(is_close, self.settings.close_distance, self.settings.distance)
+        old = self._points[:, SEEN_AFTER] < self._travelled - kept_for
         self._points = self._points[~(again | far | old | (doubts >= self.settings.doubts))]
 
     def _leave(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Keep what edges hid a moment ago if it is out of sight now; drop what is in sight, which
-        is seen now or does not exist.
+        """Keep points that edges hid in the last sweep if they are out of view now; drop those in
+        view, which this scan measures if they exist.
         """
-        if self._way - self._looked < self.settings.apart:
+        if self._travelled - self._looked < self.settings.apart:
             return
-        kept, self._looked = np.concatenate([self._edges, self._behind]), self._way
+        kept, self._looked = np.concatenate([self._edges, self._behind]), self._travelled
         if len(kept):
             local = points_in_frame(odometry, kept)
             near = _square(local) < self.settings.close**2
-            recent = kept[:, SEEN_AFTER] > self._way - self.settings.close_way
+            recent = kept[:, SEEN_AFTER] > self._travelled - self.settings.close_distance
             seen = in_view(points_in_frame(beams.mount, local), beams)
             self._behind = kept[near & recent & ~seen]
         hidden = behind_edges(beams, self.settings)
         self._edges = np.empty((len(hidden), 3))
         self._edges[:, :2] = points_from_frame(odometry, hidden)
-        self._edges[:, SEEN_AFTER] = self._way
+        self._edges[:, SEEN_AFTER] = self._travelled
 
     def _add(self, odometry: Pose2D, local: Floats) -> None:
         """Add points (n, 2) in the robot's frame, the newest first, and keep one a cell."""
         local = local[_square(local) <= self.settings.radius**2]
         points = np.zeros((len(local) + len(self._points), 4))
         points[: len(local), :2] = points_from_frame(odometry, local)
-        points[: len(local), SEEN_AFTER] = self._way
+        points[: len(local), SEEN_AFTER] = self._travelled
         points[len(local) :] = self._points
         cells = np.floor(points[:, :2] / self.settings.cell).astype(np.int32) & (self._side - 1)
         places = cells[:, 0] * self._side + cells[:, 1]

@@ -28,7 +28,7 @@ class SlowingSettings:
     fast: float = 0.06  # m kept at `fast_speed` and above
     fast_speed: float = 0.3  # m/s
     turning_room: float = 0.015  # m ahead, beyond what the corners need to turn in place
-    crawl: float = 0.1  # m/s at most, along what is too near already
+    crawl: float = 0.1  # m/s at most, along an obstacle that is too near already
     creep: float = 0.06  # m/s at most, with which a station is touched
     probe: float = 0.15  # m/s that tell whether something is in the way of a stopped robot
 
@@ -56,9 +56,9 @@ class Slowing:
         linear = max(abs(wanted.linear), abs(current.linear), self.settings.probe)
         probe = self.settings.probe / self.shape.radius
         angular = max(abs(wanted.angular), abs(current.angular), probe)
-        way = linear * self.settings.reaction + linear**2 / (2.0 * self.limits.linear_braking)
+        braking = linear * self.settings.reaction + linear**2 / (2.0 * self.limits.linear_braking)
         turn = angular * self.settings.reaction + angular**2 / (2.0 * self.limits.angular_braking)
-        return min(self.reach, way + self.shape.radius * turn + self._most_room)
+        return min(self.reach, braking + self.shape.radius * turn + self._most_room)
 
     def margins(self, velocities: Floats) -> Floats:
         """Return (c, e): the distances that each side of the footprint keeps at (c, 2)."""
@@ -83,14 +83,14 @@ class Slowing:
     def spare(
         self, velocities: Floats, points: Floats, touchable: npt.NDArray[np.bool_], errors: Floats
     ) -> Floats:
-        """Return (c, n): the room of points beyond what is required while (c, 2) is held and then
-        braked.
+        """Return (c, n): the room of points beyond the required one, in metres, while velocities
+        (c, 2) are held for the reaction time and then braked.
 
         Points may be nearer than they seem by `errors` (n,), which counts for a robot that turns or
         reverses into what it does not see; ahead of one that drives the margins include it. A point
         within the margins must not come closer, otherwise the robot could never leave. A crawling
         robot may pass other points as near as the nearest is, so that it can continue along a wall.
-        Nothing is required of a `touchable` point for a robot that creeps.
+        A creeping robot needs no room to a `touchable` point.
         """
         ease = self._ease(velocities)
         poses = stops(velocities, self.limits, self.settings.reaction, POSES, stand=True)
@@ -115,8 +115,8 @@ class Slowing:
         errors: Floats,
         dt: float,
     ) -> tuple[Velocity, int | None]:
-        """Return what is left of `wanted`, and which of points (n, 2), each off by at most `errors`
-        (n,), decided; None where all of it is left.
+        """Return the safe share of `wanted`, and which of points (n, 2), each off by at most
+        `errors` (n,), limited it; None for all of it.
         """
         if len(points) == 0:
             return wanted, None
@@ -142,7 +142,7 @@ class Slowing:
         best = tried[int(np.argmin(np.where(safe, costs, np.inf)))]
         return Velocity(linear=float(best[0]), angular=float(best[1])), decided
 
-    def minds(self, wanted: Velocity, points: Floats, errors: Floats) -> int | None:
+    def limiting_point(self, wanted: Velocity, points: Floats, errors: Floats) -> int | None:
         """Return which of points (n, 2) would slow a robot on the wanted arc at `probe` m/s, or
         None.
 

@@ -24,20 +24,20 @@ AT_REST = 1e-3  # m/s
 
 @dataclass(frozen=True)
 class SteeringSettings:
-    """How much may be steered, and how arcs are weighed. Differences of turns are shares: 1 is as
-    large as the turn and `turn` together.
+    """Limits of steering, and the weights of arcs. Differences of turns are shares: 1 is as large
+    as the turn and `turn` together.
     """
 
     turn: float = 0.35  # rad/s that may be added at `full` and above, less below
     full: float = 0.2  # m/s
-    firm: float = 0.6  # times `turn`: a driver's turn from which nothing is added against it
+    firm: float = 0.6  # times `turn`: steering adds nothing against a firmer turn of the driver
     kept: float = 0.5  # of what a turn is beyond that, and more of it the slower the robot
     horizon: float = 1.5  # m, the length of an arc
     seconds: float = 3.0  # s, the longest that an arc may take
     room: float = 0.35  # m on both sides, from which more gains nothing
     near: float = 0.04  # m before an obstacle, where an arc ends
     cell: float = 0.07  # m: one point in such a square is enough to weigh an arc
-    weight_way: float = 2.0  # for a whole arc lost
+    weight_length: float = 2.0  # for a whole arc lost
     weight_room: float = 1.0  # for no room at all
     weight_driver: float = 0.12  # for the difference from the driver's turn
     weight_last: float = 0.04  # for the difference from the last turn
@@ -114,7 +114,7 @@ class Steering:
         away = ((turns - wanted.angular) / scale) ** 2
         changed = ((turns - current.angular) / scale) ** 2
         costs: Floats = (
-            s.weight_way * lost
+            s.weight_length * lost
             + s.weight_room * tight
             + s.weight_driver * away
             + s.weight_last * changed

@@ -73,7 +73,7 @@ def place(footprint: Floats, pose: Pose2D) -> Floats:
 
 @dataclass(frozen=True)
 class ContactMove:
-    """Where a move ended, the speeds that were reached, and the names of the touched solids."""
+    """The end of a move: pose, the speeds reached, and the names of the touched solids."""
 
     pose: Pose2D
     motion: WheelMotion

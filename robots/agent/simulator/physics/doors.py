@@ -34,7 +34,7 @@ class Doors:
 
     @property
     def openings(self) -> dict[str, Opening]:
-        """How open each door is: its state at rest, or its share of the swing."""
+        """The opening of each door: its state at rest, or its share of the swing."""
         return {**self.states, **self._swinging}
 
     @property

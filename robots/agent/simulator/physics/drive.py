@@ -14,7 +14,7 @@ STRAIGHT = 1e-9
 
 
 class WheelMotion(NamedTuple):
-    """What the wheels do: m/s ahead, rad/s counter-clockwise."""
+    """The motion of the wheels: m/s ahead, rad/s counter-clockwise."""
 
     linear: float
     angular: float

@@ -27,7 +27,7 @@ Row = tuple[float, float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class CameraView:
-    """What a camera needs to know of one moment; `stamp` in Unix seconds."""
+    """The scene at one moment, for a camera; `stamp` in Unix seconds."""
 
     stamp: float
     pose: Pose2D

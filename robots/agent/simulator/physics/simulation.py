@@ -130,17 +130,19 @@ class Simulation:
 
     @property
     def doors(self) -> dict[str, DoorState]:
-        """How every door rests, or rested before it began to move."""
+        """The rest position of every door, or its last one while it moves."""
         return self._doors.states
 
     @property
     def openings(self) -> dict[str, Opening]:
-        """How open every door is: its state at rest, or its share of the swing while it moves."""
+        """The opening of every door: its state at rest, or its share of the swing in motion."""
         return self._doors.openings
 
     @property
     def bumped(self) -> int:
-        """How often people walked into the robot; `contacts` counts what the robot ran into."""
+        """The number of times that people walked into the robot; `contacts` counts what the robot
+        ran into.
+        """
         return self._pedestrians.bumped if self._pedestrians else 0
 
     def outline(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Where people can walk in a plan, and paths from anywhere to some goals.
+"""The floor where people can walk in a plan, and paths from anywhere to some goals.
 
 The plan becomes a grid of cells; a step costs its length, and more beside a wall, so that people
 keep to the middle. The cheapest paths from everywhere to a goal are found once for each state of

@@ -56,7 +56,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """How far each ray reaches (RAYS,), and the atlas offset of the texture column that it hits."""
+    """The length of each ray (RAYS,), and the atlas offset of the texture column that it hits."""
 
     reach: Distances
     texel: Indices

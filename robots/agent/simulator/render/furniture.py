@@ -1,4 +1,4 @@
-"""What furniture, docks, doors and robots look like: a few upright prisms with textures on their
+"""The appearance of furniture, docks, doors and robots: a few upright prisms with textures on their
 sides. Collisions use the plain outlines of world/solids.py.
 """
 

@@ -25,8 +25,8 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """Where one looks from: `origin` (2,), and `world_from_level` (2, 2), whose columns are forward
-    and left.
+    """The viewpoint: `origin` (2,), and `world_from_level` (2, 2), whose columns are forward and
+    left.
 
     Behind a mirror it is a reflection, and `beyond` (RAYS,) is how far each ray goes before it
     comes out of the glass.

@@ -69,7 +69,7 @@ class Lid:
 
 @dataclass(frozen=True, eq=False)
 class SceneItem:
-    """What the camera draws at once: upright faces of one height, and perhaps a lid.
+    """Faces that the camera draws together: upright faces of one height, and perhaps a lid.
 
     `sides` (n, 4) in the world, or about the origin for what moves; `offsets` and `columns`
     (levels, n) into the atlas; `group` is shared by the parts of one thing, which must not be

@@ -10,7 +10,7 @@ const PATIENCE = 0.5; // s of input without motion
 const SILENCE = 1; // s without news of the robot
 
 /**
- * Why the robot's kernel refuses commands (robots/agent: freshness.py, permissions.py, safety.py).
+ * Why the robot refuses commands (robots/agent/safety: freshness.py, permissions.py, kernel.py).
  * @type {Record<string, string>}
  */
 const REFUSALS = {

@@ -92,7 +92,7 @@ async def test_task_shows_cue_after_cue_and_covers_neither_stop_nor_floor(browse
             " document.documentElement.scrollHeight <= innerHeight"
         )
 
-        # Only a cue that was shown for a while is recorded (LEAST_SHOWN in records.js).
+        # Only a cue that was shown for a while is recorded (LEAST_SHOWN in page_events.js).
         await page.wait_for_timeout(500)
         tell(site, "return_home", number=0, x=0.5, y=6.3, passed=(1, 2, 3, 4))
         go = "cue.go_to_checkpoint"

@@ -80,7 +80,7 @@ def test_a_marker_has_what_a_pseudonymous_dataset_has(drive):
 
 def test_shown_questionnaires_and_finished_codings_are_markers(drive):
     source = MarkerSource("cabin-study", began(drive))
-    asking = next(iter(drive.participant.study.as_definition().asking))
+    asking = next(iter(drive.participant.study.as_definition().questionnaire_steps))
     for step in (asking.key, "task"):
         StepVisit.objects.create(
             participant=drive.participant, visit=1, round=0, step=step, began_at=timezone.now()

@@ -15,7 +15,7 @@ from experiments.models import Drive, Participant, TaskEvent
 from experiments.rehearsal.findings import discrepancies
 from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
-from experiments.tasks.finalization import Settler, settle
+from experiments.tasks.finalization import Finalizer, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.stored_records import stored, track_of
 from robots.api import messages as m
@@ -436,7 +436,7 @@ def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
     records = whole(timezone.now().timestamp())
     write(drive, records)
     close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
-    settler, looks = Settler(), 0
+    settler, looks = Finalizer(), 0
     while not Drive.objects.filter(settled_at__isnull=False).exists():
         settler.tick(timezone.now(), share=1e-9)
         looks += 1
@@ -469,7 +469,7 @@ def test_half_way_through_a_long_record_everybody_else_may_write(robot):
         for n in range(900)
     )
     close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
-    settler, looks = Settler(), 0
+    settler, looks = Finalizer(), 0
     while not Drive.objects.filter(settled_at__isnull=False).exists():
         settler.tick(timezone.now(), share=1e-9)
         with ThreadPoolExecutor(1) as elsewhere:  # a connection of its own, like another process
@@ -500,7 +500,7 @@ def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(rob
     RobotPresence.objects.update(turnaround="ready")
     good = begin(robot, "ben", broken.participant.study)
     close(good, outcome="cancelled", reason="left", at=timezone.now().timestamp())
-    settler = Settler()
+    settler = Finalizer()
     for _ in range(20):  # a look may see little of its time
         settler.tick(timezone.now(), share=0.5)
     assert list(finalization.due()) == [broken]

@@ -222,7 +222,7 @@ def server(client, monkeypatch):
     return "https://site.example"
 
 
-def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot, server, tmp_path):
+def test_an_agent_enrols_itself_and_starts_without_the_token_afterwards(robot, server, tmp_path):
     given = {
         "robot": "giraff",
         "server": server,

@@ -137,7 +137,7 @@ def test_without_the_right_to_see_sessions_none_are_counted(client):
     ]
 
 
-def test_everything_else_stands_under_system_and_nothing_stands_twice(client, boss):
+def test_everything_else_stands_under_system_and_no_link_appears_twice(client, boss):
     assert facts(client).keys() == {"Study", "Robot"}
     assert system(client) >= {"accounts", "telepresence_sessions"}
     assert not system(client) & {"experiments", "surveys", "robots"}

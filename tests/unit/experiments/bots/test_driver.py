@@ -125,7 +125,7 @@ def test_bot_completes_each_condition_of_the_papers_study_without_a_collision(ke
         rig.view.pose,
         rig.engine.progress.cue,
         rig.driver.closed,
-        rig.driver.no_way,
+        rig.driver.no_route,
     )
     assert len(result.checkpoints) == 4
     assert not result.doors_missed

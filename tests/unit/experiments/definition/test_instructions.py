@@ -21,7 +21,10 @@ def study_with(own: str = "shut", *, repeat: bool = False, **changes):
 def test_a_page_for_some_conditions_is_part_of_a_study_without_problems():
     study = study_with()
     assert sentences(problems(study)) == []
-    assert (study.tells_condition, small_study().tells_condition) == (True, False)
+    assert (study.has_condition_specific_pages, small_study().has_condition_specific_pages) == (
+        True,
+        False,
+    )
     read = study.step("read")
     assert (read.own_pages("shut"), read.own_pages("all_open")) == ((2,), ())
 

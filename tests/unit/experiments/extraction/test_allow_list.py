@@ -152,7 +152,7 @@ def test_coded_event_leaves_with_the_words_of_its_scheme_alone():
     assert kept(listed, other, RELEASE, Origin(0.0)) == {"begin": 1.5, "end": None, "modifiers": {}}
 
 
-# --- what leaves ----------------------------------------------------------------------------------
+# --- exported values ------------------------------------------------------------------------------
 
 
 def test_action_leaves_with_its_result_but_without_ids_hashes_and_times():

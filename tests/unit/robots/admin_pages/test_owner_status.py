@@ -16,7 +16,7 @@ FAULT = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs
 RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot keeps moving"]}
 
 
-def told(*, driven: bool = False, **changes):
+def told(*, in_use: bool = False, **changes):
     fields = {
         "name": "giraff",
         "title": "Giraff",
@@ -25,7 +25,7 @@ def told(*, driven: bool = False, **changes):
         "credential_hash": "$7$",
         "report": {"battery": {"charge": 0.824}},
     }
-    return owner_status(unsaved_robot(**(fields | changes)), driven=driven, now=NOW)
+    return owner_status(unsaved_robot(**(fields | changes)), in_use=in_use, now=NOW)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def told(*, driven: bool = False, **changes):
     [
         ({}, "good", "Free now", "ready for visitors"),
         ({"shown_to_visitors": False}, "attention", "Hidden", "Select “Show to visitors” below"),
-        ({"driven": True}, "busy", "In use", "Somebody is driving"),
+        ({"in_use": True}, "busy", "In use", "Somebody is driving"),
         ({"enabled": False}, "off", "Disabled", "Select “Enabled” below"),
         ({"connection": "OFFLINE", "last_seen_at": None}, "off", "New", "Run the command below"),
         (AWAY, "bad", "Offline", "Last seen 3\xa0hours ago. Check that its computer is on"),
@@ -72,7 +72,7 @@ def test_an_owner_reads_one_state_and_what_to_do_next(changes, tone, label, says
 
 def test_a_stop_of_a_hidden_robot_that_is_driven_comes_first():
     report = {"safety": {"estop": True}}
-    assert told(driven=True, shown_to_visitors=False, report=report).label == "Stopped"
+    assert told(in_use=True, shown_to_visitors=False, report=report).label == "Stopped"
 
 
 def test_the_battery_of_a_robot_that_is_away_is_unknown():

@@ -441,7 +441,7 @@ class KernelMachine(RuleBasedStateMachine):
             peer="p1",
             echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
         )
-        self.kernel.clocks.heard("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
+        self.kernel.clocks.on_heartbeat("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
 
     @rule(seconds=st.sampled_from([0.05, 0.29, 0.6, 1.05, 3.0]))
     def nobody_gets_to_anything(self, seconds):

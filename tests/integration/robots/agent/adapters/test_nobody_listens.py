@@ -80,7 +80,7 @@ async def test_a_base_that_wants_another_type_than_the_options_say_is_named_with
     name, there, told, way_out
 ):
     with RIGS[name](("/cmd_vel", there)) as rig, pytest.MonkeyPatch.context() as quickly:
-        quickly.setattr("robots.agent.adapters.ros.base.LISTENERS", 0.3)
+        quickly.setattr("robots.agent.adapters.ros.base.SUBSCRIBED_WITHIN", 0.3)
         async with connected(rig.adapter(stamped=told)) as adapter:
             await complaint(
                 adapter,

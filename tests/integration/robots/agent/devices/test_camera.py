@@ -8,7 +8,7 @@ import av
 import numpy as np
 import pytest
 
-from robots.agent.devices import words
+from robots.agent.devices import device_address
 from robots.agent.devices.camera import LARGEST, DeviceCamera
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.codecs.encoder import TIER_480P, PictureEncoder
@@ -19,7 +19,7 @@ from tests.support.media.picture_server import PictureServer
 
 
 def camera(said: str) -> DeviceCamera:
-    return DeviceCamera(words.read(said, "camera"))
+    return DeviceCamera(device_address.read(said, "camera"))
 
 
 def next_picture(source: DeviceCamera):
@@ -112,7 +112,9 @@ def test_a_camera_of_the_network_that_is_unplugged_says_so_and_goes_on_when_it_i
         assert eventually(lambda: feed.state.status == "live" and len(pictures) > 3)
         server.plugged.clear()
         assert eventually(lambda: feed.state.status == "failed")
-        assert feed.state.reason.startswith(f"the camera {server.words.removesuffix('/')} ")
+        assert feed.state.reason.startswith(
+            f"the camera {server.device_address.removesuffix('/')} "
+        )
         server.plugged.set()
         seen = len(pictures)
         assert eventually(lambda: feed.state.status == "live" and len(pictures) > seen + 3)

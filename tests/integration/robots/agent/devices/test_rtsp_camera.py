@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from robots.agent.devices import words
+from robots.agent.devices import device_address
 from robots.agent.devices.camera import DeviceCamera
 from robots.agent.devices.reader import DeviceReader, ReaderLimits
 from robots.agent.media.capture.camera import CameraFeed
@@ -24,7 +24,9 @@ SECRET = "hunter2"
 def feed_of(said: str):
     """A watched feed, its images and its states."""
     pictures, states = [], []
-    feed = CameraFeed(DeviceCamera(words.read(said, "camera")), RtpClock(0), pictures.append)
+    feed = CameraFeed(
+        DeviceCamera(device_address.read(said, "camera")), RtpClock(0), pictures.append
+    )
     tell = feed._set_state
 
     def told(status, reason=""):
@@ -88,7 +90,7 @@ def test_the_second_who_watches_waits_for_nothing(server):
 @pytest.mark.nightly
 def test_a_photo_waits_for_a_camera_that_starts(server):
     feed = CameraFeed(
-        DeviceCamera(words.read(server.url, "camera")), RtpClock(0), lambda _picture: None
+        DeviceCamera(device_address.read(server.url, "camera")), RtpClock(0), lambda _picture: None
     )
     feed.start()
     try:
@@ -144,7 +146,7 @@ def opening_fails(url: str, limits: ReaderLimits) -> str:
     seen = []
     reader = DeviceReader(
         "camera",
-        words.read(url, "camera"),
+        device_address.read(url, "camera"),
         "video",
         lambda frame, _stamp: seen.append(frame),
         limits,

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from experiments.analysis.metrics.path import (
     BAND,
     WANDER,
-    driven_path,
     noise_of,
+    path_travelled,
     position_steps,
     smoothed,
     steps_of,
@@ -32,7 +32,7 @@ def driven(position, odometer=None, at=None, *, seen=None, trusted=None):
     seen = np.append(np.diff(at) <= 1.0, [False]) if seen is None else seen
     trusted = np.ones(n, bool) if trusted is None else trusted
     odometer = np.full(n, np.nan) if odometer is None else odometer
-    return driven_path(position, odometer, at, seen, trusted)
+    return path_travelled(position, odometer, at, seen, trusted)
 
 
 def noisy(truth, sigma=0.02, seed=1):

@@ -190,7 +190,7 @@ def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, 
 
 
 @pytest.mark.parametrize(("rule", "several"), [("first", False), ("all", True)])
-def test_the_notes_say_what_is_counted_and_of_whom_the_interval_is(rule, several):
+def test_notes_say_how_many_are_counted_and_what_the_interval_is_of(rule, several):
     dataset = answered({"q1": 2}, {"q1": -2}, {"q1": 1})
     analysis = msgspec.structs.replace(dataset.study.analysis, counts=rule)
     study = msgspec.structs.replace(dataset.study, analysis=analysis)

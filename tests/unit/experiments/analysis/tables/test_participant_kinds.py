@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from experiments.analysis.documents.latex import as_latex
-from experiments.analysis.figures.drawing import drawn_of_whom
+from experiments.analysis.figures.drawing import label_figure
 from experiments.analysis.figures.opinions import figure_8b
 from experiments.analysis.plan.reporting_sheet import as_markdown
 from experiments.analysis.report import reports, write
 from experiments.analysis.tables.paper_tables import table_1
-from experiments.analysis.tables.people import counted_by_kind, note_of, of_whom, title_of
+from experiments.analysis.tables.people import counted_by_kind, kinds_note, label_kinds, title_of
 from experiments.dataset.records import ParticipantRecord
 from tests.support.analysis.study_dataset import made_up
 
@@ -67,8 +67,8 @@ def test_the_sheet_counts_everybody_and_those_whom_it_is_about(of_bots, made):
 
 def test_a_table_and_a_figure_of_participants_say_nothing_of_it(made):
     table, drawing = table_1(made), figure_8b(made)
-    assert of_whom(table, made.participants) is table
-    assert drawn_of_whom(drawing, made.participants) == drawing
+    assert label_kinds(table, made.participants) is table
+    assert label_figure(drawing, made.participants) == drawing
 
 
 @pytest.mark.parametrize(
@@ -88,4 +88,4 @@ def test_a_table_and_a_figure_of_participants_say_nothing_of_it(made):
 def test_kinds_are_counted_and_named_in_one_order(kinds, number, title):
     assert counted_by_kind(people(*kinds), "participant") == number
     assert title_of(people(*kinds)) == title
-    assert bool(note_of(people(*kinds))) == bool(title)
+    assert bool(kinds_note(people(*kinds))) == bool(title)

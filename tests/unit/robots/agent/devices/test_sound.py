@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robots.agent.devices import alsa, words
+from robots.agent.devices import alsa, device_address
 from robots.agent.devices.microphone import BLOCK, RATE, DeviceMicrophone
 
 TONE = 440.0  # Hz
@@ -23,7 +23,7 @@ def heard(source: DeviceMicrophone, blocks: int) -> np.ndarray:
 
 def test_other_rates_and_two_channels_become_mono_at_48_khz():
     microphone = DeviceMicrophone(
-        words.read(
+        device_address.read(
             "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo",
             "microphone",
         )

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from robots.agent.localization.particle_filter import (
     ParticleSet,
     Sampling,
-    around,
-    evenly,
-    heaviest,
-    needed,
+    heaviest_cluster,
+    kld_count,
     places,
+    scattered,
+    uniform,
     wrapped,
 )
 from tests.support.examples import examples
@@ -29,18 +29,18 @@ def about(
     heading: float = 0.03,
     seed: int = 1,
 ) -> np.ndarray:
-    return around(
+    return scattered(
         np.array(poses), np.full(len(poses), each), place, heading, np.random.default_rng(seed)
     )
 
 
 def test_guesses_about_one_place_need_the_fewest() -> None:
-    assert needed(np.zeros((50, 3)), SAMPLING) == SAMPLING.fewest
+    assert kld_count(np.zeros((50, 3)), SAMPLING) == SAMPLING.fewest
 
 
 def test_the_wider_the_spread_the_more_guesses_are_needed_up_to_the_most() -> None:
     counts = [
-        needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
+        kld_count(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
     ]
     assert counts == sorted(counts)
     assert counts[0] < counts[2]
@@ -51,24 +51,24 @@ def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
     poses = np.array(
         [[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]]
     )
-    assert needed(poses, SAMPLING) == SAMPLING.fewest
+    assert kld_count(poses, SAMPLING) == SAMPLING.fewest
 
 
 def test_drawing_keeps_the_shares() -> None:
     particles = ParticleSet(
         about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500)
     )
-    drawn = particles.drawn(SAMPLING, np.random.default_rng(2))
+    drawn = particles.resampled(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
 
 
 def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
-    particles = evenly(np.zeros((100, 3)))
+    particles = uniform(np.zeros((100, 3)))
     assert not particles.is_depleted()
     evidence = np.full(100, -1000.0)
     evidence[7] = 0.0
-    weighed = particles.weighed(evidence)
+    weighed = particles.reweighted(evidence)
     assert weighed.weights[7] == pytest.approx(1.0)
     assert weighed.is_depleted()
 
@@ -76,7 +76,7 @@ def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
 @given(st.lists(st.floats(-1e6, 0.0), min_size=3, max_size=30))
 @examples(50, thorough=500)
 def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None:
-    weighed = evenly(np.zeros((len(evidence), 3))).weighed(np.array(evidence))
+    weighed = uniform(np.zeros((len(evidence), 3))).reweighted(np.array(evidence))
     assert weighed.weights.sum() == pytest.approx(1.0)
     assert (weighed.weights >= 0.0).all()
 
@@ -85,7 +85,7 @@ def test_the_heaviest_cluster_is_found_with_its_share() -> None:
     particles = ParticleSet(
         about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500)
     )
-    cluster = heaviest(particles, 0.6, math.radians(30.0))
+    cluster = heaviest_cluster(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)
     assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)
@@ -106,12 +106,14 @@ def test_a_guess_that_is_no_number_is_a_place_of_its_own() -> None:
 
 
 def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
-    cluster = heaviest(evenly(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0))
+    cluster = heaviest_cluster(
+        uniform(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0)
+    )
     assert abs(wrapped(cluster.mean[2:] - math.pi)[0]) < 0.02
     assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
 
 
 def test_one_guess_is_a_cluster() -> None:
-    cluster = heaviest(evenly(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
+    cluster = heaviest_cluster(uniform(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
     assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
     assert cluster.share == pytest.approx(1.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robots.agent.media.photos import develop
+from robots.agent.media.photos import encode_jpeg
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Frame
 from tests.support.media.synthetic_camera import SyntheticCamera
@@ -20,7 +20,7 @@ def test_a_photo_is_taken_of_both_formats() -> None:
     source = SyntheticCamera(fps=1e6)._frame(100.0)
     planes = video_frame(source).reformat(format="yuv420p").to_ndarray()
     for frame in (source, Frame(planes, 1.0, "yuv420p")):
-        photo = develop(frame)
+        photo = encode_jpeg(frame)
         assert photo is not None
         assert photo.jpeg.startswith(b"\xff\xd8")
 

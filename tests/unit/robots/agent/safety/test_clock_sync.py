@@ -69,12 +69,12 @@ def test_only_an_echo_of_a_beat_that_we_sent_counts_and_by_our_own_record():
     forged = m.Echo(peer="robot", n=99, stamp=0.0, received=500.0)
     lying = m.Echo(peer="robot", n=beat.n, stamp=123.0, received=500.0)
     for _ in range(3):
-        clocks.heard(
+        clocks.on_heartbeat(
             "p1", "mqtt", m.CommandHeartbeat(n=1, stamp=500.1, echo=forged), now=10.2, unix=1000.2
         )
     assert clocks.of("p1") is None
     for _ in range(3):
-        clocks.heard(
+        clocks.on_heartbeat(
             "p1", "mqtt", m.CommandHeartbeat(n=1, stamp=500.1, echo=lying), now=10.2, unix=1000.2
         )
     assert clocks.of("p1").round_trip == pytest.approx(0.1)
@@ -82,7 +82,7 @@ def test_only_an_echo_of_a_beat_that_we_sent_counts_and_by_our_own_record():
 
 def hear(clocks, *peers, now, way="mqtt", n=1):
     for peer in peers:
-        clocks.heard(peer, way, m.CommandHeartbeat(n=n, stamp=5.0), now=now, unix=7.0)
+        clocks.on_heartbeat(peer, way, m.CommandHeartbeat(n=n, stamp=5.0), now=now, unix=7.0)
 
 
 def echoed(clocks, now, first=()):
@@ -185,7 +185,7 @@ def drive_among(viewers, seed):
         at(t + 0.2 * (1.0 - page.drift), page_beats, page)
 
     def hear_page(t, page, beat):
-        clocks.heard(page.name, "mqtt", beat, now=t, unix=t + 1e9)
+        clocks.on_heartbeat(page.name, "mqtt", beat, now=t, unix=t + 1e9)
 
     def robot_beats(t):
         beat = clocks.beat(t, t + 1e9, first=(driver.name,) if t >= 5.0 else ())
@@ -215,10 +215,12 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
             assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
 
 
-def test_each_way_has_an_echo_of_its_own_so_that_a_page_knows_which_of_them_lives():
+def test_each_transport_is_echoed_separately():
     clocks = PeerClocks()
-    clocks.heard("p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0)
-    clocks.heard("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
+    clocks.on_heartbeat(
+        "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0
+    )
+    clocks.on_heartbeat("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
     assert {echo.n for echo in clocks.beat(100.2, 7.2).echoes} == {2, 3}
 
 
@@ -226,7 +228,7 @@ def test_a_peer_that_never_echoes_is_known_roughly_by_its_fastest_beat():
     clocks = PeerClocks()
     assert clocks.rough_age("server", 5.0, 10.0) is None
     for at, delay in ((10.0, 0.4), (10.2, 0.02), (10.4, 0.9)):
-        clocks.heard(
+        clocks.on_heartbeat(
             "server", "mqtt", m.CommandHeartbeat(n=1, stamp=5000.0 + at - delay), now=at, unix=0.0
         )
     assert clocks.of("server") is None

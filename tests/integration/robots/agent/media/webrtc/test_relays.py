@@ -8,7 +8,7 @@ import socket
 import pytest
 from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
 
-from robots.agent.broker_link.broker_discovery import believed
+from robots.agent.broker_link.broker_discovery import tls_context
 from robots.agent.media.webrtc.relays import FAILURE_HOLDS, HOLDS, Relays, answers
 from robots.agent.media.webrtc.signalling import PageConnection
 from robots.api.messages import IceServer, SdpOffer
@@ -164,7 +164,7 @@ async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_w
         page.createDataChannel("control")
         await page.setLocalDescription(await page.createOffer())
         offer = SdpOffer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
-        for trust, is_relayed in ((None, False), (believed(str(coturn.ca)), True)):
+        for trust, is_relayed in ((None, False), (tls_context(str(coturn.ca)), True)):
             connection = PageConnection(
                 "ada",
                 None,

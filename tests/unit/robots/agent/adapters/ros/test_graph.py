@@ -17,7 +17,7 @@ SCAN = TopicNeed("/scan", "sensor_msgs/LaserScan", "scan")
 
 
 def received_as(*kinds):
-    return {"/cmd_vel": TopicPeers(frozenset(kinds), listeners=1)}
+    return {"/cmd_vel": TopicPeers(frozenset(kinds), subscribers=1)}
 
 
 @pytest.mark.parametrize(
@@ -48,8 +48,8 @@ def test_a_topic_of_another_type_is_named_with_the_option():
 
 def test_a_topic_where_nobody_is_names_where_somebody_is():
     graph = {
-        "/base/cmd_vel": TopicPeers(frozenset({TWIST}), listeners=1),
-        "/log": TopicPeers(frozenset({TWIST}), listeners=0),
+        "/base/cmd_vel": TopicPeers(frozenset({TWIST}), subscribers=1),
+        "/log": TopicPeers(frozenset({TWIST}), subscribers=0),
     }
     assert (
         no_subscriber(graph, "/cmd_vel", stamped=False)
@@ -62,15 +62,15 @@ def test_a_topic_where_nobody_is_names_where_somebody_is():
 
 
 def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
-    front = {"/front": TopicPeers(frozenset({SCAN.kind}), speakers=1)}
+    front = {"/front": TopicPeers(frozenset({SCAN.kind}), publishers=1)}
     assert unpublished(front, [SCAN]) == (
         (
             "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to"
             " nothing; here are /front"
         ),
     )
-    assert unpublished({"/scan": TopicPeers(frozenset({SCAN.kind}), speakers=1)}, [SCAN]) == ()
-    assert unpublished({"/scan": TopicPeers(frozenset({"a/B"}), speakers=1)}, [SCAN]) == (
+    assert unpublished({"/scan": TopicPeers(frozenset({SCAN.kind}), publishers=1)}, [SCAN]) == ()
+    assert unpublished({"/scan": TopicPeers(frozenset({"a/B"}), publishers=1)}, [SCAN]) == (
         "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic",
     )
     assert unpublished(None, [SCAN]) == ()

@@ -25,6 +25,6 @@ async def test_a_subscriber_that_comes_between_two_questions_has_a_type_or_is_no
 
     bus._values = values
     peers = (await bus.graph("/cmd_vel", ["/scan"]))["/cmd_vel"]
-    assert peers.kinds or not peers.listeners
+    assert peers.kinds or not peers.subscribers
     peers = (await bus.graph("/cmd_vel", ["/scan"]))["/cmd_vel"]
-    assert (peers.kinds, peers.listeners) == ({"geometry_msgs/TwistStamped"}, 1)
+    assert (peers.kinds, peers.subscribers) == ({"geometry_msgs/TwistStamped"}, 1)

@@ -92,7 +92,7 @@ def test_time_alone_forgets_nothing():
 
 
 def test_points_are_forgotten_by_the_distance_driven():
-    memory = RollingObstacleMap(MemorySettings(way=1.0))
+    memory = RollingObstacleMap(MemorySettings(distance=1.0))
     memory.update(START, look(START))
     for step in range(1, 30):
         pose = Pose2D(-0.05 * step, 0.0, math.pi)
@@ -101,7 +101,7 @@ def test_points_are_forgotten_by_the_distance_driven():
 
 
 def test_close_point_behind_is_kept_while_the_robot_drives_to_and_fro():
-    memory = RollingObstacleMap(MemorySettings(way=1.0))
+    memory = RollingObstacleMap(MemorySettings(distance=1.0))
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     for step in range(60):
         pose = Pose2D(0.05 * (step % 2), 0.0, math.pi)

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 Thing = TypeVar("Thing")
 
 
-class Newest(Generic[Thing]):
+class LatestValue(Generic[Thing]):
     def __init__(self) -> None:
         self._news = threading.Condition()
         self._thing: Thing | None = None

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.agent.devices.words import DeviceSetting, DeviceSettingError, read
+from robots.agent.devices.device_address import DeviceSetting, DeviceSettingError, read
 
 
 @pytest.mark.parametrize("words", ["", "none", "  none "])
