@@ -1,4 +1,5 @@
-"""Writes the reference of the Robot API: `python -m docs.robot_api` from the top of the project.
+"""Writes the reference of the Robot API, and docs/page_codec.py the shapes for pages:
+`python -m docs.robot_api` from the top of the project.
 
 The second half of docs/reference/robot-api.md and the whole of the JSON Schema come from the topic
 table, the classes of the messages with their docstrings, and the golden messages in tests/golden,
@@ -14,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from docs import page_codec
 from robots.api import messages as m
 from robots.api import topics
 
@@ -97,8 +99,8 @@ def reference() -> str:
 
 
 def generated_files() -> dict[str, str]:
-    """Return path → text of both files."""
-    return {REFERENCE: reference(), SCHEMA: as_json(json_schema())}
+    """Return path → text of each generated file."""
+    return {REFERENCE: reference(), SCHEMA: as_json(json_schema()), **page_codec.files()}
 
 
 def classes(content: object) -> list[type[m.Message]]:

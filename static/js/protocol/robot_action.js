@@ -73,8 +73,7 @@ export const isMoving = (action) =>
 /**
  * News of an action. One that runs, from before a reload of the page, becomes the page's.
  * @param {RobotAction | null} action
- * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string,
- *   any>}} news
+ * @param {ToPage["action"]} news
  * @param {number} now @returns {RobotAction | null}
  */
 export const heard = (action, news, now) => {
@@ -94,13 +93,12 @@ export const heard = (action, news, now) => {
     typeof news.result.progress === "number"
       ? Math.min(1, Math.max(0, news.result.progress))
       : action.progress;
-  const status = /** @type {RobotAction["status"]} */ (news.status);
   return {
     ...action,
-    status,
+    status: news.status,
     reason: news.reason,
     progress,
-    endedAt: ENDED.has(status) ? now : null,
+    endedAt: ENDED.has(news.status) ? now : null,
   };
 };
 
