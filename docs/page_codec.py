@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from robots.api import messages, topics
+from robots.api.reasons import ReasonCode
 from sessions import protocol
 
 Schema = dict[str, Any]
@@ -52,7 +53,9 @@ def _script(to_page: dict[str, Schema], parts: dict[str, Schema], limits: dict[s
     constants = [_wrapped(f"const {name} = {shape};") for name, shape in writer.constants.items()]
     to_page_lines = ["\nexport const TO_PAGE = {", *(_wrapped(one, "  ") for one in entries), "};"]
     channel = _wrapped(f"export const ON_DATA_CHANNEL = new Set({json.dumps(ON_DATA_CHANNEL)});")
-    return HEAD + IMPORT + "\n".join([*constants, *to_page_lines, "", channel, ""])
+    codes = [code for code in ReasonCode if code.sentence]
+    reasons = _wrapped(f"export const REASONS = new Set({json.dumps(codes)});")
+    return HEAD + IMPORT + "\n".join([*constants, *to_page_lines, "", channel, "", reasons, ""])
 
 
 def _wrapped(line: str, indent: str = "") -> str:
@@ -165,7 +168,9 @@ def _types(to_page: dict[str, Schema], parts: dict[str, Schema]) -> str:
         "/** The largest size in bytes, and the shape, of the messages that a page receives. */",
         'export const TO_PAGE: Record<string, [number, import("./shapes.js").Shape]>;',
         "/** The suffixes that a robot's data channel may carry to a page. */",
-        "export const ON_DATA_CHANNEL: Set<string>;\n",
+        "export const ON_DATA_CHANNEL: Set<string>;",
+        "/** The codes for which the page has the sentence `reason.<code>`. */",
+        "export const REASONS: Set<string>;\n",
     ]
     return HEAD + "\n".join(lines)
 

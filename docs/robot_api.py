@@ -18,6 +18,7 @@ import msgspec
 from docs import page_codec
 from robots.api import messages as m
 from robots.api import topics
+from robots.api.reasons import ReasonCode
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = "docs/reference/robot-api.md"
@@ -93,7 +94,7 @@ def reference() -> str:
     parts = [_topic_table(), "## Messages\n", *map(_topic_section, TOPICS)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += ["## Between servers\n", _class_section(m.ManagerStatus, "###")]
-    parts += _examples(MANAGER_STATUS)
+    parts += [*_examples(MANAGER_STATUS), _reasons()]
     by_hand = (ROOT / REFERENCE).read_text("utf-8").partition(GENERATED)[0]
     return by_hand + GENERATED + "\n" + "\n".join(parts).rstrip() + "\n"
 
@@ -128,6 +129,12 @@ def _topic_table() -> str:
             f" {topic.doc} |"
         )
     return "\n".join(rows) + "\n"
+
+
+def _reasons() -> str:
+    rows = (f"| `{code}` | {code.clause or code.sentence} |" for code in ReasonCode)
+    head = "`{what}` is the value. A code without a text is counted or recorded."
+    return "\n".join(["## Reasons\n", head, "\n| code | text |", "| --- | --- |", *rows, ""])
 
 
 def _topic_section(topic: topics.Topic) -> str:

@@ -125,3 +125,5 @@ export interface ToPage { factsheet: Factsheet; state: State; pose: PoseUpdate; 
 export const TO_PAGE: Record<string, [number, import("./shapes.js").Shape]>;
 /** The suffixes that a robot's data channel may carry to a page. */
 export const ON_DATA_CHANNEL: Set<string>;
+/** The codes for which the page has the sentence `reason.<code>`. */
+export const REASONS: Set<string>;
