@@ -132,7 +132,7 @@ def _topic_table() -> str:
 
 
 def _reasons() -> str:
-    rows = (f"| `{code}` | {code.clause or code.sentence} |" for code in ReasonCode)
+    rows = (f"| `{code}` | {code.clause_in(str) or code.sentence} |" for code in ReasonCode)
     head = "`{what}` is the value. A code without a text is counted or recorded."
     return "\n".join(["## Reasons\n", head, "\n| code | text |", "| --- | --- |", *rows, ""])
 

@@ -1,8 +1,8 @@
 """Why a robot waits, refuses or fails: every code, with the texts that people read.
 
 On the wire a reason is a code, or a code, a colon and its value: `door_closed: Laboratory door`.
-Lists, mail and pages put it into words where they show it (robots/readiness_text.py and, by
-`reason_words`, the drive page). A text of an adapter that is no code is shown as it is.
+Lists, mail and pages put it into words where they show it (robots/readiness_text.py and
+templates/sessions/_words.html). A text of an adapter that is no code is shown as it is.
 """
 
 from collections.abc import Callable
@@ -15,67 +15,64 @@ def _(text: str) -> str:
     return text
 
 
-_LATE = _("it did not respond in time"), _("The robot didn't respond in time.")
-_NOT_YOURS = "", _("It isn't your turn to drive.")
-_NAVIGATION = (
-    _("it cannot drive by itself at the moment"),
-    _("It cannot drive by itself at the moment."),
-)
+_LATE = _("The robot didn't respond in time."), _("it did not respond in time")
+_NOT_YOURS = _("It isn't your turn to drive."), ""
+_NAVIGATION = _("It cannot drive by itself at the moment.")
 
 
 class ReasonCode(StrEnum):
-    """A code, its `clause` for lists and mail, and its `sentence` for the page that drives, where
-    {what} is the value of the reason; empty where a code is only counted or recorded.
+    """A code, its `sentence` for the drive page, "" where that shows another text, and its `clause`
+    for lists and mail, None where it is the sentence and "" where there is none. {what} is the
+    value of the reason. A code without texts is only counted or recorded.
     """
 
-    clause: str
     sentence: str
+    clause: str | None
 
-    def __new__(cls, code: str, clause: str = "", sentence: str = "") -> Self:
+    def __new__(cls, code: str, sentence: str = "", clause: str | None = None) -> Self:
         made = str.__new__(cls, code)
-        made._value_, made.clause, made.sentence = code, clause, sentence
+        made._value_, made.sentence, made.clause = code, sentence, clause
         return made
 
     def of(self, value: object) -> str:
         """Return the reason with its value."""
         return f"{self}: {value}"
 
+    def clause_in(self, translate: Callable[[str], str]) -> str:
+        """Return the translated clause, "" without one; of a sentence, without capital and stop."""
+        if self.clause is not None:
+            return translate(self.clause) if self.clause else ""
+        sentence = translate(self.sentence) if self.sentence else ""
+        return sentence[:1].lower() + sentence[1:].removesuffix(".")
+
     # --- of navigation and docking ----------------------------------------------------------------
 
-    DOOR_CLOSED = "door_closed", _("a door is closed ({what})"), _("A door is closed: {what}.")
+    DOOR_CLOSED = "door_closed", _("A door is closed: {what}."), _("a door is closed ({what})")
     DOORWAY = (
         "doorway",
-        _("an obstacle blocks a doorway ({what})"),
         _("An obstacle blocks a doorway: {what}."),
+        _("an obstacle blocks a doorway ({what})"),
     )
     IN_THE_WAY = (  # in a room
         "in_the_way",
-        _("an obstacle is in the way ({what})"),
         _("An obstacle is in the way: {what}."),
+        _("an obstacle is in the way ({what})"),
     )
-    ALL_BLOCKED = (
-        "all_blocked",
-        _("every route there is blocked"),
-        _("Every route there is blocked."),
-    )
-    BOXED_IN = "boxed_in", _("it has no room to move"), _("It has no room to move.")
-    NO_WAY = "no_way", _("the map shows no route there"), _("The map shows no route there.")
+    ALL_BLOCKED = "all_blocked", _("Every route there is blocked.")
+    BOXED_IN = "boxed_in", _("It has no room to move.")
+    NO_WAY = "no_way", _("The map shows no route there.")
     GOAL_TAKEN = (  # the distance to the place that it reached, if it went beside the goal
         "goal_taken",
-        _("an obstacle is on that spot"),
         _("An obstacle is on that spot. Choose one beside it."),
+        _("an obstacle is on that spot"),
     )
-    TOO_NARROW = (
-        "too_narrow",
-        _("the route is too narrow for it"),
-        _("The route is too narrow for it."),
-    )
+    TOO_NARROW = "too_narrow", _("The route is too narrow for it.")
     IN_WALL = (
         "in_wall",
-        _("it does not fit there"),
         _("It does not fit there. Choose a spot with more room."),
+        _("it does not fit there"),
     )
-    OUTSIDE = "outside", _("that is outside the map"), _("That is outside the map.")
+    OUTSIDE = "outside", _("That is outside the map.")
     UNKNOWN_PLACE = "unknown_place"
     OUT_OF_RANGE = "out_of_range"  # the range of an angle
     NOT_IN_TIME = "not_in_time"
@@ -83,124 +80,107 @@ class ReasonCode(StrEnum):
     STOPPED_SHORT = "stopped_short"  # before it arrived
     POSE_DISAGREES = "pose_disagrees"  # the position that the robot reports instead
     NO_GOAL = "no_goal"  # without coordinates, or with some that are no numbers
-    STILL_DOCKED = (
-        "still_docked",
-        _("it is still in its charging station"),
-        _("It is still in its charging station."),
-    )
+    STILL_DOCKED = "still_docked", _("It is still in its charging station.")
     WAS_NOT_DOCKED = "was_not_docked"
-    BEHIND = "behind", _("an obstacle is behind it"), _("An obstacle is behind it.")
-    DOCK_FAILED = (  # the last of MISSED
+    BEHIND = "behind", _("An obstacle is behind it.")
+    # The value of these two is `Missed` of robots/agent/navigation/docking/approach.py.
+    DOCK_FAILED = (
         "dock_failed",
-        _("the charger contacts were not reached"),
         _("Docking failed: the charger contacts were not reached."),
+        _("the charger contacts were not reached"),
     )
-    NO_DOCK = (
-        "no_dock",
-        _("no charging station is known here"),
-        _("No charging station is known here."),
+    TRIES_AGAIN = (
+        "tries_again",
+        _("The robot missed and is trying again."),
+        _("it missed and is trying again"),
     )
+    NO_DOCK = "no_dock", _("No charging station is known here.")
     LOOKS_FOR_DOCK = (
         "looks_for_dock",
-        _("looking for its charging station"),
         _("Looking for the charging station."),
+        _("looking for its charging station"),
     )
     BEFORE_DOCK = (
         "before_dock",
-        _("an obstacle is in front of the charging station"),
         _("An obstacle is in front of the charging station. The robot is waiting."),
+        _("an obstacle is in front of the charging station"),
     )
-    TRIES_AGAIN = (  # why it missed: see robots/agent/navigation/docking/approach.py
-        "tries_again",
-        _("it missed and is trying again"),
-        _("The robot missed and is trying again."),
-    )
-    SOMEBODY_STAYED = (
-        "somebody_stayed",
-        _("someone was in the way for too long"),
-        _("Someone was in the way for too long."),
-    )
+    SOMEBODY_STAYED = "somebody_stayed", _("Someone was in the way for too long.")
     SOMEBODY = (
         "somebody",
-        _("someone is in the way"),
         _("Someone is in the way. The robot is waiting."),
+        _("someone is in the way"),
     )
     VERY_CLOSE = (
         "very_close",
-        _("an obstacle is very close"),
         _("An obstacle is very close. The robot is waiting."),
+        _("an obstacle is very close"),
     )
     WAITS_FOR_ROUTE = (
         "waits_for_route",
-        _("all routes are blocked"),
         _("All routes are blocked. The robot is waiting."),
+        _("all routes are blocked"),
     )
-    BACKS_OFF = "backs_off", _("it is making room"), _("The robot is making room.")
-    NO_FARTHER = "no_farther", _("it can't go any farther"), _("It can't go any farther.")
-    NO_LASER = "no_laser", _("its laser sends no data"), _("The laser sends no data.")
+    BACKS_OFF = "backs_off", _("The robot is making room."), _("it is making room")
+    NO_FARTHER = "no_farther", _("It can't go any farther.")  # the metres that are left
+    NO_LASER = "no_laser", _("The laser sends no data."), _("its laser sends no data")
     NOT_FOUND = (
         "not_found",
-        _("it has not found its position"),
         _("Drive a little, or set the robot's position on the map."),
+        _("it has not found its position"),
     )
-    LOST = "lost", _("it does not know where it is"), _("The robot lost its position on the map.")
-    WHEELS = "wheels", _("its wheels aren't turning"), _("Its wheels aren't turning.")
-    NAVIGATION_LOST = "navigation_lost", *_NAVIGATION  # the value is the fault
-    NAVIGATION_FAILED = "navigation_failed", *_NAVIGATION
-    MAP_CHANGED = "map_changed", *_NAVIGATION
-    AGENT_ENDS = "agent_ends", *_NAVIGATION
-    TOO_FAST = "too_fast", _("it drove faster than allowed"), _("It drove faster than allowed.")
+    LOST = "lost", _("The robot lost its position on the map."), _("it does not know where it is")
+    WHEELS = "wheels", _("Its wheels aren't turning.")
+    NAVIGATION_LOST = "navigation_lost", _NAVIGATION  # the value is the fault
+    NAVIGATION_FAILED = "navigation_failed", _NAVIGATION
+    MAP_CHANGED = "map_changed", _NAVIGATION
+    AGENT_ENDS = "agent_ends", _NAVIGATION
+    TOO_FAST = "too_fast", _("It drove faster than allowed.")
     NAVIGATION_DOES_NOT_END = (
         "navigation_does_not_end",
-        "",
         _("Its previous drive hasn't ended yet. Wait a moment, then try again."),
+        "",
     )
 
     # --- of a robot as a whole, and between two visits --------------------------------------------
 
-    DOCK = "dock", _("driving to its charging station")
-    LEVEL = "level", _("levelling its head")
-    RELOCALIZE = "relocalize", _("finding its position")
-    PICTURE = "picture", _("testing its camera")
-    CHARGING = "charging", _("its battery is not charged enough yet")
-    OFFLINE = "offline", _("no signal from the robot"), _LATE[1]
-    ESTOP = "estop", _("its emergency stop is on"), _("Its emergency stop is on.")
-    STOPPED = "stopped", _("someone stopped it between visits")
-    NOT_CONNECTED = (  # the value is the fault
-        "not_connected",
-        _("its control system isn't responding"),
-        _("Its control system isn't responding."),
-    )
-    FAULT = "fault", _("it has a fault"), _("It has a fault.")
+    DOCK = "dock", "", _("driving to its charging station")
+    LEVEL = "level", "", _("levelling its head")
+    RELOCALIZE = "relocalize", "", _("finding its position")
+    PICTURE = "picture", "", _("testing its camera")
+    CHARGING = "charging", "", _("its battery is not charged enough yet")
+    OFFLINE = "offline", _LATE[0], _("no signal from the robot")
+    ESTOP = "estop", _("Its emergency stop is on.")
+    STOPPED = "stopped", "", _("someone stopped it between visits")
+    # The value is the fault.
+    NOT_CONNECTED = "not_connected", _("Its control system isn't responding.")
+    FAULT = "fault", _("It has a fault.")
     NETWORK = (
         "network",
-        _("it responds too slowly to be driven"),
         _("Its network is too slow for driving."),
+        _("it responds too slowly to be driven"),
     )
-    NO_PICTURE = "no_picture", _("no video from its camera"), _("Its camera sends no video.")
-    NOT_DOCKED = "not_docked", _("it is not docked")
-    ELSEWHERE = "elsewhere", _("it is not at the charging station of the course")
-    CHARGE = "charge", _("its battery has less charge than the study requires")
-    SILENT = "silent", _("it has not reported its state")
-    COLLISION = (
-        "collision",
-        "",
-        _("The robot has touched an obstacle. Drive back a little first."),
-    )
+    NO_PICTURE = "no_picture", _("Its camera sends no video."), _("no video from its camera")
+    NOT_DOCKED = "not_docked", "", _("it is not docked")
+    ELSEWHERE = "elsewhere", "", _("it is not at the charging station of the course")
+    CHARGE = "charge", "", _("its battery has less charge than the study requires")
+    SILENT = "silent", "", _("it has not reported its state")
+    COLLISION = "collision", _("The robot has touched an obstacle. Drive back a little first."), ""
 
     # --- of a robot with errors, each with its technical text as the value ------------------------
 
-    ADAPTER_LOST = "adapter_lost", "{what}"
-    ADAPTER_STARTING = "adapter_starting", _("the agent is connecting to the robot")
-    RIVAL = "rival", _("another agent runs as this robot; end one of the two")
-    CLOSING = "closing", _("the agent is ending")
-    STORE = "store", _("the agent cannot write to its disk: {what}")
-    DISK_LOW = "disk_low", _("the agent's disk is nearly full: {what}")
-    DISK_FULL = "disk_full", _("the agent's disk is full: {what}")
-    CANCEL = "cancel", _("it is not certain that its last drive has ended: {what}")
-    RUNS_ON = "runs_on", _("the robot keeps moving although it was told to stop")
+    ADAPTER_LOST = "adapter_lost", "", "{what}"
+    ADAPTER_STARTING = "adapter_starting", "", _("the agent is connecting to the robot")
+    RIVAL = "rival", "", _("another agent runs as this robot; end one of the two")
+    CLOSING = "closing", "", _("the agent is ending")
+    STORE = "store", "", _("the agent cannot write to its disk: {what}")
+    DISK_LOW = "disk_low", "", _("the agent's disk is nearly full: {what}")
+    DISK_FULL = "disk_full", "", _("the agent's disk is full: {what}")
+    CANCEL = "cancel", "", _("it is not certain that its last drive has ended: {what}")
+    RUNS_ON = "runs_on", "", _("the robot keeps moving although it was told to stop")
     SETTLING = (
         "settling",
+        "",
         _("it is never measured at rest; its standstill thresholds must be set"),
     )
 
@@ -223,11 +203,8 @@ class ReasonCode(StrEnum):
     NOT_ALLOWED = "not_allowed"
     NOT_FROM_SERVER = "not_from_server"
     UNSUPPORTED = "unsupported"
-    RCA = (  # the value is the text of the robot control architecture
-        "rca",
-        "{what}",
-        _("The robot reports: {what}."),
-    )
+    # The value is the text of the robot control architecture.
+    RCA = "rca", _("The robot reports: {what}."), "{what}"
     RETAINED = "retained"
     REPLACED = "replaced"
     CANCELLED = "cancelled"
@@ -262,8 +239,8 @@ def clause_of(reason: str, translate: Callable[[str], str] = str) -> str:
     no code as it is.
     """
     code, value = parts_of(reason)
-    if code is not None and code.clause:
-        return translate(code.clause).format(what=value)
+    if code is not None and (clause := code.clause_in(translate)):
+        return clause.format(what=value)
     word, colon, rest = reason.partition(": ")
     return reason if " " in word else f"{word.replace('_', ' ')}{colon}{rest}"
 

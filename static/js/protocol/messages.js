@@ -204,7 +204,7 @@ export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event"
 
 export const REASONS = new Set(["door_closed", "doorway", "in_the_way", "all_blocked", "boxed_in",
   "no_way", "goal_taken", "too_narrow", "in_wall", "outside", "still_docked", "behind",
-  "dock_failed", "no_dock", "looks_for_dock", "before_dock", "tries_again", "somebody_stayed",
+  "dock_failed", "tries_again", "no_dock", "looks_for_dock", "before_dock", "somebody_stayed",
   "somebody", "very_close", "waits_for_route", "backs_off", "no_farther", "no_laser", "not_found",
   "lost", "wheels", "navigation_lost", "navigation_failed", "map_changed", "agent_ends", "too_fast",
   "navigation_does_not_end", "offline", "estop", "not_connected", "fault", "network", "no_picture",

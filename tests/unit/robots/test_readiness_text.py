@@ -42,6 +42,6 @@ def test_a_reason_without_a_known_text_is_readable(reason, text):
 
 @pytest.mark.parametrize("code", ReasonCode)
 def test_the_texts_of_a_reason_have_no_other_value_than_its_own(code):
-    for text in (code.clause, code.sentence):
+    for text in (code.clause or "", code.sentence):
         assert {name for _, name, _, _ in string.Formatter().parse(text)} <= {None, "what"}
     assert not code.sentence or code.sentence.endswith(".")
