@@ -6,7 +6,7 @@
  */
 
 export const AGAIN_SECONDS = 0.7;
-export const PATIENCE_SECONDS = 3; // the robot refuses what is older
+export const PATIENCE_SECONDS = 3; // the robot refuses an older request
 export const READING_SECONDS = 5;
 
 /** Refusals just after a visit or a connection has started: worth a repetition. */
@@ -103,7 +103,7 @@ export const heard = (action, news, now) => {
 };
 
 /**
- * What time does to a action: an action without an answer is due again, or has failed; what was
+ * What time does to an action: one without an answer is due again, or has failed; what was
  * read goes away.
  * @param {RobotAction | null} action @param {number} now
  * @returns {{action: RobotAction | null, send: boolean}}

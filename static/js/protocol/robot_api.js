@@ -83,8 +83,7 @@ export const decode = (suffix, payload) => {
     throw new Rejection("unknown_topic", suffix.slice(0, 80));
   }
   const [limit, shape] = TO_PAGE[suffix];
-  // A character takes at least one byte: what is longer than the limit is oversized without
-  // counting bytes.
+  // A character takes at least one byte, so that no bytes need be counted.
   if (payload.length > limit) {
     throw new Rejection("oversized", `${suffix}: ${payload.length} > ${limit}`);
   }
