@@ -42,8 +42,8 @@ class ReasonCode(StrEnum):
         """Return the translated clause, "" without one; of a sentence, without capital and stop."""
         if self.clause is not None:
             return translate(self.clause) if self.clause else ""
-        sentence = translate(self.sentence) if self.sentence else ""
-        return sentence[:1].lower() + sentence[1:].removesuffix(".")
+        text = translate(self.sentence) if self.sentence else ""
+        return text[:1].lower() + text[1:].removesuffix(".")
 
     # --- of navigation and docking ----------------------------------------------------------------
 
