@@ -16,7 +16,7 @@ else
 fi
 lanes=""
 failed=""
-formatted="static/js tests/js eslint.config.js"
+formatted="static/js !static/js/protocol/messages.* tests/js eslint.config.js"
 # A run that is ended early ends its lanes, with the servers and browsers of their tests, and shows how far they had come.
 finish() {
     trap '' INT TERM HUP PIPE

@@ -1,4 +1,5 @@
-"""Writes the reference of the Robot API: `python -m docs.robot_api` from the top of the project.
+"""Writes the reference of the Robot API, and docs/page_codec.py the shapes for pages:
+`python -m docs.robot_api` from the top of the project.
 
 The second half of docs/reference/robot-api.md and the whole of the JSON Schema come from the topic
 table, the classes of the messages with their docstrings, and the golden messages in tests/golden,
@@ -14,8 +15,10 @@ from typing import Any
 
 import msgspec
 
+from docs import page_codec
 from robots.api import messages as m
 from robots.api import topics
+from robots.api.reasons import ReasonCode
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = "docs/reference/robot-api.md"
@@ -91,14 +94,14 @@ def reference() -> str:
     parts = [_topic_table(), "## Messages\n", *map(_topic_section, TOPICS)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += ["## Between servers\n", _class_section(m.ManagerStatus, "###")]
-    parts += _examples(MANAGER_STATUS)
+    parts += [*_examples(MANAGER_STATUS), _reasons()]
     by_hand = (ROOT / REFERENCE).read_text("utf-8").partition(GENERATED)[0]
     return by_hand + GENERATED + "\n" + "\n".join(parts).rstrip() + "\n"
 
 
 def generated_files() -> dict[str, str]:
-    """Return path → text of both files."""
-    return {REFERENCE: reference(), SCHEMA: as_json(json_schema())}
+    """Return path → text of each generated file."""
+    return {REFERENCE: reference(), SCHEMA: as_json(json_schema()), **page_codec.files()}
 
 
 def classes(content: object) -> list[type[m.Message]]:
@@ -126,6 +129,12 @@ def _topic_table() -> str:
             f" {topic.doc} |"
         )
     return "\n".join(rows) + "\n"
+
+
+def _reasons() -> str:
+    rows = (f"| `{code}` | {code.clause_in(str) or code.sentence} |" for code in ReasonCode)
+    head = "`{what}` is the value. A code without a text is counted or recorded."
+    return "\n".join(["## Reasons\n", head, "\n| code | text |", "| --- | --- |", *rows, ""])
 
 
 def _topic_section(topic: topics.Topic) -> str:

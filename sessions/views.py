@@ -23,6 +23,7 @@ from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import limited
 from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
 from robots.api.messages import IceServer
+from robots.api.reasons import ReasonCode
 from robots.cards import picture_of
 from robots.enrol.elsewhere import redirect_to_home_site
 from robots.ice import ice_servers
@@ -54,7 +55,12 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     return render(
         request,
         "sessions/drive.html",
-        {"robot": found, "picture": picture_of(found), "config": config},
+        {
+            "robot": found,
+            "picture": picture_of(found),
+            "config": config,
+            "reasons": tuple(ReasonCode),
+        },
     )
 
 
@@ -78,7 +84,8 @@ def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
     }
     if request.user.kind == User.Kind.VISITOR:
         config["signUp"] = reverse("account_signup")
-    return render(request, "sessions/drive.html", {"robot": found, "config": config})
+    shown = {"robot": found, "config": config, "reasons": tuple(ReasonCode)}
+    return render(request, "sessions/drive.html", shown)
 
 
 def page_config(robot: Robot, user: Any) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def docked_in(world: TrueWorld, seed: int) -> tuple[str, float]:
     rig = Rig(sim, world.site.grid, seed, localizer=True)
     rig.navigator.dock()
     done = rig.run(TIMEOUT)
-    tries = 1 + sum("backs out" in reason for reason in rig.reasons)
+    tries = 1 + sum(reason.startswith("tries_again: ") for reason in rig.reasons)
     good = done.status == "FINISHED" and sim.docked and not rig.collisions
     return (
         f"docked at try {tries}" if good else f"not docked: {done.reason or done.status}"

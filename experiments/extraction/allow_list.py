@@ -36,6 +36,7 @@ from experiments.extraction.forms import (
     number,
     page_word,
     private,
+    robot_reason,
     script_step,
     text,
     time,
@@ -43,7 +44,6 @@ from experiments.extraction.forms import (
     words,
 )
 from robots.api import messages as m
-from robots.readiness_text import WORDS as READINESS
 from sessions import protocol as p
 from sessions.devices import OTHER as OTHER_DEVICE
 from sessions.devices import SYSTEMS, TABLE_3_BROWSERS
@@ -56,15 +56,6 @@ from sessions.wizard.script import Deviation
 Fields = Mapping[str, Form]
 
 SIDES = ("ahead", "left", "behind", "right")
-# Why a robot did not do something: docs/explanation/safety.md, robots/agent/control/actions.py.
-ACTION_REASONS = (
-    *("", "button_pressed", "busy", "cancelled", "clock_unknown", "empty_range"),
-    *("estop", "fault", "frame_future", "frame_stale", "future", "navigating"),
-    *("no_frame", "no_lease", "no_picture", "nobody_there", "not_allowed"),
-    *("not_yours", "nothing_runs", "observer", "old_seq", "owner_only", "replaced"),
-    *("retained", "role", "stale", "stopped", "too_large", "too_many"),
-    *("unknown_boot", "unsupported", "wrong_epoch", "wrong_session"),
-)
 LINK_REASONS = (
     *("failed", "no_answer", "no_offer", "no_way", "silent", "unexpected_answer"),
     *("unusable_answer", "bye_failed", "bye_flooded", "bye_full", "bye_lease_changed"),
@@ -128,7 +119,7 @@ MESSAGES: Mapping[type, Fields] = {
         "status": words(*get_args(m.ActionState)),
         "stamp": time,
         "type": _actions,
-        "reason": words(*ACTION_REASONS),
+        "reason": robot_reason,
         "result": RESULT,
     },
     p.PageEvent: {"stamp": time, "type": withheld, "data": withheld},  # PAGE has its types
@@ -210,7 +201,7 @@ _SHOWN: Fields = {"word": page_word, "number": number, "seconds": number}
 _DETAILS: Mapping[str, Form] = {
     "collision": words(*SIDES, is_several=True),
     "door_changed": door_state,
-    "goal_blocked": words(*ACTION_REASONS),
+    "goal_blocked": robot_reason,
     "goal_reached": words(""),
     "stopped": words(*get_args(m.Action.__annotations__["role"])),
     # these name who it was
@@ -229,7 +220,7 @@ SERVER: Mapping[str, Fields] = {
     "operator_end": {"reason": text, "user": withheld},
     "operator_message": {"text": text, "user": withheld},
     "states_missing": {"boot": code, "ranges": withheld, "count": number},
-    **{key: {"reason": words(*READINESS)} for key in ("robot_not_ready", "staff_called")},
+    **{key: {"reason": robot_reason} for key in ("robot_not_ready", "staff_called")},
     **{key: {"part": words(WEB, MANAGER), "since": time, "until": time} for key in (ABSENT, BACK)},
     PAGE_CLOSED: {"code": number},
     **dict.fromkeys(("connecting", "driving", "reconnecting", "robot_ready"), NONE),
@@ -239,7 +230,7 @@ SERVER: Mapping[str, Fields] = {
         "id": code,
         "deviation": words("", *get_args(Deviation)),
         "skipped": number,
-        "reason": words(*ACTION_REASONS, "not_driver", "robot_unreachable"),
+        "reason": robot_reason,
         "by": code,
     },
     wizard.LINE: {"id": code, "text": text, "aloud": number, "by": code},

@@ -14,6 +14,7 @@ from django.conf import settings
 
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.selection import Selection
+from robots.api.reasons import ReasonCode, parts_of
 
 NOTHING: Final = object()
 NEAR = 86_400.0  # s: a clock with a larger difference was never set
@@ -79,6 +80,13 @@ def _text(value: Any, release: Release, _origin: Origin) -> Any:
     return release.names.in_text(value) if is_wanted else NOTHING
 
 
+def _robot_reason(value: Any, release: Release, origin: Origin) -> Any:
+    if not isinstance(value, str):
+        return NOTHING
+    code, _value = parts_of(value)
+    return str(code) if code else value and _text(value, release, origin)
+
+
 def _door_state(value: Any, release: Release, _origin: Origin) -> Any:
     name, _, state = value.rpartition(" ") if isinstance(value, str) else ("", "", "")
     return value if state in {"open", "closed"} and name in release.doors else NOTHING
@@ -103,6 +111,7 @@ def _page_words() -> frozenset[str]:
         for path in (settings.BASE_DIR / "templates").rglob("*.html")
         for key in re.findall(r'data-word="([a-z0-9_.]+)"', path.read_text())
     }
+    found |= {f"reason.{code}" for code in ReasonCode}
     return frozenset(found | {re.sub(r"\.(?:title|text|one|other)$", "", key) for key in found})
 
 
@@ -116,6 +125,8 @@ code = Form(_code, " (pseudonym)")  # of an id, which has the same one in the wh
 text = Form(_text, " (only with free text)")  # written by a person, or by a robot's software
 door = _one_of(lambda release: release.doors, " (a door of the floor plan)")
 door_state = Form(_door_state, " (a door of the floor plan, and open or closed)")
+# The value of a reason, such as the name of a door, is left out.
+robot_reason = Form(_robot_reason, f" ({' | '.join(ReasonCode)})")
 script_step = _one_of(lambda release: release.steps, " (a step of the study's script)")
 page_word = _one_of(lambda _release: _page_words(), " (key of a sentence of the page)")
 

@@ -182,6 +182,8 @@ class RcaState:
 
 @dataclass(frozen=True)
 class ActionProgress:
+    """`reason` is a code of robots/api/reasons.py, or a sentence of the RCA."""
+
     action_id: str
     status: ActionState
     reason: str = ""

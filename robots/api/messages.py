@@ -464,8 +464,8 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class ActionStatus(Message, frozen=True, kw_only=True):
-    """`action`: the progress of an action. `reason` is one word or a short sentence when it FAILED
-    or was CANCELLED.
+    """`action`: the progress of an action. `reason` (see Reasons) is why it FAILED, was CANCELLED,
+    or does not get on while it runs.
 
     An action that moves the robot begins when the robot is measured to be at a standstill, and it
     ends, as does its `cancel`, when the robot is at a standstill again.

@@ -1,16 +1,14 @@
 """The meaning of a robot's last state for its drivers. Pure."""
 
 import datetime
-import re
 from typing import Any, Literal
 
+from robots.api.reasons import ReasonCode, parts_of
 from robots.models import Robot
+from robots.readiness_text import in_words
 
-# robots.agent.control.dispatcher: the errors of an agent that does not reach its robot, and of a
-# robot that moves although it should be at rest
-AWAY = re.compile(r"adapter_(?:lost|starting): ")
-RUNS_ON = "runs_on: "
-FAULT_NAME = re.compile(r"^\w+: ")
+# The errors of an agent that does not reach its robot.
+AWAY = {ReasonCode.ADAPTER_LOST, ReasonCode.ADAPTER_STARTING}
 
 # Why a connected robot cannot be driven: its emergency stop is on, its agent does not reach it, or
 # it has another fault, such as not stopping. A paused queue has the same reasons. None of them ends
@@ -20,8 +18,7 @@ Standstill = Literal["", "estop", "not_connected", "fault"]
 
 def trouble_of(report: Any) -> str:
     """Return why an agent does not reach its robot, by its last state; empty if it does."""
-    found = (error for error in _errors(report) if AWAY.match(error))
-    return AWAY.sub("", next(found, ""), count=1)
+    return in_words(next((error for error in _errors(report) if parts_of(error)[0] in AWAY), ""))
 
 
 def standstill_of(report: Any) -> Standstill:
@@ -36,7 +33,7 @@ def standstill_of(report: Any) -> Standstill:
 
 def runs_on(report: Any) -> bool:
     """Tell whether a robot moves although it should be at rest, by its last state."""
-    return any(error.startswith(RUNS_ON) for error in _errors(report))
+    return any(_is_running_on(error) for error in _errors(report))
 
 
 def safety_of(report: Any) -> dict[str, Any]:
@@ -55,8 +52,11 @@ def is_stopped_there(report: Any) -> bool:
 
 def fault_of(report: Any) -> str:
     """Return the first reported fault, or empty. That the robot does not stop precedes others."""
-    errors = sorted(_errors(report), key=lambda error: not error.startswith(RUNS_ON))
-    return FAULT_NAME.sub("", next(iter(errors), ""), count=1)
+    return in_words(next(iter(sorted(_errors(report), key=_is_running_on, reverse=True)), ""))
+
+
+def _is_running_on(error: str) -> bool:
+    return parts_of(error)[0] is ReasonCode.RUNS_ON
 
 
 def _errors(report: Any) -> list[str]:

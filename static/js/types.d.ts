@@ -12,6 +12,7 @@ type SessionRecord = import("./pages/replay/record.js").SessionRecord;
 type State = import("./drive/features.js").State;
 type Store = import("./drive/store.js").Store;
 type SweptPath = import("./lib/swept_path.js").SweptPath;
+type ToPage = import("./protocol/messages.js").ToPage;
 type Transport = import("./protocol/clock_sync.js").Transport;
 type Visit = import("./protocol/session.js").Visit;
 type Words = import("./lib/words.js").Words;
@@ -33,6 +34,9 @@ type Paint = Record<string, string>;
 type Handler = import("./input/key_dispatcher.js").KeyHandler;
 type PageEventData = Record<string, string | number | boolean | null>;
 
+/** The messages of the drive page by suffix, with the one that is no JSON. */
+type Received = ToPage & { picture: { stamp: number; jpeg: Uint8Array } };
+
 /** A part of the drive page: drive/registry.js. */
 interface Feature {
   /** under which the others find its `api`: `page[name]` */
@@ -46,7 +50,7 @@ interface FeatureParts {
   /** for other features */
   api?: object;
   /** by the suffix of a message */
-  handlers?: Record<string, (message: any, transport: Transport) => unknown>;
+  handlers?: { [S in keyof Received]?: (message: Received[S], transport: Transport) => unknown };
   /** by the name in `data-action` */
   actions?: Record<string, (argument: string) => unknown>;
   /** by the command of input/keymap.js */

@@ -32,6 +32,7 @@ from robots.api.messages import (
     Undock,
     Velocity,
 )
+from robots.api.reasons import ReasonCode
 from robots.world.grid import MapError
 from robots.world.render_plan import with_stations
 from robots.world.sensing import Estimate
@@ -47,7 +48,7 @@ Result = dict[str, float | str | bool | None]
 
 
 class ActionError(ValueError):
-    """An action that cannot begin; the message is one sentence."""
+    """An action that cannot begin; the message is the reason."""
 
 
 @dataclass
@@ -110,16 +111,16 @@ class NavigationNode:
             self._go(action)
         except NoWayError as error:
             raise ActionError(str(error)) from error
-        self._end_driving("CANCELLED", "replaced")
+        self._end_driving("CANCELLED", ReasonCode.REPLACED)
         self._driving = _Running(action.action_id, self._now)
 
     def cancel(self, action_id: str) -> None:
         """Cancel an action; unknown ids are ignored."""
         if self._driving is not None and self._driving.action_id == action_id:
             self.navigator.cancel()
-            self._end_driving("CANCELLED", "cancelled")
+            self._end_driving("CANCELLED", ReasonCode.CANCELLED)
         if self._searching is not None and self._searching.action_id == action_id:
-            self._end_searching("CANCELLED", "cancelled")
+            self._end_searching("CANCELLED", ReasonCode.CANCELLED)
 
     def _go(self, action: Action) -> None:
         match action:
@@ -132,20 +133,20 @@ class NavigationNode:
             case Undock():
                 self.navigator.undock()
             case _:
-                raise ActionError(f"navigation does not support {type(action).__name__.lower()}")
+                raise ActionError(ReasonCode.UNSUPPORTED)
 
     def _goal(self, action: Goto) -> tuple[float, float, float | None]:
         if action.place is not None:
             return self._named(action.place)
         if action.x is None or action.y is None:
-            raise ActionError("the goal is missing: give x and y, or the name of a place")
+            raise ActionError(ReasonCode.NO_GOAL)
         return action.x, action.y, action.theta
 
     def _named(self, name: str) -> tuple[float, float, float | None]:
         for place in self._area.plan.places if self._area.plan else ():
             if name.casefold() in {place.name.casefold(), place.title.casefold()}:
                 return place.x, place.y, place.theta
-        raise ActionError(f"no place here is called {name!r}")
+        raise ActionError(ReasonCode.UNKNOWN_PLACE.of(name))
 
     def _relocalize(self, action: Relocalize) -> None:
         if action.x is None or action.y is None:
@@ -154,7 +155,7 @@ class NavigationNode:
             self.place(Pose2D(action.x, action.y, 0.0), turn=UNKNOWN_TURN)
         else:
             self.place(Pose2D(action.x, action.y, wrap_angle(action.theta)))
-        self._end_searching("CANCELLED", "replaced")
+        self._end_searching("CANCELLED", ReasonCode.REPLACED)
         self._searching = _Running(action.action_id, self._now)
         self._tell(action.action_id, "RUNNING")
 
@@ -229,8 +230,7 @@ class NavigationNode:
                 "FINISHED", "", {**estimate.pose._asdict(), "score": estimate.score}
             )
         elif seconds >= SEARCH_TIME:
-            reason = "the robot has not found itself; drive it a little, or show it where it is"
-            self._end_searching("FAILED", reason)
+            self._end_searching("FAILED", ReasonCode.NOT_FOUND)
 
     # --- news -------------------------------------------------------------------------------------
 

@@ -44,6 +44,7 @@ from robots.api.messages import (
     Undock,
     Words,
 )
+from robots.api.reasons import ReasonCode
 
 ACTIONS_KEPT = 1000  # whose last status is known
 
@@ -78,7 +79,6 @@ REFUSALS_ANSWERED = 0.05  # s between two answers to refused actions, so that no
 PHOTOS_AT_ONCE = 4
 RESENT_AT_ONCE = 100
 RESEND_PAUSE = 0.05
-CANCEL = "cancel"
 START_TIMEOUT = 10.0  # s for which an action may wait for the end of an earlier one
 
 Spawn = Callable[[Coroutine[Any, Any, None]], None]
@@ -160,10 +160,10 @@ class Actions:
     def _ends_changed(self, reason: str) -> None:
         self._kernel.is_end_unconfirmed = self._owned.is_end_unconfirmed
         if not self._kernel.is_end_unconfirmed:
-            self._reports.errors.pop(CANCEL, None)
+            self._reports.errors.pop(ReasonCode.CANCEL, None)
         elif reason:
-            is_new = CANCEL not in self._reports.errors
-            self._reports.errors[CANCEL] = f"{CANCEL}: {reason}"[:300]
+            is_new = ReasonCode.CANCEL not in self._reports.errors
+            self._reports.errors[ReasonCode.CANCEL] = ReasonCode.CANCEL.of(reason)[:300]
             if is_new:
                 self._reports.send_soon()
 
@@ -401,7 +401,7 @@ class Actions:
         except AdapterError as error:
             if is_owned:  # it may run despite the error
                 self._owned.cancel(action_id)
-            self._not_started(action, str(error))
+            self._not_started(action, ReasonCode.NOT_CONNECTED.of(error))
 
     def _not_started(self, action: Action, reason: str) -> None:
         self._kernel.navigation_ended(action.action_id)

@@ -56,17 +56,12 @@ from robots.api.messages import (
     Velocity,
     VelocityCommand,
 )
+from robots.api.reasons import ReasonCode
 
 log = structlog.stdlib.get_logger(__name__)
 
 HEARTBEAT_PERIOD = 0.2
 DISK_PERIOD = 5.0
-ADAPTER_LOST, ADAPTER_STARTING = "adapter_lost", "adapter_starting"
-RIVAL = "rival"
-CLOSING = "closing"
-STORE = "store"
-RUNS_ON = "runs_on"
-SETTLING = "settling"
 
 
 class CommandDispatcher:
@@ -124,7 +119,7 @@ class CommandDispatcher:
         self._faults: dict[str, str] = {}
         self._config: Config | None = None
         self._was_up = False
-        self._set_fault(ADAPTER_STARTING, "the agent is connecting to the robot")
+        self._set_fault(ReasonCode.ADAPTER_STARTING, "the agent is connecting to the robot")
 
     # --- from the broker (LinkInbox) --------------------------------------------------------------
 
@@ -200,10 +195,12 @@ class CommandDispatcher:
         """Yield to another, newer agent of this robot: two agents on one base cannot be safe."""
         self._kernel.yields = boot is not None
         if boot is None:
-            self._clear_fault(RIVAL)
+            self._clear_fault(ReasonCode.RIVAL)
         else:
             log.error("rival_agent", boot=boot, to_do="end one of the two agents of this robot")
-            self._set_fault(RIVAL, "another agent runs as this robot; end one of the two")
+            self._set_fault(
+                ReasonCode.RIVAL, "another agent runs as this robot; end one of the two"
+            )
 
     # --- from the data channels -------------------------------------------------------------------
 
@@ -267,14 +264,14 @@ class CommandDispatcher:
 
     def adapter_changed(self, *, up: bool, reason: str = "") -> None:
         if not up:
-            if ADAPTER_LOST not in self._faults and self._was_up:
+            if ReasonCode.ADAPTER_LOST not in self._faults and self._was_up:
                 self.reports.event("adapter_lost", detail=reason)
-            self._set_fault(ADAPTER_LOST, reason)
+            self._set_fault(ReasonCode.ADAPTER_LOST, reason)
             self.actions.cancel_all()
-        self._clear_fault(ADAPTER_STARTING)
+        self._clear_fault(ReasonCode.ADAPTER_STARTING)
         if up:
             self.reports.connected()
-            self._clear_fault(ADAPTER_LOST)
+            self._clear_fault(ReasonCode.ADAPTER_LOST)
             if self._config is not None:
                 self._adapter.configure(self._config)
             if self._was_up:
@@ -318,7 +315,7 @@ class CommandDispatcher:
 
     def brake(self) -> None:
         """Stop for good before the agent ends."""
-        self._set_fault(CLOSING, "the agent ends")
+        self._set_fault(ReasonCode.CLOSING, "the agent ends")
 
     @property
     def is_at_rest(self) -> bool:
@@ -473,17 +470,17 @@ class CommandDispatcher:
         kernel, now = self._kernel, self._times.now()
         up = self._adapter.up
         runs_on = "the robot keeps moving although it was told to stop"
-        self._report(RUNS_ON, runs_on, holds=up and kernel.moves_despite_stop(now))
+        self._report(ReasonCode.RUNS_ON, runs_on, holds=up and kernel.moves_despite_stop(now))
         settling = "the robot is never measured at rest; set its standstill thresholds"
-        self._report(SETTLING, settling, holds=up and kernel.settles_too_long(now))
+        self._report(ReasonCode.SETTLING, settling, holds=up and kernel.settles_too_long(now))
 
-    def _report(self, name: str, text: str, *, holds: bool) -> None:
+    def _report(self, name: ReasonCode, text: str, *, holds: bool) -> None:
         """Report an error for as long as it holds, at once when it starts."""
         if not holds:
             self.reports.errors.pop(name, None)
         elif name not in self.reports.errors:
             log.error(name, velocity=self.reports.reading.velocity)
-            self.reports.errors[name] = f"{name}: {text}"
+            self.reports.errors[name] = name.of(text)
             self.reports.send_soon()
 
     def _update_call(self) -> None:
@@ -559,9 +556,9 @@ class CommandDispatcher:
 
     # --- faults and storage -----------------------------------------------------------------------
 
-    def _set_fault(self, name: str, text: str) -> None:
+    def _set_fault(self, name: ReasonCode, text: str) -> None:
         self._faults[name] = text
-        self.reports.errors[name] = f"{name}: {text}"[:300]
+        self.reports.errors[name] = name.of(text)[:300]
         self._kernel.set_fault(name)
         self.send_velocity()
 
@@ -600,9 +597,11 @@ class CommandDispatcher:
             await asyncio.to_thread(write)
         except OSError as error:
             log.exception("store_failed")
-            self.reports.errors[STORE] = f"{STORE}: {error.strerror or error}"[:300]
+            self.reports.errors[ReasonCode.STORE] = ReasonCode.STORE.of(error.strerror or error)[
+                :300
+            ]
             return False
-        self.reports.errors.pop(STORE, None)
+        self.reports.errors.pop(ReasonCode.STORE, None)
         return True
 
 

@@ -29,6 +29,7 @@ from robots.agent.robot_interface import (
 )
 from robots.api.geometry import Pose2D
 from robots.api.messages import ENDED, Goto, Velocity
+from robots.api.reasons import clause_of
 
 ACTION_ID = "check"
 
@@ -196,7 +197,9 @@ class NavigationCheck:
             )
         progress = self._robot.progress.get(ACTION_ID)
         if progress is not None and progress.status in ENDED:
-            return f"Navigation: the goal ended at once: {progress.reason or 'no reason'}."
+            return (
+                f"Navigation: the goal ended at once: {clause_of(progress.reason) or 'no reason'}."
+            )
         return ""
 
     def _goal(self, distance: float) -> Goto:

@@ -34,6 +34,7 @@ from robots.agent.robot_interface import (
 from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
+from robots.api.reasons import ReasonCode
 from robots.cancellation import until_one_ends
 from robots.logs import reason_of
 from robots.world.sensing import Floats
@@ -162,13 +163,13 @@ class AdapterLink:
         that is not confirmed.
         """
         if not self.up:
-            raise ActionRefusedError("the robot control architecture is not connected")
+            raise ActionRefusedError(ReasonCode.NOT_CONNECTED)
         try:
             async with asyncio.timeout(START_TIME):
                 while self._cancelling:  # OwnedActions takes how these end
                     await asyncio.wait(self._cancelling)
                 if not is_wanted():
-                    raise ActionRefusedError("cancelled")
+                    raise ActionRefusedError(ReasonCode.CANCELLED)
                 with adapter_errors():
                     await self.adapter.start(action)
         except TimeoutError as error:

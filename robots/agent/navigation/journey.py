@@ -22,6 +22,7 @@ from robots.agent.safety.collision.braking import BrakeCheck
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Limits, Velocity
+from robots.api.reasons import ReasonCode
 from robots.world.sensing import Floats
 
 
@@ -124,7 +125,7 @@ class Journey:
         while len(self._distances) > 1 and passed >= self._distances[0]:
             del self._distances[0], self._over[0]
         if followed.state == "arrived":
-            beside = f"something stands on the goal; {self._beside:.1f} m beside it"
+            beside = ReasonCode.GOAL_TAKEN.of(f"{self._beside:.1f} m")
             return finished(beside if self._beside > 0.0 else "")
         return self._given_up(sense, followed) or self._continue(sense, followed)
 
@@ -235,8 +236,7 @@ class Journey:
         if not held:
             return self._running(followed.velocity, "")
         is_person = followed.why == "walker"
-        reason = "waits for somebody in the way" if is_person else "something stands very close"
-        return self._running(ZERO, reason)
+        return self._running(ZERO, ReasonCode.SOMEBODY if is_person else ReasonCode.VERY_CLOSE)
 
     def _moved_on(self, sense: Sense, held: Sense) -> bool:
         """Tell whether the robot got away from where it was held; creeping does not count."""
@@ -277,7 +277,7 @@ class Journey:
         backed = back.begun.odometry.distance(sense.odometry)
         if backed >= back.distance or sense.now - back.begun.now >= self._params.back_time:
             self._back, self._path, self._sought = None, None, -math.inf
-        return self._running(done.velocity, "backs off")
+        return self._running(done.velocity, ReasonCode.BACKS_OFF)
 
     def _wait(self, sense: Sense) -> NavigationStep:
         params = self._params
@@ -287,7 +287,7 @@ class Journey:
             self._give_room(sense)
         patience = params.patience_with_people if self._face_to_face(sense) else params.patience
         if sense.now - self._no_route_since < patience:
-            return self._running(ZERO, "waits, because no way is free")
+            return self._running(ZERO, ReasonCode.WAITS_FOR_ROUTE)
         ends = ((sense.pose.x, sense.pose.y), self._over[-1])
         return failed(what_blocks(self._obstacle_map, self._planner, self._plan, ends, sense.now))
 
@@ -316,9 +316,8 @@ class Journey:
         patience = params.patience_with_people if is_person_ahead else params.no_progress
         if late or (sense.now - self._best_at > patience and not turning):
             if is_person_ahead:
-                return failed("somebody has stood in the way for too long")
-            left = f"{self._follower.remaining:.1f} m before the goal"
-            return failed(f"the robot gets no farther, {left}")
+                return failed(ReasonCode.SOMEBODY_STAYED)
+            return failed(ReasonCode.NO_FARTHER.of(f"{self._follower.remaining:.1f} m"))
         return None
 
     def _running(self, velocity: Velocity, reason: str) -> NavigationStep:

@@ -2,7 +2,7 @@
 stepped 10 to 20 times a second. Pure.
 
 Before each step the navigator makes sure that the robot sees, knows where it is and can move. A
-task that cannot continue ends with one sentence, and with the robot at rest.
+task that cannot continue ends with a reason, and with the robot at rest.
 """
 
 import math
@@ -27,6 +27,7 @@ from robots.agent.safety.collision.memory import sees
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
+from robots.api.reasons import ReasonCode
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import Estimate, Floats, LaserScan
 
@@ -107,7 +108,7 @@ class Navigator:
     def goto(self, x: float, y: float, theta: float | None = None) -> None:
         """Go to a point, with a final heading or any; raises NoWayError when it is not free."""
         if theta is not None and not math.isfinite(theta):
-            raise NoWayError("the heading of the goal is not a number")
+            raise NoWayError(ReasonCode.NO_GOAL)
         self._begin(self._journey([self._planner.goal(x, y)], theta))
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
@@ -116,7 +117,7 @@ class Navigator:
         """
         line = np.array(points, dtype=np.float64).reshape(-1, 2)
         if len(line) < 2 or not np.isfinite(line).all():
-            raise NoWayError("a line needs at least two points, all of them numbers")
+            raise NoWayError(ReasonCode.NO_GOAL)
         end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
         drawn = resampled(line, NAVIGATOR.drawn_spacing)[:-1]
         fits = self._costmap.sample(self._costmap.clearance, drawn) >= self._costmap.least
@@ -126,7 +127,7 @@ class Navigator:
         """Go into the robot's charging station; NoWayError without one, or without room."""
         dock = self.plan.dock_of(self.series) if self.plan else None
         if dock is None:
-            raise NoWayError(f"no charging station for {self.series} is known")
+            raise NoWayError(ReasonCode.NO_DOCK.of(self.series))
         self._begin(Docking(dock, self._check, self.limits, self._approach))
 
     def undock(self) -> None:
@@ -137,7 +138,7 @@ class Navigator:
         """End the task; the next step brakes."""
         if self._task is not None:
             self._task, self._then = None, None
-            self._last = NavigationStep(None, "FAILED", "cancelled")
+            self._last = NavigationStep(None, "FAILED", ReasonCode.CANCELLED)
 
     def forget(self) -> None:
         """Forget obstacles that are not on the map: the robot was carried, or got another pose."""
@@ -207,18 +208,18 @@ class Navigator:
         if self._beams is not None and not is_blind:
             seen = self._beams.stamp
         if now - seen > NAVIGATOR.blind_end:
-            return failed("the laser sees nothing" if is_blind else "the laser is silent")
+            return failed(ReasonCode.NO_LASER.of("blind" if is_blind else "silent"))
         if now - seen > NAVIGATOR.blind_stop:
-            return NavigationStep(ZERO, "RUNNING", "waits for the laser")
+            return NavigationStep(ZERO, "RUNNING", ReasonCode.NO_LASER)
         if estimate.localized or not self._task_needs_map():
             self._lost_since = None
         else:
             self._lost_since = now if self._lost_since is None else self._lost_since
             if now - self._lost_since > NAVIGATOR.lost_end:
-                return failed("the robot has lost where it is on the map")
-            return NavigationStep(ZERO, "RUNNING", "the robot does not know where it is")
+                return failed(ReasonCode.LOST)
+            return NavigationStep(ZERO, "RUNNING", ReasonCode.LOST)
         if self._wheels.stuck(self._asked, odometry, now):
-            return failed("the wheels do not turn")
+            return failed(ReasonCode.WHEELS)
         return None
 
     def _task_needs_map(self) -> bool:

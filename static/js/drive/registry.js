@@ -15,7 +15,7 @@ const PASSING = new Set([
 
 export class Registry {
   constructor() {
-    /** @type {Map<string, Required<FeatureParts>["handlers"][string][]>} */
+    /** @type {Map<string, ((message: any, transport: Transport) => unknown)[]>} */
     this.handlers = new Map();
     /** @type {Map<string, (argument: string) => void>} */
     this.actions = new Map();

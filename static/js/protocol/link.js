@@ -39,7 +39,7 @@ export class Link {
     this.lookingSince = null;
     /** whether the last peer that got so far had nothing to connect */
     this.barren = false;
-    /** whether the visitor has a picture meanwhile, so that attempts may be rarer */
+    /** whether the page shows video by another path, so that attempts may be rarer */
     this.patient = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
@@ -122,7 +122,7 @@ export class Link {
     }
   }
 
-  /** The robot was heard on the data channel. @param {number} now */
+  /** Note a message of the robot on the data channel. @param {number} now */
   heard(now) {
     if (this.peer) {
       /** @type {Peer} */ (this.peer).heardAt = now;

@@ -19,7 +19,7 @@ const BARREN_SECONDS = 1;
  * @param {string} link.state of the RTCPeerConnection
  * @param {number | null} link.offeredAt @param {number | null} link.answeredAt
  * @param {number | null} link.openedAt when the data channel opened
- * @param {number} link.heardAt when the robot was last heard on it
+ * @param {number} link.heardAt when its last message arrived
  * @param {number} now @returns {"live" | "waiting" | "failed" | "no_answer" | "no_way" | "silent"}
  */
 export const judge = (link, now) => {

@@ -160,7 +160,7 @@ export class Peer {
 }
 
 /**
- * What the other side is told of a candidate, or of their end.
+ * The signal for a candidate, or for the end of the candidates.
  * @param {RTCIceCandidate | null} candidate
  */
 export const messageOf = (candidate) => {

@@ -6,7 +6,7 @@
  */
 
 export const AGAIN_SECONDS = 0.7;
-export const PATIENCE_SECONDS = 3; // the robot refuses what is older
+export const PATIENCE_SECONDS = 3; // the robot refuses an older request
 export const READING_SECONDS = 5;
 
 /** Refusals just after a visit or a connection has started: worth a repetition. */
@@ -73,8 +73,7 @@ export const isMoving = (action) =>
 /**
  * News of an action. One that runs, from before a reload of the page, becomes the page's.
  * @param {RobotAction | null} action
- * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string,
- *   any>}} news
+ * @param {ToPage["action"]} news
  * @param {number} now @returns {RobotAction | null}
  */
 export const heard = (action, news, now) => {
@@ -94,18 +93,17 @@ export const heard = (action, news, now) => {
     typeof news.result.progress === "number"
       ? Math.min(1, Math.max(0, news.result.progress))
       : action.progress;
-  const status = /** @type {RobotAction["status"]} */ (news.status);
   return {
     ...action,
-    status,
+    status: news.status,
     reason: news.reason,
     progress,
-    endedAt: ENDED.has(status) ? now : null,
+    endedAt: ENDED.has(news.status) ? now : null,
   };
 };
 
 /**
- * What time does to a action: an action without an answer is due again, or has failed; what was
+ * What time does to an action: one without an answer is due again, or has failed; what was
  * read goes away.
  * @param {RobotAction | null} action @param {number} now
  * @returns {{action: RobotAction | null, send: boolean}}

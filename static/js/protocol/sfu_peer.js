@@ -65,8 +65,8 @@ export class SfuPeer {
   }
 
   /**
-   * The last moment at which the connection was there; asked for by whoever judges the link, twenty
-   * times a second.
+   * The last moment at which the connection was up; it is updated by being read, twenty times a
+   * second.
    */
   get heardAt() {
     if (this.connection.connectionState === "connected") {

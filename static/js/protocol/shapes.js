@@ -1,5 +1,5 @@
 /**
- * Small checks that say what a message must look like; robot_api.js is written with them.
+ * Small checks that say what a message must look like; messages.js is written with them.
  *
  * A shape is a function that returns the value, with defaults filled in, or throws a ShapeError.
  * Unknown fields are dropped.
@@ -26,9 +26,13 @@ export const integer = (least, most) => (value) =>
     ? value
     : fail(`an integer from ${least} to ${most}`);
 
-/** @param {number} longest @returns {Shape} */
-export const text = (longest) => (value) =>
-  typeof value === "string" && value.length <= longest ? value : fail(`text of at most ${longest}`);
+/** @param {number} longest @param {number} [shortest] @returns {Shape} */
+export const text =
+  (longest, shortest = 0) =>
+  (value) =>
+    typeof value === "string" && value.length <= longest && value.length >= shortest
+      ? value
+      : fail(`text of ${shortest} to ${longest}`);
 
 /** @param {RegExp} pattern @returns {Shape} */
 export const matching = (pattern) => (value) =>
@@ -36,6 +40,10 @@ export const matching = (pattern) => (value) =>
 
 /** @type {Shape} */
 export const flag = (value) => (typeof value === "boolean" ? value : fail("true or false"));
+
+/** @type {Shape} */
+export const scalar = (value) =>
+  typeof value === "object" && value !== null ? fail("no list and no object") : value;
 
 /** @param {string[]} words @returns {Shape} */
 export const oneOf =
@@ -74,7 +82,10 @@ const DEFAULT = Symbol("default");
 
 /** A field that may be left out. @param {Shape} shape @param {unknown} value what it is then */
 export const optional = (shape, value) =>
-  Object.assign((/** @type {unknown} */ given) => shape(given), { [DEFAULT]: () => value });
+  Object.assign((/** @type {unknown} */ given) => shape(given), { [DEFAULT]: () => shape(value) });
+
+/** A field that is null unless it is there. @param {Shape} shape */
+export const absent = (shape) => optional(nullable(shape), null);
 
 /** @param {Record<string, Shape>} fields @returns {Shape} */
 export const object = (fields) => (value) => {

@@ -14,7 +14,7 @@ export const reports = (robot, code) =>
 /**
  * @param {any} robot its last state, null before one came
  * @returns {"" | "runs_on" | "estop_there" | "estop" | "not_connected" | "fault"} `runs_on`: it
- *   moves although it should stand still, a fault to the server; `estop_there`: a person at the
+ *   moves although it should be at rest, for the server a `fault`; `estop_there`: a person at the
  *   robot pressed it
  */
 export const standstillOf = (robot) => {

@@ -9,6 +9,7 @@ from django.contrib.auth import get_user_model
 from django.urls import reverse
 from django.utils import timezone
 
+from robots.api.reasons import ReasonCode
 from robots.models import FloorPlan, Robot, RobotPermit
 from sessions.models import Session, Snapshot
 from tests.support.robots import create_robot
@@ -79,6 +80,18 @@ def test_the_drive_page_tells_its_modules_where_everything_is(client, robot, ada
     assert config["who"] == "Ada L."
     assert config["factsheet"] == {"name": "giraff"}
     assert "no-store" in response["Cache-Control"]
+
+
+def test_drive_page_has_a_translated_sentence_for_each_reason(client, robot, ada):
+    client.force_login(ada)
+    texts = {}
+    for language in ("en", "es"):
+        client.cookies["django_language"] = language
+        page = unescape(client.get("/robots/giraff/").content.decode())
+        texts[language] = dict(re.findall(r'data-word="reason\.(\w+)">(.*?)</p>', page))
+    with_sentence = {code: code.sentence for code in ReasonCode if code.sentence}
+    assert texts["en"].items() >= with_sentence.items()
+    assert texts["es"]["boxed_in"] == "No tiene sitio para moverse."
 
 
 def test_only_who_operates_the_robot_reads_which_part_of_the_server_fails(client, robot, ada):

@@ -4,6 +4,7 @@ import { describe, test } from "node:test";
 
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { isRefusal } from "../../../static/js/protocol/estop_release.js";
+import { REASONS } from "../../../static/js/protocol/messages.js";
 import { newVisit, reduce } from "../../../static/js/protocol/session.js";
 import { alertFor, staysOverCards } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
@@ -89,7 +90,7 @@ const BETWEEN = /** @type {[string, string, string][]} */ ([
   ["returning: dock", "status.returning", "returning"],
   ["returning: picture", "status.checked", "checked"],
   ["charging: charging", "status.charging", "charging"],
-  ["paused: could not dock", "status.paused", "paused"],
+  ["paused: dock_failed", "status.paused", "paused"],
   ["held: a new carpet", "status.held", "held"],
 ]);
 
@@ -335,20 +336,20 @@ describe("cards", () => {
         ),
       );
     const told = [
-      ["could not dock, after several tries", "queued.paused", "reason.dock_failed"],
-      ["something stands before the charging station", "queued.paused", "because.before_dock"],
-      ["the robot has not found itself", "queued.paused", "because.lost"],
-      ["waits, because no way is free", "queued.paused", "reason.blocked"],
-      ["missed, tries again", "queued.paused", undefined],
+      ["dock_failed: no_contact", "queued.paused", "reason.dock_failed"],
+      ["before_dock", "queued.paused", "because.before_dock"],
+      ["not_found", "queued.paused", "because.lost"],
+      ["waits_for_route", "queued.paused", "reason.all_blocked"],
+      ["tries_again: late", "queued.paused", undefined],
     ];
     for (const [reason, word, detail] of told) {
       const card = waits(reason);
       assert.deepEqual([card.word, card.detail?.word], [word, detail], reason);
-      assert.ok(!detail || SENTENCES.has(detail), detail);
+      assert.ok(!detail || SENTENCES.has(detail) || REASONS.has(detail.slice(7)), detail);
       assert.ok(!/wait|Drive a little/.test(SENTENCES.get(detail ?? "") ?? ""), detail);
       assert.deepEqual(card.instead, freeRobots);
     }
-    assert.equal(waits("the robot has not found itself", true).word, "queued.unfit");
+    assert.equal(waits("not_found", true).word, "queued.unfit");
     const held = cardFor(state({ phase: "queued", place: 1, pause: "held: a new carpet" }));
     assert.deepEqual(held.detail, { word: "because.held", values: { reason: "a new carpet" } });
     assert.ok(SENTENCES.has("because.held"));

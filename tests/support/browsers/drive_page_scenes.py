@@ -147,7 +147,7 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     await page.wait_for_selector("#drive-page[data-playing][data-phase=queued]")
     yield "queued"
     site.others = [{**FREE, "name": name, "action": f"Drive {name}"} for name in ("Rhodon", "Pepe")]
-    site.keep_waiting("paused: something stands before the charging station")
+    site.keep_waiting("paused: before_dock")
     await page.wait_for_selector("#card[data-card='queued.paused'] #card-instead > a")
     yield "queued, others are free"
     site.others = []

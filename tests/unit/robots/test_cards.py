@@ -156,7 +156,7 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
     [
         ("returning", "dock", False, "Returning to its station", "It needs to dock first."),
         ("returning", "picture", True, "Getting ready", "It is running its self-check."),
-        ("paused", "could not dock", False, "Not ready", "The robot didn't reach its station."),
+        ("paused", "dock_failed", False, "Not ready", "The robot didn't reach its station."),
         ("paused", "no_picture", True, "Not ready", "The robot couldn't get ready"),
     ],
 )

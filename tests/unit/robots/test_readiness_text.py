@@ -1,33 +1,47 @@
-import json
-from pathlib import Path
+import string
 
-from robots.readiness_text import REASONS, in_words, reason_of
+import pytest
+from django.utils import translation
 
-GOLDEN = json.loads((Path(__file__).parents[2] / "golden/reasons.json").read_text())
-
-
-def test_reasons_of_the_navigation_have_the_same_names_as_on_the_page():
-    assert {said: reason_of(said)[0] for said in GOLDEN} == GOLDEN
+from robots.api.reasons import ReasonCode
+from robots.readiness_text import in_words
 
 
-def test_every_reason_is_said_in_words_and_none_as_it_stands_on_the_wire():
-    assert {name for _pattern, name, _words in REASONS} - set(GOLDEN.values()) <= {
-        "no_dock",
-        "no_farther",
-        "not_found",
-    }
-    assert [said for said, name in GOLDEN.items() if name and in_words(said) == said] == []
-    assert in_words("something stands on the goal; 0.3 m beside it") == (
-        "an obstacle is on that spot"
-    )
+@pytest.mark.parametrize(
+    ("reason", "text"),
+    [
+        ("dock", "driving to its charging station"),
+        ("door_closed: 50 % {Lab} door", "a door is closed (50 % {Lab} door)"),
+        ("goal_taken: 0.3 m", "an obstacle is on that spot"),
+        ("rca: /dock: no dock: in sight", "/dock: no dock: in sight"),
+    ],
+)
+def test_a_reason_is_shown_as_a_clause_with_its_value(reason, text):
+    assert in_words(reason) == text
 
 
-def test_the_words_name_the_door_or_the_room():
-    assert in_words("blocked: Lab door is closed") == "a door is closed (Lab door)"
-    stands = "blocked: something stands in the way at (3.2, 4.0) in 50 % Hall"
-    assert in_words(stands) == "an obstacle is in the way (50 % Hall)"
+def test_a_reason_is_translated_where_it_is_shown():
+    with translation.override("es"):
+        assert in_words("boxed_in") != "it has no room to move"
 
 
-def test_an_unknown_reason_is_shown_as_the_robot_reported_it():
-    assert in_words("the flux compensator hums") == "the flux compensator hums"
-    assert in_words("dock") == "driving to its charging station"
+@pytest.mark.parametrize(
+    ("reason", "text"),
+    [
+        ("blocked: Lab door is closed", "blocked: Lab door is closed"),
+        ("the flux_2 compensator: hums", "the flux_2 compensator: hums"),
+        ("shelf_in_the_way: Kitchen: 2", "shelf in the way: Kitchen: 2"),
+        ("too_many", "too many"),
+        ("", ""),
+    ],
+    ids=["of an older agent", "of another adapter", "of a newer agent", "without text", "none"],
+)
+def test_a_reason_without_a_known_text_is_readable(reason, text):
+    assert in_words(reason) == text
+
+
+@pytest.mark.parametrize("code", ReasonCode)
+def test_the_texts_of_a_reason_have_no_other_value_than_its_own(code):
+    for text in (code.clause or "", code.sentence):
+        assert {name for _, name, _, _ in string.Formatter().parse(text)} <= {None, "what"}
+    assert not code.sentence or code.sentence.endswith(".")

@@ -19,6 +19,7 @@ from robots.agent.robot_interface import NOWHERE, ActionProgress, ActionRefusedE
 from robots.api.docked import DockState
 from robots.api.geometry import wrap_angle
 from robots.api.messages import ActionState, Pose
+from robots.api.reasons import ReasonCode
 
 LONGEST_TILT = 15.0  # seconds
 LONGEST_DOCKING = 300.0
@@ -90,7 +91,7 @@ class PendingActions:
     def own(self, pending: PendingAction) -> None:
         """Take an action to be sent; raises ActionRefusedError while another may move the base."""
         if self.drive is not None:
-            raise ActionRefusedError("the robot has not confirmed the end of its last action")
+            raise ActionRefusedError(ReasonCode.NAVIGATION_DOES_NOT_END)
         self.drive = pending
 
     def disown(self, action_id: str) -> None:
@@ -101,10 +102,10 @@ class PendingActions:
     def begin(self, pending: PendingAction) -> None:
         """Take an accepted action, which replaces one of the head or of the localization."""
         if pending.kind == "tilt":
-            self._end(self.head, "CANCELLED", "replaced")
+            self._end(self.head, "CANCELLED", ReasonCode.REPLACED)
             self.head = pending
         elif pending.kind == "relocalize":
-            self._end(self.localization, "CANCELLED", "replaced")
+            self._end(self.localization, "CANCELLED", ReasonCode.REPLACED)
             self.localization = pending
         else:
             pending.accepted = True
@@ -151,14 +152,14 @@ class PendingActions:
             if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
                 self._end(head, "FINISHED", "")
             elif now > head.deadline:
-                self._end(head, "FAILED", "the head did not reach the angle in time")
+                self._end(head, "FAILED", ReasonCode.NOT_IN_TIME)
         drive = self.drive
         if drive is None or not drive.accepted:
             return
         if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
             self._end(drive, "FINISHED", "")
         elif now > drive.deadline:
-            drive.failure = drive.failure or "it took too long"
+            drive.failure = drive.failure or ReasonCode.NOT_IN_TIME
 
     def _watch_localization(self, now: float, pose: Pose, fixed_at: float) -> None:
         pending = self.localization
@@ -168,11 +169,11 @@ class PendingActions:
         if is_news and pose.localized and pending.area.holds(pose):
             self._end(pending, "FINISHED", "")
         elif now > pending.deadline:
-            why = "the robot's localization does not answer"
+            why: str = ReasonCode.NO_ANSWER
             if is_news and pose.localized:
-                why = f"the robot's localization disagrees: it reports {pose.x:.1f}, {pose.y:.1f}"
+                why = ReasonCode.POSE_DISAGREES.of(f"({pose.x:.1f}, {pose.y:.1f})")
             elif is_news:
-                why = "the robot still does not know where it is"
+                why = ReasonCode.NOT_FOUND
             self._end(pending, "FAILED", why)
 
     def _end(self, pending: PendingAction | None, status: ActionState, reason: str) -> None:

@@ -49,6 +49,7 @@ from robots.agent.robot_interface import (
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
+from robots.api.reasons import ReasonCode
 from robots.cancellation import cancel
 from robots.logs import reason_of
 
@@ -109,12 +110,10 @@ def check_tilt(profile: Profile, action: Tilt) -> None:
     """Raise ActionRefusedError when the head cannot tilt, or not to that angle."""
     reach = profile.tilt
     if reach is None:
-        raise ActionRefusedError(f"{profile.series} does not support tilt")
+        raise ActionRefusedError(ReasonCode.UNSUPPORTED)
     if not reach.minimum <= action.angle <= reach.maximum:
-        raise ActionRefusedError(
-            f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
-            f"not to {action.angle:g}"
-        )
+        span = f"{reach.minimum:g} to {reach.maximum:g} rad"
+        raise ActionRefusedError(ReasonCode.OUT_OF_RANGE.of(span))
 
 
 class RemoteAdapter(ABC):
@@ -170,9 +169,7 @@ class RemoteAdapter(ABC):
 
     async def _order(self, action: Action) -> PendingAction:
         """Start an action at the RCA and return what to wait for; errors as in `start`."""
-        raise ActionRefusedError(
-            f"{self.profile.series} does not support {type(action).__name__.lower()}"
-        )
+        raise ActionRefusedError(ReasonCode.UNSUPPORTED)
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         """Cancel an action at the RCA; called again every 0.5 s until it returns True.
@@ -310,7 +307,7 @@ class RemoteAdapter(ABC):
         another AdapterError it may have.
         """
         if self._failure:
-            raise ActionRefusedError(self._failure)
+            raise ActionRefusedError(ReasonCode.NOT_CONNECTED.of(self._failure))
         if isinstance(action, Tilt):
             check_tilt(self.profile, action)
             self._turn_head(action.angle)
@@ -323,7 +320,7 @@ class RemoteAdapter(ABC):
         if name not in self.profile.capabilities or not isinstance(
             action, Goto | Dock | Undock | Relocalize
         ):
-            raise ActionRefusedError(f"{self.profile.series} does not support {name}")
+            raise ActionRefusedError(ReasonCode.UNSUPPORTED)
         if isinstance(action, Relocalize):
             self.pending_actions.begin(await self._order(action))
             return
@@ -338,7 +335,7 @@ class RemoteAdapter(ABC):
             self.pending_actions.disown(action.action_id)
             raise
         except BaseException as error:  # also when the caller has waited long enough
-            expected.failure = str(error) or "the robot did not confirm it"
+            expected.failure = ReasonCode.NOT_CONNECTED.of(str(error) or "no answer")
             raise
         if self.pending_actions.of(action.action_id) is not None:  # it has not ended in between
             pending.failure = expected.failure
@@ -391,7 +388,7 @@ class RemoteAdapter(ABC):
             if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
                 self._lose(f"{self.place} no longer answers")
             if self._failure:
-                self.pending_actions.end_all(self._failure)
+                self.pending_actions.end_all(ReasonCode.NOT_CONNECTED.of(self._failure))
                 raise AdapterError(self._failure)
             yield self.readings.state(time.time())
             with contextlib.suppress(TimeoutError):
@@ -461,7 +458,8 @@ class RemoteAdapter(ABC):
         self._news.set()
         await cancel(*self._tasks)
         await self._shut()
-        self.pending_actions.end_all("the robot was lost" if why != "closed" else "the agent ends")
+        is_lost = why != "closed"
+        self.pending_actions.end_all(ReasonCode.NOT_CONNECTED if is_lost else ReasonCode.AGENT_ENDS)
 
     def _tell(self, progress: ActionProgress) -> None:
         self._progress.put(progress)

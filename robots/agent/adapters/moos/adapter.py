@@ -47,6 +47,7 @@ from robots.agent.adapters.moos.wire import Mail
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
+from robots.api.reasons import ReasonCode
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
 SUBSCRIBED = (
@@ -185,9 +186,9 @@ class MoosAdapter(OpenMoraAdapter):
             case "END" if not by_plan:
                 pending.over_at = time.monotonic()
             case "ERROR" if not by_plan:  # a plan tries again
-                pending.failure = pending.failure or "navigation failed"
+                pending.failure = pending.failure or ReasonCode.NAVIGATION_FAILED
             case "NOWAY":
-                pending.failure = pending.failure or "there is no route to the goal"
+                pending.failure = pending.failure or ReasonCode.NO_WAY
 
     def _plan_finished(self, plan: list[str]) -> None:
         pending = self.pending_actions.drive
@@ -222,9 +223,9 @@ class MoosAdapter(OpenMoraAdapter):
         if is_goto and pending.over_at < now and self._is_at_goal(pending):
             self._finish(pending, now)
         elif is_goto and now - pending.over_at > LANDING:
-            pending.failure = "the robot stopped before it arrived"
+            pending.failure = ReasonCode.STOPPED_SHORT
         elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
-            pending.failure = "the robot does not start moving"
+            pending.failure = ReasonCode.DOES_NOT_START
 
     def _finish(self, pending: PendingAction, now: float) -> None:
         """Cancel the navigator, which would restart; its confirmed end finishes the action."""

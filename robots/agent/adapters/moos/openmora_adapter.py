@@ -24,6 +24,7 @@ from robots.agent.adapters.moos import openmora
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError
 from robots.api.messages import Action, Capability, Goto, Pose, Relocalize, Velocity
+from robots.api.reasons import ReasonCode
 
 SLOWEST_GUARD = 2.0  # seconds, as for a watchdog
 CANCEL_AGAIN = 0.1  # seconds between two cancels, at least
@@ -120,12 +121,9 @@ class OpenMoraAdapter(RemoteAdapter):
     async def _order(self, action: Action) -> PendingAction:
         match action:
             case Goto(x=None) | Goto(y=None) if action.place not in self._nodes:
-                raise ActionRefusedError(
-                    f"{self.name} does not know the place {action.place!r}; it knows "
-                    f"{', '.join(sorted(self._nodes)) or 'none by name'}"
-                )
+                raise ActionRefusedError(ReasonCode.UNKNOWN_PLACE.of(action.place))
             case Relocalize(x=None) | Relocalize(y=None):
-                raise ActionRefusedError(f"{self.name} needs to be given its position: x and y")
+                raise ActionRefusedError(ReasonCode.NO_GOAL)
         await self._send_action(action)
         if not isinstance(action, Relocalize) or action.x is None or action.y is None:
             return self._pending(action)

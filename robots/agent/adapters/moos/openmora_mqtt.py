@@ -44,6 +44,7 @@ from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMor
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
+from robots.api.reasons import ReasonCode
 from robots.logs import reason_of
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
@@ -255,11 +256,11 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
             return  # the confirmation ends it
         pending.seen_running |= status.autonomous
         if not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
-            pending.failure = "the robot does not start moving"
+            pending.failure = ReasonCode.DOES_NOT_START
         elif pending.kind == "dock":
             is_at_rest = pending.seen_running and not status.autonomous
             if is_at_rest and not self.readings.charger_contact and now - self._mode[1] > LANDING:
-                self.pending_actions.end_drive("FAILED", "the robot stopped before it was docked")
+                self.pending_actions.end_drive("FAILED", ReasonCode.STOPPED_SHORT)
         else:
             self._watch_goto(pending, status, now)
 
@@ -271,9 +272,9 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
             if stays > STAYED and (pending.goal is not None or not status.autonomous):
                 pending.over_at = now
         elif pending.seen_running and not status.autonomous:
-            self.pending_actions.end_drive("FAILED", "the robot stopped before it arrived")
+            self.pending_actions.end_drive("FAILED", ReasonCode.STOPPED_SHORT)
         elif stays > GIVEN_UP:
-            pending.failure = "the robot did not arrive in time"
+            pending.failure = ReasonCode.NOT_IN_TIME
 
     def _stays_since(self, status: openmora.OpenMoraStatus, now: float) -> float:
         """Return since when the robot has not moved, monotonic seconds."""
@@ -301,7 +302,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
         owned = self.pending_actions.of(action.action_id)
         if not isinstance(action, Relocalize) and (not owned or owned.first_cancelled_at):
-            raise ActionRefusedError("cancelled before it began")
+            raise ActionRefusedError(ReasonCode.CANCELLED)
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._command(f"GoToPoint {x:.3f} {y:.3f}")

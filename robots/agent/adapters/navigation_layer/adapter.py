@@ -59,6 +59,7 @@ from robots.api.messages import (
     Relocalize,
     Velocity,
 )
+from robots.api.reasons import ReasonCode
 from robots.world.sensing import Floats, LaserScan, beams_of
 
 SNAPSHOT_PERIOD = 0.1  # seconds, for the navigation process
@@ -165,7 +166,7 @@ class AutonomyAdapter:
             if self._area is not None and update.map_id != self._area.map_id:
                 log.warning("floorplan_ignored", map=update.map_id, site=self._area.map_id)
         elif update != self._area:
-            self._end_all("the map has changed")
+            self._end_all(ReasonCode.MAP_CHANGED)
             self._settle(update)
 
     async def start(self, action: Action) -> None:
@@ -177,9 +178,9 @@ class AutonomyAdapter:
             await self.inner.start(action)
             return
         if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
-            raise ActionRefusedError("the laser has not sent any data yet")
+            raise ActionRefusedError(ReasonCode.NO_LASER)
         if not isinstance(action, Relocalize) and self._running is not None:
-            raise ActionRefusedError("another action still runs")
+            raise ActionRefusedError(ReasonCode.BUSY)
         await self._order(action)
         self._news.put(ActionProgress(action.action_id, "RUNNING"))
         if isinstance(action, Relocalize):
@@ -200,7 +201,7 @@ class AutonomyAdapter:
             if not began:
                 self.node.send(wire.CancelAction(action.action_id))
         if not began:
-            raise ActionRefusedError("cancelled before it began")
+            raise ActionRefusedError(ReasonCode.CANCELLED)
 
     async def cancel(self, action_id: str) -> bool:
         """End an action of ours at once; ask the RCA to end one of its own."""
@@ -209,7 +210,7 @@ class AutonomyAdapter:
             return True
         if action_id == self._running or action_id in self._looking:
             self.node.send(wire.CancelAction(action_id))
-            self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
+            self._end(ActionProgress(action_id, "CANCELLED", ReasonCode.CANCELLED))
             return True
         return await self.inner.cancel(action_id)
 
@@ -219,7 +220,7 @@ class AutonomyAdapter:
             async for reading in self.inner.states():
                 yield reading
         finally:
-            self._end_all("the robot was lost")
+            self._end_all(ReasonCode.NOT_CONNECTED)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
         """Yield news of actions, the RCA's and ours; raises the RCA's AdapterError."""
@@ -247,7 +248,7 @@ class AutonomyAdapter:
         self.inner.configure(config)
 
     async def close(self) -> None:
-        self._end_all("the agent ends")
+        self._end_all(ReasonCode.AGENT_ENDS)
         try:
             await self.inner.close()
         finally:
@@ -337,9 +338,9 @@ class AutonomyAdapter:
     def _watch(self, now: float) -> None:
         silent = now - self._last_received_at
         if not self.node.ready:
-            self._end_all(f"navigation was lost: {self.node.problem}")
+            self._end_all(ReasonCode.NAVIGATION_LOST.of(self.node.problem))
         elif silent > (STUCK if self._running else STUCK_IDLE):
-            self._end_all("navigation has stopped answering")
+            self._end_all(ReasonCode.NAVIGATION_LOST.of("silent"))
             self.node.give_up("it does not answer")
 
     def _end_all(self, reason: str) -> None:

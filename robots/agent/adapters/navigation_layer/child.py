@@ -18,6 +18,7 @@ from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
 from robots.agent.robot_interface import AdapterError
 from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
+from robots.api.reasons import ReasonCode
 from robots.logs import reason_of
 
 START_TIME = 30.0  # a slow computer takes that long to import scipy
@@ -99,7 +100,7 @@ class NavigationProcess:
             async with asyncio.timeout(ANSWER_TIME):
                 problem = await answer
         except TimeoutError as error:
-            raise AdapterError("the robot's navigation does not answer") from error
+            raise AdapterError(ReasonCode.NAVIGATION_LOST.of("silent")) from error
         finally:
             del self._answers[self._orders]
         if problem:
@@ -125,11 +126,11 @@ class NavigationProcess:
             async with asyncio.timeout(READY_TIME):
                 while not self.ready:
                     if not self._area_came.is_set():
-                        raise AdapterError(self.problem)
+                        raise AdapterError(ReasonCode.NAVIGATION_LOST.of(self.problem))
                     self._changed.clear()
                     await self._changed.wait()
         except TimeoutError as error:
-            raise AdapterError(f"the robot's navigation is not ready: {self.problem}") from error
+            raise AdapterError(ReasonCode.NAVIGATION_LOST.of(self.problem)) from error
 
     async def _run(self) -> None:
         backoff = Backoff(random.Random(self._seed), first=0.2, longest=10.0)
@@ -201,7 +202,7 @@ class NavigationProcess:
         self.problem = self.problem or why
         for answer in self._answers.values():
             if not answer.done():
-                answer.set_result(f"the robot's navigation was lost: {why}")
+                answer.set_result(ReasonCode.NAVIGATION_LOST.of(why))
 
 
 async def _read(reader: asyncio.StreamReader) -> wire.FromNode:

@@ -59,6 +59,7 @@ from robots.api.messages import (
     Undock,
     Velocity,
 )
+from robots.api.reasons import ReasonCode
 
 ACCEPTANCE = 5.0  # seconds in which navigation has to accept a goal
 AT_REST_FOR = 0.3  # seconds of measurements that show the robot at rest
@@ -459,10 +460,7 @@ class RosAdapter(RemoteAdapter):
                 theta = self.readings.pose.theta if action.theta is None else action.theta
                 pending.goal_id = self._send_goal(Pose2D(x, y, theta))
             case Goto(place=place):
-                raise ActionRefusedError(
-                    f"{self.profile.series} does not know the place {place!r}: send it to a point"
-                    " on its map"
-                )
+                raise ActionRefusedError(ReasonCode.UNKNOWN_PLACE.of(place))
             case Dock() | Undock():
                 self._docking_id, self._docking_ended = action.action_id, False
                 is_dock = isinstance(action, Dock)
@@ -470,9 +468,7 @@ class RosAdapter(RemoteAdapter):
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
-                raise ActionRefusedError(
-                    f"{self.profile.series} needs to be given its position: x and y"
-                )
+                raise ActionRefusedError(ReasonCode.NO_GOAL)
         assert pending is not None
         return pending
 
@@ -546,7 +542,7 @@ class RosAdapter(RemoteAdapter):
             and not drive.seen_running
             and now - drive.began > ACCEPTANCE
         ):
-            drive.failure = drive.failure or "navigation does not answer"
+            drive.failure = drive.failure or ReasonCode.NAVIGATION_LOST.of("silent")
 
     def _of_goal(self, goal: str) -> PendingAction | None:
         drive = self.pending_actions.drive

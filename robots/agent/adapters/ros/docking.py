@@ -11,6 +11,7 @@ from collections.abc import Callable
 from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING
 from robots.agent.adapters.ros.bus import ANSWER_TIME, Bus, UnansweredError
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.reasons import ReasonCode
 
 TRIGGER = "std_srvs/Trigger"
 CANCEL_TIME = 1.0  # seconds that one call of `cancel` waits
@@ -41,7 +42,7 @@ class TriggerDocking:
             raise AdapterError(f"{service} does not answer")
         done, reason = start.result()
         if not done:
-            raise ActionRefusedError(f"{service} refused: {reason or 'it gives no reason'}")
+            raise ActionRefusedError(ReasonCode.RCA.of(f"{service}: {reason or 'refused'}"))
 
     async def cancel(self) -> bool:
         """Call the cancel service, unless a call waits for its answer; return whether it has

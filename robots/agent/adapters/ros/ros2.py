@@ -23,6 +23,7 @@ from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import GOAL_ENDED, Goals
 from robots.agent.adapters.ros.node_bus import NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
+from robots.api.reasons import ReasonCode
 
 HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9.6.1.1)
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.2 s after it at most
@@ -151,8 +152,8 @@ class Ros2Bus(NodeBus):
             ):
                 end = GOAL_ENDED.get(status, "FAILED")
                 self._ids.pop(goal, None)
-                usual = "" if end == "FINISHED" else "navigation gave up"
-                self._goals.ended(goal, end, why or usual)
+                usual = "" if end == "FINISHED" else ReasonCode.NAVIGATION_FAILED
+                self._goals.ended(goal, end, ReasonCode.RCA.of(why) if why else usual)
             case {"op": "problems", "sentences": sentences}:
                 self.problems = tuple(sentences)
         super()._take(message)

@@ -37,6 +37,7 @@ from robots.agent.adapters.ros.bus import (
 )
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.reasons import ReasonCode
 
 try:
     from websockets.asyncio.client import ClientConnection, connect
@@ -283,7 +284,8 @@ class RosbridgeBus:
     def _goal_ended(self, name: str, message: dict[str, Any]) -> None:
         assert self._goals is not None
         status, values = message.get("status"), message.get("values")
-        reason = values if isinstance(values, str) and values else "navigation gave up"
+        why = values if isinstance(values, str) else ""
+        reason = ReasonCode.RCA.of(why) if why else ReasonCode.NAVIGATION_FAILED
         if message.get("result") is False or status not in GOAL_ENDED:
             self._goals.failed(name, reason)  # rosbridge has failed; the goal may run
             return
@@ -478,7 +480,7 @@ class RosbridgeBus:
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         if self._leftovers:
-            raise ActionRefusedError("navigation has not ended an earlier goal")
+            raise ActionRefusedError(ReasonCode.NAVIGATION_DOES_NOT_END)
         self._sent.add(name)
         self._outgoing.say(
             {

@@ -45,6 +45,7 @@ from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.agent.simulator.physics.simulation import StartError, start_pose
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.api.reasons import ReasonCode
 from robots.logs import reason_of
 from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
@@ -255,12 +256,10 @@ class SimulatorAdapter:
     async def start(self, action: Action) -> None:
         """Tilt the head; errors as in robot_interface.Adapter."""
         if not isinstance(action, Tilt):
-            raise ActionRefusedError(
-                f"{self.profile.series} does not support {type(action).__name__.lower()}"
-            )
+            raise ActionRefusedError(ReasonCode.UNSUPPORTED)
         check_tilt(self.profile, action)
         self._say(wire.TiltTo(action.angle))
-        self._end_tilt("CANCELLED", "replaced")
+        self._end_tilt("CANCELLED", ReasonCode.REPLACED)
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
         self._progress.put(ActionProgress(action.action_id, "RUNNING"))
 
@@ -269,7 +268,7 @@ class SimulatorAdapter:
         if self._tilting is not None and self._tilting.action_id == action_id:
             if self._truth is not None:
                 self._say(wire.TiltTo(self._truth.tilt))
-            self._end_tilt("CANCELLED", "cancelled")
+            self._end_tilt("CANCELLED", ReasonCode.CANCELLED)
         return True
 
     async def states(self) -> AsyncIterator[RcaState]:
@@ -358,7 +357,7 @@ class SimulatorAdapter:
         self._truth = self._odometry = None
         self._truth_at, self._may_move = -math.inf, False
         self._distance = 0.0
-        self._end_tilt("FAILED", "the simulator is gone")
+        self._end_tilt("FAILED", ReasonCode.NOT_CONNECTED)
 
     async def _find(self) -> tuple[str, int]:
         given = self._options.get("address")
@@ -395,7 +394,7 @@ class SimulatorAdapter:
                 if self._tilting and abs(message.tilt - self._tilting.target) < TILT_REACHED:
                     self._end_tilt("FINISHED", "")
                 elif self._tilting and self._truth_at > self._tilting.deadline:
-                    self._end_tilt("FAILED", "the head did not reach the angle in time")
+                    self._end_tilt("FAILED", ReasonCode.NOT_IN_TIME)
                 self._news.set()
             case wire.Ranges(stamp, ranges) if self.profile.laser is not None:
                 self._scan = self._scan_of(stamp, ranges)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.floorplan import ChargingDock
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
+from robots.api.reasons import ReasonCode
 from robots.world.sensing import Floats, points_in_frame
 
 
@@ -87,6 +88,14 @@ class DockingStage(Enum):
     BACK = "out again"
 
 
+# Why a try has missed the contacts: the value of ReasonCode.TRIES_AGAIN and DOCK_FAILED. `late`
+# without them in time, `blocked` by an obstacle before the station, `beside` them, `not_at_rest` on
+# them.
+Missed = Literal[
+    "not_seen", "out_of_sight", "late", "blocked", "beside", "no_contact", "not_at_rest"
+]
+
+
 class NavigationTask(Protocol):
     """Something that is stepped to its end."""
 
@@ -146,13 +155,13 @@ class Docking:
     def _come(self, sense: Sense) -> NavigationStep:
         step = self._journey.step(sense)
         if step.status == "FAILED":
-            return failed(f"the charging station cannot be reached: {step.reason}")
+            return failed(step.reason)
         if step.status == "FINISHED":
             self._stage = DockingStage.LOOK
             self._since = sense.now
             self._glance = Follower(self._check, self._limits)
             self._straight_on = sense.odometry.theta
-            return self._running(ZERO, "looks for the charging station", 0.7)
+            return self._running(ZERO, ReasonCode.LOOKS_FOR_DOCK, 0.7)
         return NavigationStep(step.velocity, "RUNNING", step.reason, step.path, step.progress * 0.7)
 
     def _look(self, sense: Sense) -> NavigationStep:
@@ -164,32 +173,31 @@ class Docking:
             return self._enter(sense)
         waited = sense.now - self._since
         if waited > 5.0 * params.look_time:
-            return self._again(sense, "no charging station is to be seen where the map has it")
+            return self._again(sense, "not_seen")
         side = params.search_angle if waited < 3.0 * params.look_time else -params.search_angle
         if waited < params.look_time:
             side = 0.0
         error = wrap_angle(self._straight_on + side - sense.odometry.theta)
         turned = self._glance.turn(error, sense.velocity, sense.hazards, 0.05)
-        return self._running(turned.velocity, "looks for the charging station", 0.7)
+        return self._running(turned.velocity, ReasonCode.LOOKS_FOR_DOCK, 0.7)
 
     def _enter(self, sense: Sense) -> NavigationStep:
         params = self._params
         here = self._error(sense)
         if sense.now - self._since > params.entering_time:
-            late = "the contacts did not meet in time"
-            return self._again(sense, "something stands before it" if self._waits else late)
+            return self._again(sense, "blocked" if self._waits else "late")
         if here.x < -params.near and sense.now - self._seen_at > params.lost_after:
-            return self._again(sense, "the charging station went out of sight")
+            return self._again(sense, "out_of_sight")
         if self._off_course(here):
-            return self._again(sense, "the robot came in beside the contacts")
+            return self._again(sense, "beside")
         if here.x >= params.press_distance or self._stalled(sense):
-            return self._again(sense, "the contacts did not meet")
+            return self._again(sense, "no_contact")
         if abs(math.atan2(-here.y, params.steering_distance) - here.theta) > 0.5:
             turned = self._glance.turn(-here.theta, sense.velocity, self._others(sense), 0.1)
             return self._running(turned.velocity, "", 0.75)
         done = self._check.fastest(sense.velocity, self._servo(here), self._others(sense))
         self._waits = done.velocity == ZERO
-        reason = "waits for what stands before the charging station" if self._waits else ""
+        reason = ReasonCode.BEFORE_DOCK if self._waits else ""
         progress = 0.75 + 0.25 * (1.0 + here.x / params.start_distance)
         return self._running(done.velocity, reason, min(0.99, progress))
 
@@ -208,7 +216,7 @@ class Docking:
         if self._seated.docked:
             return finished()
         if sense.now - self._contact_since >= params.rest_time:
-            return self._again(sense, "the robot did not come to rest on the contacts")
+            return self._again(sense, "not_at_rest")
         deep = (
             self._docked_in_odometry is None
             or self._stage is not DockingStage.ENTER
@@ -218,28 +226,29 @@ class Docking:
         press = Velocity(linear=params.slowest, angular=0.0)
         return self._running(press if self._presses else ZERO, "", 0.99)
 
-    def _again(self, sense: Sense, reason: str) -> NavigationStep:
+    def _again(self, sense: Sense, missed: Missed) -> NavigationStep:
         """Back out and try again, or give up."""
-        self._why = reason
+        self._missed = missed
         self._stage = DockingStage.BACK
         distance = 0.0
         if self._docked_in_odometry:
             distance = max(0.0, self._params.start_distance - 0.3 + self._error(sense).x)
         self._out = _Reverse(self._check, self._limits, distance)
-        return self._running(ZERO, reason, 0.7)
+        return self._running(ZERO, ReasonCode.TRIES_AGAIN.of(missed), 0.7)
 
     def _back(self, sense: Sense) -> NavigationStep:
         params = self._params
         assert self._out is not None
         step = self._out.step(sense)
         if step.status == "RUNNING":
-            return self._running(step.velocity or ZERO, f"{self._why}: backs out", 0.7)
+            again = ReasonCode.TRIES_AGAIN.of(self._missed)
+            return self._running(step.velocity or ZERO, again, 0.7)
         if self._try + 1 >= params.tries:
-            return failed(f"the robot could not dock in {params.tries} tries: {self._why}")
+            return failed(ReasonCode.DOCK_FAILED.of(self._missed))
         if step.status == "FAILED":
-            return failed(f"{self._why}, and {step.reason}")
+            return step
         self._begin_try(self._try + 1)
-        return self._running(ZERO, "tries again", 0.5)
+        return self._running(ZERO, ReasonCode.TRIES_AGAIN, 0.5)
 
     # --- the last metre ---------------------------------------------------------------------------
 
@@ -350,8 +359,8 @@ class _Reverse:
         if abs(sense.velocity.linear) > 0.01:
             self._moving_at = sense.now
         if sense.now - self._moving_at > params.patience:
-            return failed("something stands behind the robot")
-        reason = "" if done.velocity != ZERO else "waits for what stands behind the robot"
+            return failed(ReasonCode.BEHIND)
+        reason = "" if done.velocity != ZERO else ReasonCode.BEHIND
         progress = min(max(backed / max(self._distance, 0.01), 0.0), 1.0)
         return NavigationStep(done.velocity, "RUNNING", reason, progress=progress)
 
@@ -385,13 +394,13 @@ class Undocking:
         params = self._params
         if self._away is None:
             if not sense.charger_contact:
-                return finished("the robot was not docked")
+                return finished(ReasonCode.WAS_NOT_DOCKED)
             self._away = wrap_angle(sense.odometry.theta + math.pi)
         if self._is_out:
             return self._face_away(self._away, sense)
         step = self._reverse.step(sense)
         if step.status == "FINISHED" and sense.charger_contact:
-            return failed("the robot is still in its charging station")
+            return failed(ReasonCode.STILL_DOCKED)
         if step.status == "FINISHED" and self._turn is not None:
             self._is_out = True
             return NavigationStep(ZERO, "RUNNING", progress=params.backed_share)

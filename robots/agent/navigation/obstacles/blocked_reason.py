@@ -1,4 +1,4 @@
-"""Why there is no way, in one sentence that names the door when it is one."""
+"""Why there is no way, with the door or the room when it is one."""
 
 import math
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap
 from robots.agent.navigation.planning.planner import Planner
 from robots.api.floorplan import FloorPlan
+from robots.api.reasons import ReasonCode
 from robots.world.sensing import Floats
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
@@ -38,18 +39,17 @@ def what_blocks(
     costmap = obstacle_map.costmap
     clearance = obstacle_map.clearance(now)
     if planner.place_near(*start, clearance, REASON.start_reach) is None:
-        return "the robot is boxed in: it has no room to move"
+        return ReasonCode.BOXED_IN
     usual = planner.plan(start, goal, costmap.clearance)
     if usual is None:
-        return "no way leads to the goal on the map"
+        return ReasonCode.NO_WAY
     if float(costmap.sample(clearance, np.array([goal]))[0]) < costmap.least:
-        return "something stands on the goal"
+        return ReasonCode.GOAL_TAKEN
     spots = _spots(obstacle_map, planner, ends, clearance)
     found = list(dict.fromkeys(_at(obstacle_map, plan, spot, now) for spot in spots))
     if not found:
-        return "the way is too narrow for the robot"
-    *others, last = found
-    return f"blocked: {', '.join(others)} and {last}" if others else f"blocked: {last}"
+        return ReasonCode.TOO_NARROW
+    return found[0] if len(found) == 1 else ReasonCode.ALL_BLOCKED.of(", ".join(found))
 
 
 def _spots(
@@ -81,8 +81,9 @@ def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, no
         middle = (door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0
         if math.dist(middle, (x, y)) <= REASON.at_door:
             if door in obstacle_map.doors.closed(now):
-                return f"{door.title} is closed"
-            return f"something stands in the doorway ({door.title})"
+                return ReasonCode.DOOR_CLOSED.of(door.title)
+            return ReasonCode.DOORWAY.of(door.title)
     room = plan.room_at(x, y) if plan else None
-    where = f" in {room.title}" if room else ""
-    return f"something stands in the way at ({x:.1f}, {y:.1f}){where}"
+    if room is None:
+        return ReasonCode.ALL_BLOCKED.of(f"({x:.1f}, {y:.1f})")
+    return ReasonCode.IN_THE_WAY.of(room.title)

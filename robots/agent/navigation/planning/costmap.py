@@ -34,7 +34,7 @@ COSTMAP = CostMapParams()
 
 
 class NoWayError(ValueError):
-    """There is no way or place to go to; the message is one sentence for the user."""
+    """There is no way or place to go to; the message is the reason."""
 
 
 class CostMap:

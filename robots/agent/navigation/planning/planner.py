@@ -14,6 +14,7 @@ import numpy as np
 from robots.agent.navigation.planning.centring import centred_on_map
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
 from robots.agent.navigation.planning.path import PlannedPath, resampled
+from robots.api.reasons import ReasonCode
 from robots.world.cell_graph import CellGraph
 from robots.world.sensing import Floats
 
@@ -58,14 +59,12 @@ class Planner:
     def goal(self, x: float, y: float) -> tuple[float, float]:
         """Return a free place for a goal: there, or nearby; raises NoWayError."""
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise NoWayError("the goal's x or y is not a number")
+            raise NoWayError(ReasonCode.NO_GOAL)
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):
-            raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies outside the map")
+            raise NoWayError(ReasonCode.OUTSIDE.of(f"({x:.1f}, {y:.1f})"))
         found = self.place_near(x, y, self.costmap.clearance, PLANNER.goal_reach)
         if found is None:
-            raise NoWayError(
-                f"the goal ({x:.1f}, {y:.1f}) lies in a wall or where the robot does not fit"
-            )
+            raise NoWayError(ReasonCode.IN_WALL.of(f"({x:.1f}, {y:.1f})"))
         return found
 
     def plan(

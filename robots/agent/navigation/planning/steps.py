@@ -33,9 +33,9 @@ class Sense:
 class NavigationStep:
     """What to do now, and the state of the task.
 
-    `velocity` is for the base, None once the robot is at rest; `reason` is one sentence, also on
-    what a running task waits for; `path` (n, 2) is the route ahead in map metres; `progress` is
-    from 0 to 1.
+    `velocity` is for the base, None once the robot is at rest; `reason` (robots/api/reasons.py) is
+    also what a running task waits for; `path` (n, 2) is the route ahead in map metres; `progress`
+    is from 0 to 1.
     """
 
     velocity: Velocity | None

@@ -41,7 +41,7 @@ const FOR_WAITING = /** @type {Record<string, string | null>} */ ({
   "reason.before_dock": "because.before_dock",
   "reason.somebody": "because.somebody",
   "reason.very_close": "because.very_close",
-  "reason.waits": "reason.blocked",
+  "reason.waits_for_route": "reason.all_blocked",
   "reason.not_found": "because.lost",
   "reason.lost": "because.lost",
   "reason.in_wall": null,
@@ -50,7 +50,10 @@ const FOR_WAITING = /** @type {Record<string, string | null>} */ ({
   "reason.looks_for_dock": null,
 });
 
-/** @param {string} reason @returns {ReturnType<typeof reasonFor>} */
+/**
+ * @param {string} reason
+ * @returns {{word: string, values?: Record<string, string>} | null}
+ */
 export const reasonForWaiting = (reason) => {
   const found = reasonFor(reason);
   if (!found || !(found.word in FOR_WAITING)) {

@@ -62,7 +62,7 @@ async def test_visitor_of_a_robot_that_did_not_dock_is_offered_a_free_one(browse
     async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
         await driving(first)
         await second.click("text=Wait for my turn")
-        pause = lambda: site.keep_waiting("paused: could not dock")
+        pause = lambda: site.keep_waiting("paused: dock_failed")
         await repeat_until_shown(second, "queued.paused", pause)
         await second.click("#card-instead > a:has-text('Drive Rhodon')")
         await second.wait_for_url(f"**{PRACTICE}")

@@ -228,6 +228,11 @@ def test_value_that_does_not_fit_its_form_does_not_leave(source, kind, data):
     assert found in ({}, {"result": {}}), found
 
 
+def test_the_code_of_a_reason_leaves_without_its_value():
+    data = {"reason": "door_closed: Zoe's room"}
+    assert leaves("robot", "action", data, free_text=True) == {"reason": "door_closed"}
+
+
 @pytest.mark.parametrize("source", ["robot", "server", "page", "task", "nobody"])
 def test_event_of_an_unlisted_kind_does_not_leave(source):
     assert leaves(source, "zoe", {"number": 1}) is None

@@ -40,7 +40,12 @@ def told(*, in_use: bool = False, **changes):
         (AWAY | {"credential_hash": ""}, "bad", "Offline", "Create a command below"),
         ({"report": {"safety": {"estop": True}}}, "bad", "Stopped", "Release it at the robot"),
         ({"report": STOPPED}, "bad", "Stopped", "Stopped by someone next to it. Release"),
-        ({"report": FAULT}, "bad", "Not available", "Has a fault: another agent runs. Nobody"),
+        (
+            {"report": FAULT},
+            "bad",
+            "Not available",
+            "Has a fault: another agent runs as",
+        ),
         (
             {"report": {"safety": {"inhibited": "fault"}}},
             "bad",
@@ -51,7 +56,7 @@ def told(*, in_use: bool = False, **changes):
             {"report": RUNS_ON},
             "bad",
             "Not available",
-            "Has a fault: the robot keeps moving. Nobody",
+            "Has a fault: the robot keeps moving although it was told to stop. Nobody",
         ),
         ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
         ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),

@@ -160,7 +160,7 @@ def test_an_action_that_raises_or_hangs_has_failed_and_its_driver_drives_on(rig,
         rig.beat()
         rig.sleep(0.2)
     if fault == "raises":
-        assert rig.status("a1", "FAILED").reason == REASONS["raises"]
+        assert rig.status("a1", "FAILED").reason == f"not_connected: {REASONS['raises']}"
     rig.drive(0.3)
     assert rig.kernel.fault is None
 

@@ -1,5 +1,6 @@
 import re
 from functools import cache
+from typing import get_args
 
 import pytest
 
@@ -9,13 +10,15 @@ from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
 from robots.agent.safety.kernel import KERNEL, STANDSTILL
 from robots.api import messages, topics
+from robots.api.errors import RejectionReason
+from robots.api.reasons import ReasonCode
 from tests.support.paths import ROOT
 
 reference = cache(robot_api.reference)
 
 
-@pytest.mark.parametrize("name", [robot_api.REFERENCE, robot_api.SCHEMA])
-def test_the_reference_and_the_schema_are_up_to_date(name):
+@pytest.mark.parametrize("name", robot_api.generated_files())
+def test_generated_files_are_up_to_date(name):
     assert (ROOT / name).read_text(encoding="utf-8") == robot_api.generated_files()[name], (
         "run make docs"
     )
@@ -58,6 +61,7 @@ def test_the_rules_of_an_agent_name_every_reason_for_a_refusal():
     reasons = {word for cell in cells for word in re.findall(r"`(\w+)`", cell)}
     assert len(reasons) > 25
     assert {reason for reason in reasons if f"`{reason}`" not in rules()} == set()
+    assert reasons - {*ReasonCode, *get_args(RejectionReason)} == set(), "not declared"
 
 
 def test_the_rules_of_an_agent_name_the_actions_without_a_lease():

@@ -107,7 +107,7 @@ def test_an_emergency_stop_pauses_at_once_and_lets_go_of_the_order():
 
 
 def test_a_released_stop_is_the_begin_of_new_attempts_whatever_was_tried_before():
-    spent = Readiness("paused", "the wheels do not turn", None, ATTEMPTS, 10.0)
+    spent = Readiness("paused", "wheels", None, ATTEMPTS, 10.0)
     stopped, _ = decide(spent, replace(AWAY, estop=True), 11.0)
     released, kind = decide(stopped, AWAY, 12.0)
     assert (released.phase, released.reason, kind) == ("returning", "dock", "dock")

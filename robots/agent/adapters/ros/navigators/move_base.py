@@ -17,6 +17,7 @@ from robots.agent.adapters.ros import messages
 from robots.agent.adapters.ros.bus import OURS, Bus, Goals, Subscription
 from robots.agent.robot_interface import ActionRefusedError
 from robots.api.messages import ActionState
+from robots.api.reasons import ReasonCode
 
 ENDED: dict[int, ActionState] = {  # actionlib_msgs/GoalStatus
     2: "CANCELLED",
@@ -81,9 +82,8 @@ class MoveBase:
         lately.
         """
         if time.monotonic() - self._status_at > self._params.status_age:
-            raise ActionRefusedError(
-                f"navigation does not answer: {self._action}/status is not published"
-            )
+            missing = f"{self._action}/status is not published"
+            raise ActionRefusedError(ReasonCode.NAVIGATION_LOST.of(missing))
         content = {
             "header": target["header"],
             "goal_id": {"stamp": messages.time_of(time.time(), 1), "id": goal},
@@ -102,7 +102,7 @@ class MoveBase:
 
     def server_ended(self) -> None:
         for goal in list(self._sent):
-            self._end(goal, "FAILED", "navigation has ended")
+            self._end(goal, "FAILED", ReasonCode.NAVIGATION_LOST.of("ended"))
 
     def _publish_cancel(self, goal: str) -> None:
         # stamp 0: this goal alone (internal_cancel_callback)
@@ -135,7 +135,8 @@ class MoveBase:
         status = entry.get("status")
         if status in ENDED:
             goal = str(entry.get("goal_id", {}).get("id", ""))
-            self._end(goal, ENDED[status], str(entry.get("text", "")))
+            text = str(entry.get("text", ""))
+            self._end(goal, ENDED[status], ReasonCode.RCA.of(text) if text else "")
 
     def _look_for_unlisted(self, listed: dict[str, Any], now: float, *, is_steady: bool) -> None:
         """End a goal that the server had listed and no longer lists (it was restarted), and a
@@ -145,13 +146,14 @@ class MoveBase:
             if goal in listed and listed[goal] != RECALLING:
                 sent.unlisted_since = math.inf
             elif sent.listed and goal not in listed:
-                self._end(goal, "FAILED", "navigation was restarted")
+                self._end(goal, "FAILED", ReasonCode.NAVIGATION_LOST.of("restarted"))
             elif sent.unlisted_since == math.inf or not is_steady:
                 sent.unlisted_since = now
             elif sent.cancelled and now - sent.unlisted_since > self._params.unlisted:
-                self._end(goal, "FAILED", "navigation did not receive the goal")
+                self._end(goal, "FAILED", ReasonCode.NAVIGATION_LOST.of("goal not received"))
 
-    def _end(self, goal: str, status: ActionState, text: str) -> None:
+    def _end(self, goal: str, status: ActionState, reason: str) -> None:
+        usual = {"FAILED": ReasonCode.NAVIGATION_FAILED, "CANCELLED": ReasonCode.CANCELLED}
         if self._sent.pop(goal, None) is not None:
-            usual = {"FINISHED": "", "CANCELLED": "cancelled"}.get(status, "navigation gave up")
-            self._goals.ended(goal, status, "" if status == "FINISHED" else text or usual)
+            is_done = status == "FINISHED"
+            self._goals.ended(goal, status, "" if is_done else reason or usual[status])

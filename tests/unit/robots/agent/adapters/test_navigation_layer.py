@@ -92,7 +92,7 @@ async def test_an_action_that_is_cancelled_while_its_process_is_asked_never_move
     starting = await started(adapter)
     assert await adapter.cancel("g") is True
     adapter.node.answer.set_result(None)
-    with pytest.raises(ActionRefusedError, match="cancelled before it began"):
+    with pytest.raises(ActionRefusedError, match="cancelled"):
         await starting
     adapter._take_output(output(FORWARD))
     assert adapter.wanted() is None
@@ -124,7 +124,7 @@ async def test_a_second_action_is_refused_and_does_not_replace_the_first():
     starting = await started(adapter)
     adapter.node.answer.set_result(None)
     await starting
-    with pytest.raises(ActionRefusedError, match="another action still runs"):
+    with pytest.raises(ActionRefusedError, match="busy"):
         await adapter.start(Goto(action_id="h", stamp=0.0, x=2.0, y=1.0))
     adapter._take_output(output(FORWARD))
     assert adapter.wanted() == FORWARD

@@ -65,7 +65,7 @@ class TestGiraff(RcaConformance):
         await wait_for(adapter, lambda _: adapter._place == "Door")
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
-        assert (last.status, last.reason) == ("FAILED", "the robot stopped before it arrived")
+        assert (last.status, last.reason) == ("FAILED", "stopped_short")
 
     async def test_motion_that_openmora_starts_itself_is_cancelled(self, adapter):
         await wait_for(adapter, lambda _: adapter._controller)
@@ -87,7 +87,7 @@ class TestGiraff(RcaConformance):
         before = self.rig.world.cancels
         await near_dock.start(Dock(action_id="d", stamp=0.0))
         await wait_for(near_dock, lambda _: self.rig.world.cancels > before + 1)
-        assert near_dock.pending_actions.of("d").failure == "the robot does not start moving"
+        assert near_dock.pending_actions.of("d").failure == "does_not_start"
 
     async def test_bumpers_count_once_a_touch(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts

@@ -75,7 +75,7 @@ class TestGiraff(RcaConformance):
         starting = asyncio.ensure_future(adapter.start(goal))
         await asyncio.sleep(0)  # it waits for the robot to forget the last Motion
         await adapter.cancel("g")
-        with pytest.raises(ActionRefusedError, match="cancelled before it began"):
+        with pytest.raises(ActionRefusedError, match="cancelled"):
             await starting
         await cancelled(adapter, "g")
         await self.has_stopped()
@@ -87,7 +87,7 @@ class TestGiraff(RcaConformance):
         before = self.rig.world.cancels
         await near_dock.start(Dock(action_id="d", stamp=0.0))
         last = (await heard(near_dock, ended("d")))[-1]
-        assert (last.status, last.reason) == ("FAILED", "the robot does not start moving")
+        assert (last.status, last.reason) == ("FAILED", "does_not_start")
         assert self.rig.world.cancels > before
 
     async def test_motion_that_the_robot_starts_itself_is_cancelled(self, adapter):
@@ -123,7 +123,7 @@ class TestGiraff(RcaConformance):
             self.rig.broker.freeze(on=False)
 
     async def test_without_a_place_it_cannot_look_for_itself(self, adapter):
-        with pytest.raises(AdapterError, match="needs to be given its position"):
+        with pytest.raises(AdapterError, match="no_goal"):
             await adapter.start(Relocalize(action_id="r", stamp=0.0))
 
 

@@ -51,7 +51,7 @@ class TestGiraff(RcaConformance):
         place = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
         await adapter.start(Goto(action_id="g", stamp=0.0, x=place.x, y=place.y))
         last = (await heard(adapter, ended("g"), 20.0))[-1]
-        assert (last.status, last.reason) == ("FAILED", "navigation does not answer")
+        assert (last.status, last.reason) == ("FAILED", "navigation_lost: silent")
 
     async def test_pictures_of_a_topic_are_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
@@ -85,7 +85,7 @@ class TestGoals:
         async with connected(rig.adapter()) as adapter:
             await adapter.start(self.goto(rig))
             last = (await heard(adapter, ended("g")))[-1]
-        assert (last.status, last.reason) == ("FAILED", "/navigate_to_pose rejected the goal")
+        assert (last.status, last.reason) == ("FAILED", "rca: /navigate_to_pose rejected the goal")
         assert rig.world.journey == ""
 
     async def test_an_aborted_goal_fails_with_the_planners_reason(self, rig):
@@ -94,7 +94,7 @@ class TestGoals:
             await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
             rig.loop.call_soon_threadsafe(rig.world.cancel)
             last = (await heard(adapter, ended("g")))[-1]
-        assert (last.status, last.reason) == ("FAILED", "no path was found")
+        assert (last.status, last.reason) == ("FAILED", "rca: no path was found")
 
     async def test_cancel_is_confirmed_only_when_the_planner_has_ended_the_goal(self, rig):
         async with connected(rig.adapter()) as adapter:
@@ -117,7 +117,7 @@ class TestGoals:
             began = time.monotonic()
             await adapter.start(self.goto(rig))
             last = (await heard(adapter, ended("g")))[-1]
-            assert (last.status, last.reason) == ("FAILED", "navigation does not answer")
+            assert (last.status, last.reason) == ("FAILED", "navigation_lost: silent")
             assert time.monotonic() - began > 2.5
             assert rig.world.journey != "running"
             assert rig.world.sim.distance < 0.3
@@ -138,7 +138,7 @@ class TestGoals:
         async with connected(rig.adapter(navigate="/elsewhere")) as adapter:
             await adapter.start(self.goto(rig))
             last = (await heard(adapter, ended("g")))[-1]
-        assert last.reason == "there is no action server on /elsewhere"
+        assert last.reason == "rca: there is no action server on /elsewhere"
 
     def test_the_guard_repeats_its_cancel_until_the_planner_takes_it(self, rig):
         with going(rig) as process:

@@ -240,7 +240,7 @@ async def test_a_goal_is_owned_until_its_cancel_is_confirmed():
             adapter, lambda _: any(each["op"] == "send_action_goal" for each in received)
         )
         assert not await adapter.cancel("g")
-        with pytest.raises(ActionRefusedError, match="has not confirmed the end"):
+        with pytest.raises(ActionRefusedError, match="navigation_does_not_end"):
             await adapter.start(Goto(action_id="h", stamp=0.0, x=9.0, y=0.0))
         await wait_for(
             adapter, lambda _: any(each["op"] == "cancel_action_goal" for each in received)

@@ -24,7 +24,7 @@ def test_a_second_action_of_the_base_is_refused_until_the_first_has_ended():
     pending_actions, news = told()
     pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
-    with pytest.raises(ActionRefusedError, match="has not confirmed the end of its last action"):
+    with pytest.raises(ActionRefusedError, match="navigation_does_not_end"):
         pending_actions.own(PendingAction("d", "dock", 0.0))
     assert pending_actions.of("t") is not None
     pending_actions.end("g", "CANCELLED")
@@ -77,10 +77,10 @@ def test_late_action_fails_with_the_reason():
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(6.0, dock=APART, tilt=0.1)
     pending_actions.watch(11.0, dock=APART, tilt=0.1)
-    assert news[2:] == [("t", "FAILED", "the head did not reach the angle in time")]
-    assert pending_actions.drive.failure == "it took too long"
+    assert news[2:] == [("t", "FAILED", "not_in_time")]
+    assert pending_actions.drive.failure == "not_in_time"
     pending_actions.end("d", "CANCELLED", "cancelled")  # once the RCA has confirmed it
-    assert news[3:] == [("d", "FAILED", "it took too long")]
+    assert news[3:] == [("d", "FAILED", "not_in_time")]
 
 
 def test_a_head_is_there_when_its_angle_is():

@@ -130,12 +130,14 @@ async def test_an_action_without_confirmation_is_cancelled_until_its_end_is_conf
             await rca.start(GOTO)
         await asyncio.sleep(1.2)
         assert len(rca.withdrawn) == 3
-        with pytest.raises(ActionRefusedError, match="has not confirmed the end"):
+        with pytest.raises(ActionRefusedError, match="navigation_does_not_end"):
             await rca.start(GOTO)
         rca.confirms = True
         await asyncio.sleep(0.6)
         news = [await asyncio.wait_for(anext(rca.progress()), 1.0)]
-        assert [(each.status, each.reason) for each in news] == [("FAILED", "no answer")]
+        assert [(each.status, each.reason) for each in news] == [
+            ("FAILED", "not_connected: no answer")
+        ]
         assert await rca.cancel("g")
 
 

@@ -72,7 +72,7 @@ async def test_a_goal_that_a_restarted_server_does_not_list_has_ended(rig):
     rig.navigator.send(TARGET, "telepresence-1")
     rig.status(telepresence_1=PENDING)
     rig.status()
-    assert rig.goals.news[-1] == ("telepresence-1", "FAILED", "navigation was restarted")
+    assert rig.goals.news[-1] == ("telepresence-1", "FAILED", "navigation_lost: restarted")
 
 
 async def test_a_goal_that_was_never_received_ends_after_6_s_of_status(rig):
@@ -84,7 +84,7 @@ async def test_a_goal_that_was_never_received_ends_after_6_s_of_status(rig):
     assert not await rig.navigator.cancel("telepresence-1")
     for _ in range(32):
         rig.status(telepresence_1=RECALLING)
-    assert rig.goals.news[-1] == ("telepresence-1", "FAILED", "navigation did not receive the goal")
+    assert rig.goals.news[-1] == ("telepresence-1", "FAILED", "navigation_lost: goal not received")
     assert await rig.navigator.cancel("telepresence-1")
 
 
@@ -100,4 +100,4 @@ async def test_a_goal_of_an_earlier_run_is_cancelled_until_it_ends(rig):
 async def test_goals_end_with_their_server(rig):
     rig.navigator.send(TARGET, "telepresence-1")
     rig.navigator.server_ended()
-    assert rig.goals.news == [("telepresence-1", "FAILED", "navigation has ended")]
+    assert rig.goals.news == [("telepresence-1", "FAILED", "navigation_lost: ended")]

@@ -132,7 +132,7 @@ def test_an_estop_that_was_never_reported_is_unknown():
 async def test_a_dock_that_refuses_was_certainly_not_taken():
     adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
     bus.answer = (False, "no dock in sight")
-    with pytest.raises(ActionRefusedError, match="/dock refused: no dock in sight"):
+    with pytest.raises(ActionRefusedError, match="rca: /dock: no dock in sight"):
         await adapter.start(Dock(action_id="d", stamp=0.0))
     assert await adapter.cancel("d")
 

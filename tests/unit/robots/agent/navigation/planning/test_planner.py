@@ -114,8 +114,8 @@ def test_unknown_cells_are_not_free() -> None:
 @pytest.mark.parametrize(
     ("goal", "reason"),
     [
-        ((9.0, 1.0), "outside the map"),
-        ((math.nan, 1.0), "x or y is not a number"),
+        ((9.0, 1.0), "outside: "),
+        ((math.nan, 1.0), "no_goal"),
         ((1.7, 1.6), None),
         ((2.6, 1.6), None),
     ],
@@ -133,7 +133,7 @@ def test_a_goal_is_taken_where_it_is_or_beside_the_wall_it_lies_in_or_refused(
 
 def test_a_goal_deep_in_a_wall_is_refused() -> None:
     picture = "####################\n" * 6 + "#..................#\n" * 5 + "####################"
-    with pytest.raises(NoWayError, match="in a wall"):
+    with pytest.raises(NoWayError, match="in_wall: "):
         planner(picture).goal(2.0, 1.9)
 
 
