@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from robots.models import Robot, RobotCredentials, RobotPresence
+from robots.models import FloorPlan, Robot, RobotCredentials, RobotPresence
 
 PARTS = (RobotPresence, RobotCredentials)
 
@@ -28,6 +28,13 @@ def create_robot(**fields: Any) -> Robot:
     robot = unsaved_robot(**fields)
     create_robots(robot)
     return robot
+
+
+def floor_plan(name: str, **fields: Any) -> FloorPlan:
+    """Store a floor plan of one pixel."""
+    size = {"resolution": 0.05, "origin_x": 0.0, "origin_y": 0.0, "width": 1, "height": 1}
+    values = {"title": name.title(), "image": b"png", **size, **fields}
+    return FloorPlan.objects.create(name=name, **values)
 
 
 def update_robots(**fields: Any) -> None:

@@ -60,6 +60,11 @@ class Expecting:
         except TimeoutError:
             raise AssertionError(f"no {wanted}; the last were {self.seen[-5:]}") from None
 
+    async def denied(self):
+        """Return the suffix of the next denied request, and why it was denied."""
+        denied = await self.expect("denied")
+        return denied.suffix, denied.reason
+
     async def say(self, suffix, message):
         await self.say_frame(codec.encode_frame(suffix, message))
 

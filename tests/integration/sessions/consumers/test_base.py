@@ -1,4 +1,4 @@
-"""Frames of a page do not wait for the database, whichever page keeps it busy."""
+"""Frames of a page do not wait for the database."""
 
 import asyncio
 import threading
@@ -16,7 +16,7 @@ from tests.support.patience import patient
 
 @pytest.fixture
 async def busy_database():
-    """The one thread in which all queries of a process wait for each other does not answer."""
+    """Block the thread in which all queries of a process run."""
     begun, over = threading.Event(), threading.Event()
 
     def wait():
@@ -32,23 +32,23 @@ async def busy_database():
 
 # the consumer closes all connections of its thread, also those of the test
 @pytest.mark.django_db
-async def test_a_frame_is_taken_while_a_query_of_somebody_else_takes_its_time(busy_database):
+async def test_frame_is_received_during_a_slow_query_of_another_page(busy_database):
     page = WebsocketCommunicator(CheckConsumer.as_asgi(), "/")
     assert await page.connect(patient(10)) == (True, None)
     for word in ("one", "two"):
         await page.send_to(text_data=word)
     assert [await page.receive_from(patient(10)) for _ in range(2)] == ["one", "two"]
-    busy_database.set()  # for at the end Channels does look after the connections
+    busy_database.set()  # when it closes, Channels closes the database connections
     await page.disconnect(timeout=patient(10))
 
 
 @pytest.mark.parametrize("consumer", [RobotConsumer, ScreenConsumer, CheckConsumer])
-def test_every_consumer_takes_its_frames_directly(consumer):
+def test_consumers_receive_their_frames_directly(consumer):
     assert issubclass(consumer, DirectConsumer)
     assert consumer.dispatch is DirectConsumer.dispatch
 
 
-async def test_frames_that_wait_are_all_taken_in_one_turn_of_the_loop():
+async def test_waiting_frames_are_received_in_one_iteration_of_the_loop():
     turns, taken = 0, []
 
     class Counting(DirectConsumer):

@@ -1,14 +1,15 @@
-"""The page's WebSocket through the whole ASGI application, with a bridge in memory and a real
-database.
-"""
+"""The page's WebSocket in the whole ASGI application, with a bridge in memory."""
 
 import asyncio
+import importlib
 import time
 
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
+from django.conf import settings
 from django.contrib.auth import get_user_model
+from django.db import OperationalError
 from django.utils import timezone
 
 from robots import log_ids
@@ -16,7 +17,8 @@ from robots.api import messages as m
 from robots.api.errors import Rejection
 from robots.models import Robot, RobotPermit
 from sessions import protocol
-from sessions.consumers import drive, last_seen
+from sessions.consumers import drive, last_seen, queries
+from sessions.consumers.authorization import Authorization
 from sessions.leases import store
 from sessions.models import Lease, Session
 from telepresence_site import asgi
@@ -46,26 +48,26 @@ def ada(db):
     return get_user_model().objects.create_user("ada", display_name="Ada L.", password="x")
 
 
-def rows(query):
-    return sync_to_async(lambda: list(query.all()))()
+async def set_robots(**fields):
+    await Robot.objects.aupdate(**fields)
 
 
-async def first(query):
-    return (await rows(query))[0]
+async def permitted(robot, user, kind):
+    return await RobotPermit.objects.acreate(robot=robot, user=user, kind=kind)
 
 
-# --- who comes in ---------------------------------------------------------------------------------
+async def end(session, outcome, reason):
+    await sync_to_async(store.end)(session, outcome, reason, timezone.now())
 
 
-async def test_a_visitor_is_greeted_with_a_peer_of_the_servers_making(bridge, robot, ada):
+# --- access ---------------------------------------------------------------------------------------
+
+
+async def test_each_page_gets_its_own_peer_from_the_server(bridge, robot, ada):
     async with Page("giraff", ada) as one, Page("giraff", ada) as two:
         hello, other = await one.expect("hello"), await two.expect("hello")
-    assert (hello.robot, hello.online, hello.may_drive, hello.may_observe) == (
-        "giraff",
-        True,
-        True,
-        True,
-    )
+    assert hello.robot == "giraff"
+    assert all((hello.online, hello.may_drive, hello.may_observe))
     assert hello.peer != other.peer
     assert len(hello.peer) >= 16
 
@@ -80,11 +82,11 @@ async def test_page_without_login_is_refused(bridge, robot):
 @pytest.mark.parametrize(
     "origin", [None, "http://evil.example.org", "null", "http://127.0.0.1.evil.example.org"]
 )
-async def test_a_missing_or_foreign_origin_is_refused(bridge, robot, ada, origin):
+async def test_missing_or_foreign_origin_is_refused(bridge, robot, ada, origin):
     assert not await Page("giraff", ada, origin=origin).open()
 
 
-async def test_a_visitor_has_so_many_pages_open_and_another_one_when_one_has_gone(
+async def test_number_of_open_pages_is_limited_for_each_visitor(
     bridge, robot, ada, bob, monkeypatch
 ):
     monkeypatch.setattr(asgi.pages, "_limit", 2)
@@ -97,17 +99,15 @@ async def test_a_visitor_has_so_many_pages_open_and_another_one_when_one_has_gon
             await page.expect("hello")
 
 
-async def test_there_is_no_page_for_a_robot_that_does_not_exist(bridge, robot, ada):
+async def test_page_of_an_unknown_robot_is_closed(bridge, robot, ada):
     page = Page("nobody", ada)
     await page.open()
     assert await page.closed() == protocol.NO_SUCH_ROBOT
 
 
-async def test_a_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob):
-    await sync_to_async(Robot.objects.update)(access=Robot.Access.INVITATION)
-    await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Privilege.INVITED
-    )
+async def test_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob):
+    await set_robots(access=Robot.Access.INVITATION)
+    await permitted(robot, ada, RobotPermit.Privilege.INVITED)
     stranger = Page("giraff", bob)
     await stranger.open()
     assert await stranger.closed() == protocol.NOT_ALLOWED
@@ -118,27 +118,22 @@ async def test_a_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob
 # --- driving --------------------------------------------------------------------------------------
 
 
-async def test_a_free_robot_is_granted_and_its_lease_is_published_at_once(bridge, robot, ada):
+async def test_free_robot_is_granted_and_its_lease_is_published_at_once(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         (lease,) = [lease for _, lease in bridge.leases]
-    assert (lease.session, lease.epoch, lease.peer) == (
-        granted.session,
-        granted.epoch,
-        granted.peer,
-    )
+    named = (granted.session, granted.epoch, granted.peer)
+    assert (lease.session, lease.epoch, lease.peer) == named
     assert lease.who == "Ada L."
     assert lease.limits == granted.limits == m.LeaseLimits(linear=0.4)
-    row = await first(Lease.objects)
-    assert (str(row.session_id), row.epoch, row.peer) == (
-        granted.session,
-        granted.epoch,
-        granted.peer,
-    )
-    assert (await first(Session.objects)).device["browser"] == "Firefox"
+    row = await Lease.objects.aget()
+    assert (str(row.session_id), row.epoch, row.peer) == named
+    assert (await Session.objects.aget()).device["browser"] == "Firefox"
 
 
-async def test_a_drivers_commands_reach_the_robot_under_the_servers_stamps(bridge, robot, ada):
+async def test_drivers_commands_reach_the_robot_with_the_identity_set_by_the_server(
+    bridge, robot, ada
+):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         await page.say("command/velocity", words.velocity(seq=3))
@@ -157,47 +152,31 @@ async def test_a_drivers_commands_reach_the_robot_under_the_servers_stamps(bridg
     ]
     assert bridge.commands("command/heartbeat")[0].peer == granted.peer
     (tilt,) = bridge.commands("command/action")
-    assert (tilt.role, tilt.user, tilt.session, tilt.epoch) == (
-        "driver",
-        "Ada L.",
-        granted.session,
-        granted.epoch,
-    )
+    stamped = ("driver", "Ada L.", granted.session, granted.epoch)
+    assert (tilt.role, tilt.user, tilt.session, tilt.epoch) == stamped
     (offer,) = bridge.commands(f"signal/{granted.peer}")
-    assert (offer.role, offer.who, offer.session, offer.epoch) == (
-        "driver",
-        "Ada L.",
-        granted.session,
-        granted.epoch,
-    )
+    assert (offer.role, offer.who, offer.session, offer.epoch) == stamped
 
 
-async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, robot, ada, bob):
+async def test_forged_commands_of_an_observer_do_not_reach_the_robot(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
         granted = await driver.take()
         await observer.observe()
-        await observer.say(
-            "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
-        )
-        await observer.say(
-            "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=granted.peer)
-        )
-        await observer.say(
-            "command/action",
-            m.Goto(
-                action_id="g", stamp=1.0, x=1.0, y=1.0, session=granted.session, epoch=granted.epoch
+        forged = {"session": granted.session, "epoch": granted.epoch}
+        for suffix, message in (
+            ("command/velocity", words.velocity(**forged)),
+            ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=granted.peer)),
+            ("command/action", m.Goto(action_id="g", stamp=1.0, x=1.0, y=1.0, **forged)),
+            (
+                "command/action",
+                m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada L."),
             ),
-        )
-        await observer.say(
-            "command/action", m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada L.")
-        )
-        await observer.say(
-            "signal",
-            m.SdpOffer(sdp="v=0", role="driver", session=granted.session, epoch=granted.epoch),
-        )
+            ("signal", m.SdpOffer(sdp="v=0", role="driver", **forged)),
+        ):
+            await observer.say(suffix, message)
         await observer.settle(bridge)
-        denials = [(await observer.expect("denied")) for _ in range(4)]
-    assert [(denied.suffix, denied.reason) for denied in denials] == [
+        denials = [await observer.denied() for _ in range(4)]
+    assert denials == [
         ("command/velocity", "observer"),
         ("command/heartbeat", "observer"),
         ("command/action", "observer"),
@@ -209,7 +188,7 @@ async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, rob
     assert (offer.role, offer.session, offer.epoch) == ("observer", None, 0)
 
 
-async def test_a_stop_passes_from_an_observer_and_from_who_waits(bridge, robot, ada, bob):
+async def test_stop_passes_from_a_visitor_who_waits(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()
         await other.queue()
@@ -218,12 +197,8 @@ async def test_a_stop_passes_from_an_observer_and_from_who_waits(bridge, robot, 
     assert bridge.stops[0][1].role == "observer"
 
 
-async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(
-    bridge, robot, ada, bob
-):
-    await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=bob, kind=RobotPermit.Privilege.OPERATOR
-    )
+async def test_operator_clears_an_emergency_stop_and_the_driver_cannot(bridge, robot, ada, bob):
+    await permitted(robot, bob, RobotPermit.Privilege.OPERATOR)
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as operator:
         await driver.take()
@@ -233,19 +208,17 @@ async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(
         await until(lambda: bridge.commands("command/action"))
     (sent,) = bridge.commands("command/action")
     assert (sent.role, sent.user) == ("staff", "bob")
-    # the server's clock: the robot knows no other of an operator
+    # of the server's clock: the robot has no clock offset of an operator
     assert abs(sent.stamp - time.time()) < 60
 
 
-async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ada, monkeypatch):
-    from sessions.consumers.authorization import Authorization
-
+async def test_rate_of_a_page_is_limited_and_a_flood_closes_it(bridge, robot, ada, monkeypatch):
     receive = Authorization.receive
     monkeypatch.setattr(
         Authorization,
         "receive",
         lambda authorization, frame, lease, _now: receive(authorization, frame, lease, 1000.0),
-    )  # all at the same moment
+    )  # all at one time
     async with Page("giraff", ada) as page:
         await page.take()
         for seq in range(90):
@@ -260,7 +233,7 @@ async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ad
 # --- the queue ------------------------------------------------------------------------------------
 
 
-async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
+async def test_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
     bridge, robot, ada, bob
 ):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as next_one:
@@ -276,7 +249,7 @@ async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
     assert bridge.leases[-1][1].who == "bob"
 
 
-async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, robot, ada, bob):
+async def test_notices_reach_the_page_of_their_session_and_no_other(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as waiting:
         granted = await driver.take()
         session = (await waiting.queue()).session
@@ -293,7 +266,7 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
     assert waiting.told("session/turn_warning") == driver.told("session/offered") == []
 
 
-async def test_a_notice_that_is_none_is_logged_and_the_page_goes_on(bridge, robot, ada, caplog):
+async def test_malformed_notice_is_logged_and_the_page_goes_on(bridge, robot, ada, caplog):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         for frame in ("", "session/ended", 'session/ended\n{"session": 1}', "state\n{}"):
@@ -306,20 +279,17 @@ async def test_a_notice_that_is_none_is_logged_and_the_page_goes_on(bridge, robo
 async def test_driver_whom_an_operator_stops_is_notified_and_no_longer_drives(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        bridge.notify(
-            protocol.Ended(
-                session=granted.session, outcome="stopped_by_operator", reason="closing time"
-            )
-        )
+        outcome, reason = "stopped_by_operator", "closing time"
+        bridge.notify(protocol.Ended(session=granted.session, outcome=outcome, reason=reason))
         ended = await page.expect("session/ended")
         await page.say("command/velocity", words.velocity())
         assert (await page.expect("denied")).reason == "not_driver"
-    assert (ended.outcome, ended.reason) == ("stopped_by_operator", "closing time")
+    assert (ended.outcome, ended.reason) == (outcome, reason)
     assert bridge.commands() == []
     assert bridge.commands(f"signal/{granted.peer}") == [m.Bye(reason="left")]
 
 
-async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridge, robot, ada):
+async def test_second_tab_is_refused_or_takes_over_and_the_first_is_notified(bridge, robot, ada):
     async with Page("giraff", ada) as first_tab, Page("giraff", ada) as second_tab:
         granted = await first_tab.take()
         await second_tab.say("session/take", protocol.Take())
@@ -330,7 +300,7 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
             hello = await third_tab.expect("hello")
             assert (hello.live_elsewhere, hello.live_since) == (True, refused.since)
         await Session.objects.filter(pk=granted.session).aupdate(state="reconnecting")
-        async with Page("giraff", ada) as late_tab:  # no page drives it: any may resume
+        async with Page("giraff", ada) as late_tab:  # no page drives it: each may resume
             hello = await late_tab.expect("hello")
             assert (hello.live_elsewhere, hello.live_since) == (False, refused.since)
         await Session.objects.filter(pk=granted.session).aupdate(state="driving")
@@ -345,7 +315,7 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
     assert moved.epoch > granted.epoch
 
 
-async def test_a_page_that_lost_its_socket_resumes_with_its_old_peer_and_epoch(bridge, robot, ada):
+async def test_page_that_lost_its_socket_resumes_with_its_old_peer_and_epoch(bridge, robot, ada):
     async with Page("giraff", ada) as lost:
         granted = await lost.take()
         async with Page("giraff", ada) as back:
@@ -359,11 +329,11 @@ async def test_a_page_that_lost_its_socket_resumes_with_its_old_peer_and_epoch(b
             assert (await back.expect("signal/reply")).sdp == "v=0"
             await lost.close()
             assert bridge.stops == []
-            assert (await first(Session.objects)).seen_at is not None
+            assert (await Session.objects.aget()).seen_at is not None
     assert bridge.commands()[0].epoch == granted.epoch
 
 
-async def test_a_peer_that_was_overheard_gives_nobody_the_robot(bridge, robot, ada, bob):
+async def test_knowing_the_drivers_peer_does_not_give_the_robot_to_others(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as thief:
         granted = await driver.take()
         await thief.say(
@@ -378,7 +348,7 @@ async def test_a_peer_that_was_overheard_gives_nobody_the_robot(bridge, robot, a
     assert bridge.commands() == []
 
 
-# --- what the robot says --------------------------------------------------------------------------
+# --- messages of the robot ------------------------------------------------------------------------
 
 
 async def test_messages_of_a_robot_reach_all_of_its_pages_and_no_others(bridge, robot, ada, bob):
@@ -403,7 +373,7 @@ async def test_messages_of_a_robot_reach_all_of_its_pages_and_no_others(bridge, 
         assert (await elsewhere.expect("state")).seq == 1
 
 
-async def test_replies_and_echoes_go_to_their_own_peer_alone(bridge, robot, ada, bob):
+async def test_replies_and_echoes_reach_only_their_own_peer(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
         granted = await driver.take()
         own = (await observer.expect("hello")).peer
@@ -420,25 +390,19 @@ async def test_replies_and_echoes_go_to_their_own_peer_alone(bridge, robot, ada,
         assert (await observer.expect("signal/reply")).sdp == "for bob"
 
 
-async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, robot, ada, bob):
+async def test_every_page_shows_the_driver_and_how_many_watch_and_wait(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         granted = await driver.take()
         await other.say("session/observe", protocol.Observe())
-        await until_room(
-            driver,
-            lambda authorization: (
-                (authorization.driver, authorization.observers, authorization.driving)
-                == ("Ada L.", 1, False)
-            ),
+        await driver.expect(
+            "room",
+            lambda room: (room.driver, room.observers, room.driving) == ("Ada L.", 1, False),
         )
-        bridge.say(
-            "giraff", "state", words.state(session=granted.session, epoch=granted.epoch, viewers=4)
-        )
-        await until_room(
-            other, lambda authorization: authorization.driving and authorization.observers == 3
-        )
+        driven = words.state(session=granted.session, epoch=granted.epoch, viewers=4)
+        bridge.say("giraff", "state", driven)
+        await other.expect("room", lambda room: room.driving and room.observers == 3)
         await other.say("session/take", protocol.Take())
-        await until_room(driver, lambda authorization: authorization.waiting == 1)
+        await driver.expect("room", lambda room: room.waiting == 1)
 
 
 async def test_visitor_who_closes_the_page_no_longer_counts_as_waiting(bridge, robot, ada, bob):
@@ -446,12 +410,8 @@ async def test_visitor_who_closes_the_page_no_longer_counts_as_waiting(bridge, r
         await driver.take()
         async with Page("giraff", bob) as other:
             await other.say("session/take", protocol.Take())
-            await until_room(driver, lambda room: room.waiting == 1)
-        await until_room(driver, lambda room: room.waiting == 0)
-
-
-def goes_home():
-    update_robots(returns_home=True, factsheet={"capabilities": ["dock"]})
+            await driver.expect("room", lambda room: room.waiting == 1)
+        await driver.expect("room", lambda room: room.waiting == 0)
 
 
 async def test_visitor_who_waits_and_watches_is_counted_once(bridge, robot, ada, bob):
@@ -459,34 +419,30 @@ async def test_visitor_who_waits_and_watches_is_counted_once(bridge, robot, ada,
         await driver.take()
         await other.queue()
         await other.observe()
-        await until_room(driver, lambda room: (room.observers, room.waiting) == (0, 1))
+        await driver.expect("room", lambda room: (room.observers, room.waiting) == (0, 1))
     assert max(room.observers for room in driver.told("room")) == 0
 
 
 @pytest.mark.parametrize("by", ["visitor", "session manager"])
-async def test_every_page_reads_what_a_robot_does_after_a_visit(bridge, robot, ada, bob, by):
-    await sync_to_async(goes_home)()
+async def test_every_page_shows_what_a_robot_does_after_a_visit(bridge, robot, ada, bob, by):
+    can_dock = {"capabilities": ["dock"]}
+    await sync_to_async(update_robots)(returns_home=True, factsheet=can_dock)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         granted = await driver.take()
         if by == "visitor":
             await driver.say("session/leave", protocol.Leave())
         else:
-            end = sync_to_async(store.end)
-            await end(granted.session, Session.Outcome.TIMED_OUT, "", timezone.now())
+            await end(granted.session, "timed_out", "")
             bridge.say("giraff", "lease", None)
         for page in (driver, other):
-            await until_room(
-                page, lambda room: (room.driver, room.pause) == (None, "returning: dock")
+            await page.expect(
+                "room", lambda room: (room.driver, room.pause) == (None, "returning: dock")
             )
     async with Page("giraff", bob) as later:
-        await until_room(later, lambda room: room.pause == "returning: dock")
+        await later.expect("room", lambda room: room.pause == "returning: dock")
 
 
-async def until_room(page, condition):
-    await page.expect("room", condition)
-
-
-async def test_pages_are_told_when_the_robot_goes_and_a_late_will_tells_nothing(bridge, robot, ada):
+async def test_pages_show_an_offline_robot_and_ignore_a_late_last_will(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.expect("hello")
         bridge.say("giraff", "connection", words.online("b2"))
@@ -498,29 +454,25 @@ async def test_pages_are_told_when_the_robot_goes_and_a_late_will_tells_nothing(
     assert [presence.online for presence in page.told("robot")] == [False, True]
 
 
-async def test_observers_are_as_many_as_the_robot_has_viewers_less_its_drivers_place(
-    bridge, robot, ada, bob
-):
+async def test_observers_leave_one_of_the_robots_viewers_to_the_driver(bridge, robot, ada, bob):
     bridge.stored["giraff", "factsheet"] = msgspec.json.encode(words.factsheet(viewers=2))
     async with Page("giraff", ada) as one, Page("giraff", bob) as two:
         await one.observe()
         await two.say("session/observe", protocol.Observe())
         assert (await two.expect("session/refused")).reason == "observers_full"
         await one.say("session/leave", protocol.Leave())
-        await until_room(two, lambda authorization: authorization.observers == 0)
+        await two.expect("room", lambda room: room.observers == 0)
         await two.observe()
 
 
-async def test_a_robot_without_observers_is_only_driven(bridge, robot, ada):
-    await sync_to_async(Robot.objects.update)(observers_allowed=False)
+async def test_observing_is_refused_if_the_robot_allows_no_observers(bridge, robot, ada):
+    await set_robots(observers_allowed=False)
     async with Page("giraff", ada) as page:
         await page.say("session/observe", protocol.Observe())
         assert (await page.expect("session/refused")).reason == "not_allowed"
 
 
-async def test_a_driver_chooses_how_much_the_robot_helps_and_nobody_else_does(
-    bridge, robot, ada, bob
-):
+async def test_only_the_driver_chooses_the_assistance(bridge, robot, ada, bob):
     async with Page("giraff", ada) as page, Page("giraff", bob) as other:
         granted = await page.take()
         await page.say("session/assist", protocol.Assist(level="steer"))
@@ -528,33 +480,27 @@ async def test_a_driver_chooses_how_much_the_robot_helps_and_nobody_else_does(
         assert (bridge.leases[-1][1].epoch, bridge.leases[-1][1].renewal) == (granted.epoch, 1)
         await other.say("session/assist", protocol.Assist(level="off"))
         assert (await other.expect("denied")).reason == "not_driver"
-    (session,) = await rows(Session.objects)
+    session = await Session.objects.aget()
     assert session.assist == "steer"
 
 
-# --- going ----------------------------------------------------------------------------------------
+# --- closed sockets and leaving -------------------------------------------------------------------
 
 
-async def test_a_socket_that_closes_mid_drive_stops_the_robot_once_and_the_visit_goes_on(
-    bridge, robot, ada
-):
+async def test_closing_the_socket_stops_the_robot_once_and_the_session_goes_on(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         await page.say("command/velocity", words.velocity(seq=21))
         await page.settle(bridge)
     ((_, stop),) = bridge.stops
-    assert (stop.role, stop.session, stop.epoch, stop.seq) == (
-        "driver",
-        granted.session,
-        granted.epoch,
-        21,
-    )
-    session = await first(Session.objects)
+    stopped = (stop.role, stop.session, stop.epoch, stop.seq)
+    assert stopped == ("driver", granted.session, granted.epoch, 21)
+    session = await Session.objects.aget()
     assert session.state != "ended"
     assert session.seen_at is None
 
 
-async def test_a_socket_that_closes_while_the_data_channel_drives_stops_nothing(bridge, robot, ada):
+async def test_closing_the_socket_stops_nothing_while_the_data_channel_drives(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         await page.say("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0))
@@ -562,35 +508,32 @@ async def test_a_socket_that_closes_while_the_data_channel_drives_stops_nothing(
     assert bridge.stops == []
 
 
-async def test_a_page_that_closes_during_a_take_leaves_a_visit_whose_page_is_gone(
-    bridge, robot, ada
-):
+async def test_page_that_closes_during_a_take_leaves_an_unseen_session(bridge, robot, ada):
     page = Page("giraff", ada)
     await page.open()
     await page.expect("hello")
     await page.say("session/take", protocol.Take())
     await page.close()
-    (session,) = await rows(Session.objects)
+    session = await Session.objects.aget()
     assert session.seen_at is None
     assert bridge.leases[0][1].session == str(session.pk)
 
 
-async def test_a_visit_that_was_left_while_the_page_had_no_connection_ends_when_it_is_back(
-    bridge, robot, ada
-):
+async def test_session_left_without_a_connection_ends_when_the_page_reconnects(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
     async with Page("giraff", ada) as back:
-        await back.say("session/leave", protocol.Leave(session=granted.session, peer=granted.peer))
+        leave = protocol.Leave(session=granted.session, peer=granted.peer)
+        await back.say("session/leave", leave)
         ended = await back.expect("session/ended")
-        await back.say("session/leave", protocol.Leave(session=granted.session, peer=granted.peer))
+        await back.say("session/leave", leave)
         again = await back.expect("session/ended")
     assert (ended.session, ended.outcome, ended.reason) == (granted.session, "cancelled", "left")
     assert again == ended
     assert bridge.leases[-1] == ("giraff", None)
 
 
-async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visit_of_another(
+async def test_late_leave_ends_neither_a_moved_session_nor_one_of_another_visitor(
     bridge, robot, ada, bob
 ):
     async with Page("giraff", ada) as page, Page("giraff", bob) as foreign:
@@ -604,17 +547,17 @@ async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visi
                 "session/leave", protocol.Leave(session=granted.session, peer="someone-else")
             )
             assert (await other.expect("session/ended")).outcome == "moved"
-    (session,) = await rows(Session.objects)
+    session = await Session.objects.aget()
     assert not session.outcome
     assert bridge.leases[-1][1].session == granted.session
 
 
-async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada, bob, monkeypatch):
+async def test_failed_connection_leaves_no_listener(bridge, robot, ada, bob, monkeypatch):
     async with Page("giraff", bob) as other:
         page = Page("giraff", ada)
         await page.open()
         await page.take()
-        await until_room(other, lambda authorization: authorization.driver == "Ada L.")
+        await other.expect("room", lambda room: room.driver == "Ada L.")
 
         def fail(*_arguments, **_frame):
             raise RuntimeError("a fault of ours")
@@ -629,12 +572,10 @@ async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada,
         assert bridge.delivery._followers == {}
 
 
-# --- the broker is away ---------------------------------------------------------------------------
+# --- the broker is unreachable --------------------------------------------------------------------
 
 
-async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denied(
-    bridge, robot, ada
-):
+async def test_without_a_broker_velocities_are_dropped_and_actions_are_denied(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         bridge.lose_broker()
@@ -643,8 +584,7 @@ async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denie
         await page.say("command/action", m.Photo(action_id="p", stamp=1.0))
         assert (await page.expect("robot")).reason == "server"
         for suffix in ("signal", "command/action"):
-            denied = await page.expect("denied")
-            assert (denied.suffix, denied.reason) == (suffix, "robot_unreachable")
+            assert await page.denied() == (suffix, "robot_unreachable")
         await page.say("command/action", STOP)
         await until(lambda: bridge.stops)
         bridge.find_broker()
@@ -652,7 +592,7 @@ async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denie
     assert bridge.sent == []
 
 
-async def test_an_offline_robot_is_said_to_be_unreachable(bridge, robot, ada):
+async def test_signal_to_an_offline_robot_is_denied(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         bridge.say("giraff", "connection", words.broken())
@@ -661,9 +601,7 @@ async def test_an_offline_robot_is_said_to_be_unreachable(bridge, robot, ada):
     assert bridge.sent == []
 
 
-async def test_the_lease_of_a_live_session_is_published_again_when_the_broker_is_back(
-    bridge, robot, ada
-):
+async def test_lease_is_published_again_when_the_broker_is_reachable_again(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         bridge.say("giraff", "lease", msgspec.structs.replace(bridge.leases[0][1], renewal=6))
@@ -671,30 +609,22 @@ async def test_the_lease_of_a_live_session_is_published_again_when_the_broker_is
         bridge.find_broker()
         await until(lambda: len(bridge.leases) == 2)
     again = bridge.leases[1][1]
-    assert (again.session, again.epoch, again.peer, again.renewal) == (
-        granted.session,
-        granted.epoch,
-        granted.peer,
-        6,
-    )
+    named = (granted.session, granted.epoch, granted.peer)
+    assert (again.session, again.epoch, again.peer, again.renewal) == (*named, 6)
 
 
-async def test_a_session_that_ended_while_the_broker_was_away_is_told_and_its_lease_is_not_revived(
-    bridge, robot, ada
-):
-    from sessions.leases import store
-
+async def test_session_that_ended_without_a_broker_is_reported_and_not_revived(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         bridge.lose_broker()
-        await sync_to_async(store.end)(granted.session, "timed_out", "turn_over", timezone.now())
+        await end(granted.session, "timed_out", "turn_over")
         bridge.find_broker()
         ended = await page.expect("session/ended")
     assert (ended.outcome, ended.reason) == ("timed_out", "turn_over")
     assert len(bridge.leases) == 1
 
 
-async def test_an_empty_lease_that_comes_late_takes_the_robot_from_nobody(bridge, robot, ada):
+async def test_late_empty_lease_ends_no_drive(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         bridge.say("giraff", "lease", None)
@@ -705,9 +635,7 @@ async def test_an_empty_lease_that_comes_late_takes_the_robot_from_nobody(bridge
     assert bridge.commands()[0].epoch == granted.epoch
 
 
-async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_announced_again(
-    bridge, robot, ada, bob
-):
+async def test_offer_that_was_made_without_a_broker_is_sent_again(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as waiting:
         await driver.take()
         session = (await waiting.queue()).session
@@ -717,18 +645,15 @@ async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_a
         assert 0.0 < (await waiting.expect("session/offered")).seconds <= 60.0
 
 
-# --- pages that may not stay ----------------------------------------------------------------------
+# --- lost access ----------------------------------------------------------------------------------
 
 
 async def sign_out(page):
-    from importlib import import_module
-
-    from django.conf import settings
-
-    await sync_to_async(import_module(settings.SESSION_ENGINE).SessionStore(page.cookie).delete)()
+    engine = importlib.import_module(settings.SESSION_ENGINE)
+    await engine.SessionStore(page.cookie).adelete()
 
 
-async def test_a_visitor_who_has_signed_out_in_another_tab_takes_nothing(bridge, robot, ada):
+async def test_visitor_who_has_signed_out_in_another_tab_cannot_take_the_robot(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.expect("hello")
         await sign_out(page)
@@ -738,15 +663,13 @@ async def test_a_visitor_who_has_signed_out_in_another_tab_takes_nothing(bridge,
 
 
 @pytest.mark.parametrize("lost", ["session", "permit", "account"])
-async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(
+async def test_driver_who_loses_access_is_disconnected_within_a_minute(
     bridge, robot, ada, monkeypatch, lost
 ):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
-    await sync_to_async(Robot.objects.update)(access=Robot.Access.TRAINED)
-    permit = await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Privilege.TRAINED
-    )
+    await set_robots(access=Robot.Access.TRAINED)
+    permit = await permitted(robot, ada, RobotPermit.Privilege.TRAINED)
     async with Page("giraff", ada) as page:
         granted = await page.take()
         if lost == "session":
@@ -760,7 +683,7 @@ async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(
         )
     assert bridge.leases[-1] == ("giraff", None)
     assert bridge.commands(f"signal/{granted.peer}") == [m.Bye(reason="left")]
-    session = await first(Session.objects)
+    session = await Session.objects.aget()
     assert (session.state, session.outcome) == ("ended", "stopped_by_operator")
 
 
@@ -770,9 +693,7 @@ def signals(bridge) -> list[m.Message]:
 
 
 async def test_watching_ends_with_the_pages_socket(bridge, robot, ada, bob):
-    """The connection to the robot needs no socket: without a word of the server it would go on for
-    ever.
-    """
+    """The video connection needs no socket: it would go on until the server ends it."""
     async with Page("giraff", ada) as driver:
         granted = await driver.take()
         async with Page("giraff", bob) as observer:
@@ -780,12 +701,10 @@ async def test_watching_ends_with_the_pages_socket(bridge, robot, ada, bob):
             assert signals(bridge) == []
         assert signals(bridge) == [m.Bye(reason="left")]
         assert bridge.commands(f"signal/{granted.peer}") == []
-    assert signals(bridge) == [m.Bye(reason="left")], "the lease looks after who drives"
+    assert signals(bridge) == [m.Bye(reason="left")], "the lease ends the driver's connection"
 
 
-async def test_the_server_speaks_for_who_watches_and_for_nobody_else(
-    bridge, robot, ada, bob, monkeypatch
-):
+async def test_server_keeps_only_the_connections_of_observers(bridge, robot, ada, bob, monkeypatch):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
@@ -800,18 +719,16 @@ async def test_watching_ends_within_a_minute_after_the_permission(bridge, robot,
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
     async with Page("giraff", ada) as page:
         await page.observe()
-        await sync_to_async(Robot.objects.update)(observers_allowed=False)
+        await set_robots(observers_allowed=False)
         assert (await page.expect("session/refused")).reason == "not_allowed"
         assert [one for one in signals(bridge) if one != m.Stay()] == [m.Bye(reason="left")]
         await page.say("session/observe", protocol.Observe())
         assert (await page.expect("session/refused")).reason == "not_allowed"
-        assert (await page.take()).session, "and may drive, as everybody"
+        assert (await page.take()).session, "driving is still allowed"
 
 
 async def test_former_operator_clears_no_stop_from_a_page_that_is_still_open(bridge, robot, ada):
-    permit = await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Privilege.OPERATOR
-    )
+    permit = await permitted(robot, ada, RobotPermit.Privilege.OPERATOR)
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as page:
         await page.say("command/action", clear)
@@ -822,37 +739,31 @@ async def test_former_operator_clears_no_stop_from_a_page_that_is_still_open(bri
     assert len(bridge.commands("command/action")) == 1
 
 
-async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(
+async def test_open_page_is_recorded_as_seen_and_shows_that_its_session_ended(
     bridge, robot, ada, monkeypatch
 ):
-    from sessions.leases import store
-
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        before = (await first(Session.objects)).seen_at
+        before = (await Session.objects.aget()).seen_at
         async with asyncio.timeout(patient(5)):
-            while (await first(Session.objects)).seen_at == before:
+            while (await Session.objects.aget()).seen_at == before:
                 await asyncio.sleep(0.02)
-        await sync_to_async(store.end)(
-            granted.session, "robot_fault", "robot_offline", timezone.now()
-        )
+        await end(granted.session, "robot_fault", "robot_offline")
         assert (await page.expect("session/ended")).outcome == "robot_fault"
 
 
-async def test_a_page_that_comes_back_too_late_hears_how_its_session_ended(bridge, robot, ada):
-    from sessions.leases import store
-
+async def test_page_that_reconnects_too_late_shows_how_its_session_ended(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-    await sync_to_async(store.end)(granted.session, "robot_fault", "robot_offline", timezone.now())
+    await end(granted.session, "robot_fault", "robot_offline")
     async with Page("giraff", ada) as page:
         await page.say("session/take", protocol.Take(session=granted.session, peer=granted.peer))
         refused = await page.expect("session/refused")
     assert (refused.reason, refused.outcome) == ("ended", "robot_fault")
 
 
-async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(
+async def test_page_that_closes_before_it_is_recorded_as_seen_counts_as_gone(
     bridge, robot, ada, monkeypatch
 ):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.01)
@@ -861,16 +772,12 @@ async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(
         await page.take()
         await asyncio.sleep(0.1)
     await asyncio.sleep(0.6)
-    assert (await first(Session.objects)).seen_at is None
+    assert (await Session.objects.aget()).seen_at is None
 
 
-async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(
+async def test_take_is_denied_and_the_page_stays_open_when_the_database_fails(
     bridge, robot, ada, monkeypatch
 ):
-    from django.db import OperationalError
-
-    from sessions.consumers import queries
-
     def broken(*_arguments, **_named):
         raise OperationalError("database is locked")
 
@@ -903,9 +810,7 @@ async def test_reports_of_a_page_reach_the_session_manager(bridge, robot, ada):
 JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
 
 
-async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(
-    bridge, robot, ada, bob
-):
+async def test_picture_reaches_only_the_pages_that_requested_it(bridge, robot, ada, bob):
     async with (
         Page("giraff", ada) as driver,
         Page("giraff", bob) as watcher,
@@ -931,7 +836,7 @@ async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(
     assert [len(page.told("picture")) for page in (driver, watcher, guest)] == [1, 1, 0]
 
 
-async def test_a_picture_for_one_peer_goes_to_no_other_page(bridge, robot, ada, bob):
+async def test_picture_for_one_peer_reaches_no_other_page(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as watcher:
         await driver.take()
         await watcher.observe()
@@ -948,7 +853,7 @@ async def test_a_picture_for_one_peer_goes_to_no_other_page(bridge, robot, ada, 
     assert [len(page.told("picture")) for page in (driver, watcher)] == [1, 1]
 
 
-async def test_a_picture_of_another_robot_and_one_that_is_none_reach_nobody(bridge, robot, ada):
+async def test_picture_of_another_robot_or_a_malformed_one_reaches_no_page(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         await page.say("command/picture", m.PictureRequest(stamp=1.0))
@@ -964,7 +869,7 @@ async def test_a_picture_of_another_robot_and_one_that_is_none_reach_nobody(brid
         assert await page.expect("picture") == (6.0, JPEG)
 
 
-async def test_after_the_visit_no_picture_comes_any_more(bridge, robot, ada):
+async def test_no_picture_arrives_after_the_session(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         await page.say("command/picture", m.PictureRequest(stamp=1.0))
@@ -977,13 +882,13 @@ async def test_after_the_visit_no_picture_comes_any_more(bridge, robot, ada):
     assert page.told("picture") == []
 
 
-# --- what lines of the log are about --------------------------------------------------------------
+# --- ids in log lines -----------------------------------------------------------------------------
 
 
-async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_the_robot_speaks(
+async def test_log_lines_about_a_page_name_its_request_robot_and_session(
     bridge, robot, ada, monkeypatch
 ):
-    monkeypatch.setattr(log_ids, "_process", {})  # whatever this process is said to be about
+    monkeypatch.setattr(log_ids, "_process", {})  # ids that this process has set
     about, handle_message = [], drive.RobotConsumer._handle_message
 
     def noting(page, inbound):

@@ -80,11 +80,9 @@ async def test_watching_ends_when_a_private_drive_begins(bridge, robot, ada, bob
         await until(lambda: bridge.commands("command/picture"))
         own = (await driver.take()).peer
         assert (await watcher.expect("session/refused")).reason == "private"
-        byes = [
-            (suffix, message) for _, suffix, message in bridge.sent if suffix.startswith("signal/")
-        ]
-        assert [message for _, message in byes] == [m.Bye(reason="left")]
-        assert own not in byes[0][0]
+        ((suffix, bye),) = [one[1:] for one in bridge.sent if one[1].startswith("signal/")]
+        assert bye == m.Bye(reason="left")
+        assert own not in suffix
         say_all(bridge)
         await watcher.settle(bridge)
         assert not OF_THE_ROBOT & {suffix for suffix, _ in watcher.seen}
@@ -104,7 +102,9 @@ async def test_waiting_visitor_watches_again_after_a_private_drive(bridge, robot
 
 
 @pytest.mark.parametrize("who", ["operator", "rosa"])
-async def test_operators_and_whom_the_terms_name_watch_a_private_drive(bridge, robot, ada, who):
+async def test_operators_and_watchers_named_by_the_terms_see_a_private_drive(
+    bridge, robot, ada, who
+):
     user = await sync_to_async(person)(who, robot if who == "operator" else None)
     async with Page("giraff", user) as before, Page("giraff", ada) as driver:
         await before.observe()
@@ -120,9 +120,7 @@ async def test_operators_and_whom_the_terms_name_watch_a_private_drive(bridge, r
                 assert page.told("session/refused") == []
 
 
-async def test_a_page_that_opens_before_a_lease_was_heard_of_asks_the_database(
-    bridge, robot, ada, bob
-):
+async def test_page_that_opens_before_the_lease_arrives_reads_the_database(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver:
         await driver.take()
         bridge.delivery.known["giraff"].lease = None
@@ -132,7 +130,9 @@ async def test_a_page_that_opens_before_a_lease_was_heard_of_asks_the_database(
             assert (await other.expect("session/refused")).reason == "private"
 
 
-async def test_a_database_that_does_not_answer_lets_nobody_watch(bridge, robot, ada, monkeypatch):
+async def test_watching_is_refused_while_the_database_does_not_answer(
+    bridge, robot, ada, monkeypatch
+):
     rosa, called = await sync_to_async(person)("rosa"), threading.Event()
     right, may_answer = queries.may_watch_private, threading.Event()
 
@@ -151,7 +151,7 @@ async def test_a_database_that_does_not_answer_lets_nobody_watch(bridge, robot, 
         may_answer.set()
 
 
-async def test_a_drive_that_is_not_private_is_seen_as_before(bridge, robot, ada, bob, terms):
+async def test_drive_that_is_not_private_is_visible(bridge, robot, ada, bob, terms):
     terms.terms = Terms()
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         await driver.take()

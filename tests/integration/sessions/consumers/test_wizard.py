@@ -1,6 +1,7 @@
-"""A hidden operator's socket when things go wrong, for an app above that knows operators."""
+"""A hidden operator's socket when something fails."""
 
 import asyncio
+import contextlib
 import time
 
 import pytest
@@ -27,7 +28,7 @@ from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
-AT_ONCE = 5.0  # s; a page asks by itself once a minute
+AT_ONCE = 5.0  # s; without an order, a page checks once a minute
 STEPS = (
     ScriptStep(key="hello", title="Greet", text="Hello"),
     ScriptStep(key="home", title="Dock", action="dock"),
@@ -35,7 +36,7 @@ STEPS = (
 
 
 class Operators:
-    """What an app above answers: everybody in `users` operates every session."""
+    """An app in which each of `users` operates every session."""
 
     def __init__(self):
         self.users = set()
@@ -49,8 +50,8 @@ class Operators:
         return user.pk in self.users
 
     def operated(self, user, _session):
-        told = operators.OperatedSession("P1", "", is_blind=True, script=self.script)
-        return told if user.pk in self.users else None
+        operated = operators.OperatedSession("P1", "", is_blind=True, script=self.script)
+        return operated if user.pk in self.users else None
 
 
 @pytest.fixture(autouse=True)
@@ -76,6 +77,15 @@ def operator(provider):
     return user
 
 
+@contextlib.asynccontextmanager
+async def operating(visitor, operator):
+    """Open the visitor's page, which drives, and the operator's console, which operates."""
+    async with Page("giraff", visitor) as page, Console("giraff", operator) as console:
+        granted = await page.take()
+        await console.operate()
+        yield granted.session, console
+
+
 def begin(key, action_id="a1"):
     return protocol.BeginStep(step=key, action_id=action_id, stamp=1.0)
 
@@ -91,26 +101,22 @@ def events(kind):
     return list(SessionEvent.objects.filter(type=kind).values_list("data", flat=True))
 
 
-async def recorded(kind):
+async def recorded(kind, count=1):
     async with asyncio.timeout(patient(SECONDS)):
-        while not (found := await events(kind)):
+        while len(found := await events(kind)) < count:
             await asyncio.sleep(0.01)
     return found
 
 
-async def test_operators_page_without_login_is_refused(bridge):
+async def test_console_without_login_is_refused(bridge):
     console = Console("giraff")
     await console.open()
     assert await console.closed() == pages.SIGNED_OUT
     assert console.seen == []
 
 
-async def test_an_operator_who_lets_go_drives_no_more_and_may_press_that_twice(
-    bridge, ada, operator
-):
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+async def test_operator_who_stops_operating_cannot_drive_and_may_stop_twice(bridge, ada, operator):
+    async with operating(ada, operator) as (_, console):
         for _ in range(2):
             await console.say("wizard/release", protocol.StopOperating())
         await console.expect("wizard/session", lambda scene: not scene.operator)
@@ -128,12 +134,10 @@ async def test_an_operator_who_lets_go_drives_no_more_and_may_press_that_twice(
         assert await events(kind) == []
 
 
-async def test_an_operator_who_may_no_longer_operate_leaves_at_once(
+async def test_console_closes_at_once_when_its_user_may_no_longer_operate(
     bridge, ada, operator, provider
 ):
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+    async with operating(ada, operator) as (_, console):
         group = page_channel.visitor_group(operator.pk)
         await until(lambda: get_channel_layer().groups.get(group))
         await sync_to_async(page_channel.check_pages)(group)
@@ -144,22 +148,20 @@ async def test_an_operator_who_may_no_longer_operate_leaves_at_once(
             assert await console.closed() == pages.NOT_ALLOWED
 
 
-async def test_a_step_that_the_script_does_not_have_is_refused(bridge, ada, operator):
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+async def test_step_that_the_script_does_not_have_is_refused(bridge, ada, operator):
+    async with operating(ada, operator) as (_, console):
         await console.say("wizard/step", begin("nonsense"))
         assert (await console.expect("wizard/begun")).reason == "unknown"
 
 
-async def test_a_session_that_is_over_cannot_be_taken(bridge, ada, operator):
+async def test_ended_session_cannot_be_taken_over(bridge, ada, operator):
     async with Console("giraff", operator) as console:
         await console.expect("wizard/session", lambda scene: scene.session is None)
         await console.say("wizard/take", protocol.TakeOver(session="gone"))
         assert (await console.expect("wizard/lost")).reason == "ended"
 
 
-async def test_a_page_that_is_loaded_anew_knows_the_steps_that_were_begun(bridge, ada, operator):
+async def test_reloaded_console_shows_the_steps_that_were_begun(bridge, ada, operator):
     async with Page("giraff", ada) as page:
         await page.take()
         async with Console("giraff", operator) as console:
@@ -173,9 +175,7 @@ async def test_a_page_that_is_loaded_anew_knows_the_steps_that_were_begun(bridge
             assert (await again.expect("wizard/begun")).deviation == "repeated"
 
 
-async def test_a_step_that_did_not_reach_the_robot_is_not_done_and_pressed_again_no_deviation(
-    bridge, ada, operator
-):
+async def test_repeating_a_step_that_did_not_reach_the_robot_is_no_deviation(bridge, ada, operator):
     async with Page("giraff", ada) as page:
         await page.take()
         async with Console("giraff", operator) as console:
@@ -188,18 +188,14 @@ async def test_a_step_that_did_not_reach_the_robot_is_not_done_and_pressed_again
             await console.say("wizard/step", begin("hello", "a2"))
             begun = await console.expect("wizard/begun")
             assert (begun.reason, begun.deviation) == ("", "")
-            async with asyncio.timeout(patient(SECONDS)):
-                while len(await events("wizard_step")) < 3:
-                    await asyncio.sleep(0.01)
+            await recorded("wizard_step", 3)
         async with Console("giraff", operator) as again:
             scene, _ = await again.operate()
             assert scene.done == ("hello",)
 
 
-async def test_the_operator_is_told_of_robot_server_and_the_participants_cue(bridge, ada, operator):
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        session = (await page.take()).session
-        await console.operate()
+async def test_console_shows_robot_server_and_the_participants_cue(bridge, ada, operator):
+    async with operating(ada, operator) as (session, console):
         bridge.delivery.bring_notice(session, "no notice at all")
         bridge.notify(pages.OperatorMessage(session=session, text="for the participant alone"))
         bridge.notify(pages.Task(session=session, stamp=1.0, cue="dock_now"))
@@ -211,20 +207,18 @@ async def test_the_operator_is_told_of_robot_server_and_the_participants_cue(bri
         assert "for the participant" not in "".join(console.frames)
 
 
-async def test_a_script_that_hides_the_participants_page_shows_no_cue(
+async def test_script_that_hides_the_participants_page_shows_no_cue(
     bridge, ada, operator, provider
 ):
     provider.script = Script(language="en")
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        session = (await page.take()).session
-        await console.operate()
+    async with operating(ada, operator) as (session, console):
         bridge.notify(pages.Task(session=session, stamp=1.0, cue="dock_now"))
         bridge.say("giraff", "connection", words.broken())
         await console.expect("robot", lambda robot: not robot.online)
         assert console.told("wizard/participant") == []
 
 
-async def test_an_older_copy_of_the_lease_takes_the_wheel_from_nobody_and_its_end_does(
+async def test_older_copy_of_the_lease_ends_no_operating_and_an_empty_lease_does(
     bridge, ada, operator
 ):
     async with Page("giraff", ada) as page, Console("giraff", operator) as console:
@@ -241,33 +235,29 @@ async def test_an_older_copy_of_the_lease_takes_the_wheel_from_nobody_and_its_en
         assert (await console.expect("wizard/lost")).reason == "ended"
 
 
-async def test_a_database_that_is_away_costs_the_note_and_not_the_step(
+async def test_step_is_performed_although_it_cannot_be_recorded(
     bridge, ada, operator, monkeypatch, caplog
 ):
-    def away(*_, **__):
-        raise OperationalError("the database is away")
+    def fail(*_, **__):
+        raise OperationalError("the database is unavailable")
 
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+    async with operating(ada, operator) as (_, console):
         await recorded("wizard_took")
         with monkeypatch.context() as patched:
-            patched.setattr(leases, "note", away)
+            patched.setattr(leases, "note", fail)
             await console.say("wizard/step", begin("hello"))
             assert (await console.expect("wizard/begun")).reason == ""
             await until(lambda: "wizard_not_recorded" in caplog.text)
-        (said,) = bridge.commands("command/action")
-        assert said.text == "Hello"
+        (spoken,) = bridge.commands("command/action")
+        assert spoken.text == "Hello"
         await console.say("wizard/step", begin("home", "a2"))
         assert (await recorded("wizard_step"))[0]["step"] == "home"
 
 
-async def test_driving_by_hand_is_noted_once_for_each_time_and_stopping_is_no_driving(
+async def test_driving_by_hand_is_recorded_once_and_zero_velocity_is_no_driving(
     bridge, ada, operator
 ):
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+    async with operating(ada, operator) as (_, console):
         await console.say("command/velocity", velocity(1, linear=0.0))
         await console.settle(bridge)
         assert await events("wizard_by_hand") == []
@@ -278,30 +268,28 @@ async def test_driving_by_hand_is_noted_once_for_each_time_and_stopping_is_no_dr
     assert len(await events("wizard_by_hand")) == 1
 
 
-async def test_an_operator_who_is_none_any_more_is_sent_away_within_a_minute(
+async def test_console_of_a_former_operator_closes_within_a_minute(
     bridge, ada, operator, provider, monkeypatch
 ):
     monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
-    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
-        await page.take()
-        await console.operate()
+    async with operating(ada, operator) as (_, console):
         signal = f"signal/{console.told('wizard/hello')[0].peer}"
         await until(lambda: m.Stay() in bridge.commands(signal))
         provider.users.clear()
-        bridge.publish_lease("giraff", bridge.leases[-1][1])  # anything that has it look again
+        bridge.publish_lease("giraff", bridge.leases[-1][1])  # any message triggers a check
         assert await console.closed() == pages.NOT_ALLOWED
 
 
-async def test_a_page_that_closes_after_another_took_over_leaves_that_one_the_wheel(
+async def test_closing_a_console_leaves_the_lease_to_the_console_that_took_over(
     bridge, ada, operator
 ):
     async with Page("giraff", ada) as page:
         await page.take()
         async with Console("giraff", operator) as console:
             await console.operate()
-            # of another web process, whose lease is still on its way to this one
-            await sync_to_async(Lease.objects.update)(wizard_peer="another-page")
-            told = len(bridge.leases)
-        assert len(bridge.leases) == told
-        assert (await sync_to_async(Lease.objects.get)()).wizard_peer == "another-page"
+            # of another web process, whose lease has not yet reached this one
+            await Lease.objects.aupdate(wizard_peer="another-page")
+            published = len(bridge.leases)
+        assert len(bridge.leases) == published
+        assert (await Lease.objects.aget()).wizard_peer == "another-page"
     assert await events("wizard_lost") == []

@@ -1,8 +1,10 @@
 """Taking and giving up the robot, in the database."""
 
 import datetime
+import functools
 import random
 from itertools import pairwise
+from typing import Any
 
 import pytest
 from django.conf import settings
@@ -29,6 +31,21 @@ def after(seconds: float) -> datetime.datetime:
     return NOW + datetime.timedelta(seconds=seconds)
 
 
+def link(seconds: float, **fields: Any) -> RobotLink:
+    """Return the link of a robot that sent a state at this time, and driver's data in fields."""
+    at = after(seconds).timestamp()
+    return RobotLink(since=NOW.timestamp(), last_received_at=at, state_at=at, **fields)
+
+
+def online_robot(name: str, **fields: Any) -> Robot:
+    return create_robot(
+        name=name, title=name.title(), connection="ONLINE", last_seen_at=after(1000), **fields
+    )
+
+
+QUIET = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
+
+
 @pytest.fixture(autouse=True)
 def turns_of_fifteen_minutes(settings):
     settings.TURN_MINUTES = 15.0
@@ -36,36 +53,22 @@ def turns_of_fifteen_minutes(settings):
 
 @pytest.fixture
 def giraff():
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), max_linear=0.3
-    )
+    return online_robot("giraff", max_linear=0.3)
 
 
-def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
+def test_grant_contains_everything_that_page_and_robot_need(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", device={"os": "Linux"}, now=NOW)
-    assert (granted.epoch, granted.peer, granted.resumed, granted.turn_seconds) == (
-        1,
-        "peer-1",
-        False,
-        None,
-    )
-    assert (
-        granted.lease.who,
-        granted.lease.ttl,
-        granted.lease.limits.linear,
-        granted.lease.epoch,
-    ) == ("Ana", 10.0, 0.3, 1)
+    assert (granted.epoch, granted.peer) == (1, "peer-1")
+    assert (granted.resumed, granted.turn_seconds) == (False, None)
+    lease = granted.lease
+    assert (lease.who, lease.ttl, lease.limits.linear, lease.epoch) == ("Ana", 10.0, 0.3, 1)
     row = Session.objects.get(pk=granted.session)
-    assert (row.state, row.granted_at, row.seen_at, row.device) == (
-        "connecting",
-        NOW,
-        NOW,
-        {"os": "Linux"},
-    )
+    assert (row.state, row.granted_at, row.seen_at) == ("connecting", NOW, NOW)
+    assert row.device == {"os": "Linux"}
 
 
-def test_a_request_from_before_the_release_is_granted_as_of_the_release(giraff, ana, ben):
-    """A database that answers late must not make the record say that two had it."""
+def test_request_from_before_the_release_is_granted_as_of_the_release(giraff, ana, ben):
+    """A database that answers late must not record two visitors at one time."""
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(10.123456))
     second = store.take(giraff, ben, "peer-2", now=after(9))
@@ -73,7 +76,7 @@ def test_a_request_from_before_the_release_is_granted_as_of_the_release(giraff, 
     assert granted.granted_at == ended.ended_at == after(10.123456)
 
 
-def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
+def test_page_resumes_with_its_lease_unchanged(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     Lease.objects.update(renewal=17)
     again = store.take(
@@ -82,7 +85,7 @@ def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
     assert (again.resumed, again.epoch, again.peer, again.lease.renewal) == (True, 1, "peer-1", 17)
 
 
-def test_a_reload_gets_a_new_epoch_in_the_same_session(giraff, ana):
+def test_reload_gets_a_new_epoch_in_the_same_session(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW)
     store.page_closed(first.session, "peer-1", after(1))
@@ -92,7 +95,7 @@ def test_a_reload_gets_a_new_epoch_in_the_same_session(giraff, ana):
     assert Session.objects.get().granted_at == NOW
 
 
-def test_the_old_page_of_a_session_that_moved_can_neither_end_nor_lose_it(giraff, ana):
+def test_old_page_of_a_moved_session_can_neither_end_nor_lose_it(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.take(giraff, ana, "peer-2", takeover=True, now=after(1))
     assert not store.leave(first.session, peer="peer-1", now=after(2))
@@ -106,19 +109,14 @@ def test_leaving_completes_a_drive_and_frees_the_robot(giraff, ana, ben):
     Session.objects.update(first_motion_at=after(1))
     assert store.leave(granted.session, peer="peer-1", now=after(9))
     row = Session.objects.get()
-    assert (row.state, row.outcome, row.outcome_reason, row.ended_at, row.live_key) == (
-        "ended",
-        "completed",
-        "left",
-        after(9),
-        granted.session,
-    )
+    assert (row.state, row.outcome, row.outcome_reason) == ("ended", "completed", "left")
+    assert (row.ended_at, row.live_key) == (after(9), granted.session)
     assert Lease.objects.get().session is None
     assert not store.leave(granted.session, peer="peer-1", now=after(10))
     assert store.take(giraff, ben, "peer-3", now=after(10)).epoch == 3
 
 
-def test_leaving_the_queue_is_cancelled_and_touches_nobodys_lease(giraff, ana, ben):
+def test_leaving_the_queue_does_not_change_the_lease(giraff, ana, ben):
     store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     assert (queued.place, queued.minutes) == (1, 15.0)
@@ -127,7 +125,7 @@ def test_leaving_the_queue_is_cancelled_and_touches_nobodys_lease(giraff, ana, b
     assert Lease.objects.get().session.visitor == ana
 
 
-def test_a_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
+def test_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
     second = store.take(giraff, ana, "peer-1", now=after(2))
@@ -135,7 +133,7 @@ def test_a_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
     assert second.session != first.session
 
 
-def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
+def test_waiting_page_that_reconnects_is_no_longer_lost(giraff, ana, ben):
     store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     store.page_closed(queued.session, "peer-2", after(1))
@@ -146,52 +144,43 @@ def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
     assert store.seen({queued.session}, after(4)) == set()
 
 
-def test_many_pages_are_seen_with_two_questions_and_those_that_are_over_are_left_alone(
+def test_open_pages_are_recorded_as_seen_with_two_queries(
     giraff, ana, ben, django_assert_num_queries
 ):
     over = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(over.session, peer="peer-1", now=after(1))
-    first, queued = (
-        store.take(giraff, ana, "peer-1", now=after(2)),
-        store.take(giraff, ben, "peer-2", now=after(2)),
-    )
+    first = store.take(giraff, ana, "peer-1", now=after(2))
+    queued = store.take(giraff, ben, "peer-2", now=after(2))
+    live = {first.session, queued.session}
     with django_assert_num_queries(2):
-        assert store.seen({over.session, first.session, queued.session}, after(9)) == {
-            first.session,
-            queued.session,
-        }
-    assert {str(row.pk): row.seen_at == after(9) for row in Session.objects.all()} == {
-        over.session: False,
-        first.session: True,
-        queued.session: True,
-    }
+        assert store.seen({over.session, *live}, after(9)) == live
+    assert {str(row.pk) for row in Session.objects.filter(seen_at=after(9))} == live
 
 
-def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
+def test_grant_limits_the_turn_when_others_wait(giraff, ana, ben):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.take(giraff, ben, "peer-2", now=NOW)
     again = store.take(giraff, ana, "peer-1", session=first.session, now=after(60))
     assert again.turn_seconds == pytest.approx(14 * 60)
 
 
-def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
+def test_offline_robot_is_refused(giraff, ana):
     giraff.presence.connection = "OFFLINE"
     assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused(reason="offline")
     assert not Session.objects.exists()
 
 
-def test_ending_twice_happens_once(giraff, ana):
+def test_session_ends_only_once(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
-    assert [store.end(granted.session, "stopped_by_operator", "x", after(n)) for n in range(2)] == [
-        True,
-        False,
-    ]
+    end = functools.partial(store.end, granted.session, "stopped_by_operator", "x")
+    assert end(after(0))
+    assert not end(after(1))
     assert Session.objects.get().ended_at == after(0)
 
 
-def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, monkeypatch):
-    """The session manager reads, decides that the grace is over, and the visitor returns before it
-    acts.
+def test_visitor_who_returned_is_not_ended_by_an_older_decision(giraff, ana, monkeypatch):
+    """The visitor returns between the session manager's decision, that the grace is over, and its
+    act.
     """
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="reconnecting", lost_at=NOW)
@@ -200,75 +189,49 @@ def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, 
     def then_the_visitor_returns(robot, now):
         scene = load(robot, now)
         monkeypatch.setattr("sessions.leases.expiry.load_scene", load)
-        assert isinstance(
-            store.take(robot, ana, "peer-2", session=granted.session, now=after(100)),
-            store.TakeGranted,
-        )
+        again = store.take(robot, ana, "peer-2", session=granted.session, now=after(100))
+        assert isinstance(again, store.TakeGranted)
         return scene
 
     monkeypatch.setattr("sessions.leases.expiry.load_scene", then_the_visitor_returns)
-    link = RobotLink(
-        since=NOW.timestamp(),
-        last_received_at=after(100).timestamp(),
-        state_at=after(100).timestamp(),
-    )
-    assert tick(giraff, link, after(100)) == ()
+    assert tick(giraff, link(100), after(100)) == ()
     assert Session.objects.get().state == "reconnecting"
 
 
-def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monkeypatch):
-    """It is made twice a second, beside whatever else the computer does."""
-    # no renewal comes early
+def test_tick_makes_as_many_queries_for_many_driven_robots_as_for_one(ana, ben, monkeypatch):
+    """A tick is made twice a second, on a computer that does other work too."""
+    # no early renewal
     monkeypatch.setattr("sessions.manager.scheduler.random.random", lambda: 0.0)
 
     def queries(robots: int) -> int:
         for number in range(Robot.objects.count(), robots):
-            made = create_robot(
-                name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
-            )
-            assert isinstance(store.take(made, ana, f"peer-{number}", now=NOW), store.TakeGranted)
+            granted = store.take(online_robot(f"r{number}"), ana, f"peer-{number}", now=NOW)
+            assert isinstance(granted, store.TakeGranted)
         Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
         links = {
-            robot.name: RobotLink(
-                NOW.timestamp(),
-                after(1).timestamp(),
-                after(1).timestamp(),
-                str(robot.lease.session_id),
-                1,
-                0.1,
-            )
+            robot.name: link(1, session=str(robot.lease.session_id), epoch=1, silence=0.1)
             for robot in Robot.objects.all()
         }
         keeper = Scheduler()
         keeper.tick(links, RobotLink(since=NOW.timestamp()), after(0.5))
         keeper.renew(after(0.5))
-        with CaptureQueriesContext(connection) as asked:
+        with CaptureQueriesContext(connection) as executed:
             keeper.tick(links, RobotLink(since=NOW.timestamp()), after(1))
             assert not keeper.renew(after(1)), "nothing is due"
-        assert not [query for query in asked if not query["sql"].startswith("SELECT")]
-        return len(asked)
+        assert all(query["sql"].startswith("SELECT") for query in executed)
+        return len(executed)
 
     few = queries(1)
     assert queries(12) == few <= 10
 
 
-def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
-    giraff, ana, monkeypatch, settings
-):
+def test_activity_during_the_decision_to_end_keeps_the_robot(giraff, ana, monkeypatch, settings):
     settings.IDLE_SECONDS = 60.0
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW, seen_at=after(100))
     signs, asked = {}, (granted.session, after(61).timestamp())
-    heard = {"last_received_at": after(100).timestamp(), "state_at": after(100).timestamp()}
-    link = RobotLink(
-        since=NOW.timestamp(),
-        **heard,
-        session=granted.session,
-        epoch=1,
-        silence=0.1,
-        asked=asked,
-        signs=signs,
-    )
+    driving = {"session": granted.session, "epoch": 1, "silence": 0.1}
+    idle = link(100, **driving, asked=asked, signs=signs)
 
     def then_the_sign_comes(*known):
         acts = decide_tick(*known)
@@ -277,53 +240,46 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
 
     with monkeypatch.context() as patched:
         patched.setattr("sessions.leases.expiry.decide_tick", then_the_sign_comes)
-        assert tick(giraff, link, after(100)) == ()
+        assert tick(giraff, idle, after(100)) == ()
     assert Session.objects.get().state == "driving"
     signs.clear()
-    assert tick(giraff, link, after(100)) == (
-        Ended(session=granted.session, outcome="timed_out", reason=IDLE),
-    )
+    ended = Ended(session=granted.session, outcome="timed_out", reason=IDLE)
+    assert tick(giraff, idle, after(100)) == (ended,)
 
 
-def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana, ben):
+def test_tick_repairs_what_a_process_left_between_lease_and_session(giraff, ana, ben):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="waiting")
-    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == (SetState(granted.session, "connecting"),)
+    assert tick(giraff, QUIET, after(1)) == (SetState(granted.session, "connecting"),)
     # and its end, without the lease
     Session.objects.update(state="ended", live_key="x", outcome="cancelled")
-    assert tick(giraff, link, after(2)) == (ReleaseLease(1),)
+    assert tick(giraff, QUIET, after(2)) == (ReleaseLease(1),)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.TakeGranted)
 
 
-def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana, monkeypatch):
+def test_leases_granted_together_are_renewed_at_different_times(ana, monkeypatch):
     monkeypatch.setattr("sessions.manager.scheduler.random.random", random.Random(1).random)
-    robots = [
-        create_robot(name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000))
-        for number in range(12)
-    ]
+    robots = [online_robot(f"r{number}") for number in range(12)]
     for robot in robots:
         assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.TakeGranted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
-    keeper, reasons = Scheduler(), {robot.name: [] for robot in robots}
+    keeper, moments = Scheduler(), {robot.name: [] for robot in robots}
     for look in range(21):
         seconds = look * 0.5
         while keeper.renew(after(seconds)):
             for outbound in keeper.outbox:
                 robot, suffix = topics.parse(outbound.topic)
                 assert suffix == "lease"
-                reasons[robot].append(seconds)
+                moments[robot].append(seconds)
             keeper.outbox.clear()
-    assert all(at[0] == 0.0 for at in reasons.values())
-    assert all(
-        0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS
-        for moments in reasons.values()
-        for at, later in pairwise(moments)
-    )
-    assert len({tuple(moments) for moments in reasons.values()}) > 1, "all at once for ever"
+    for renewed in moments.values():
+        assert renewed[0] == 0.0
+        gaps = [later - at for at, later in pairwise(renewed)]
+        assert all(0.0 < gap <= settings.LEASE_RENEWAL_SECONDS for gap in gaps)
+    assert len(set(map(tuple, moments.values()))) > 1, "all are always renewed together"
 
 
-def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, ana):
+def test_empty_lease_is_published_before_the_notice_of_the_end(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW)
     keeper = Scheduler()
@@ -337,24 +293,15 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert topics.session_notices(granted.session) in [outbound.topic for outbound in others]
 
 
-def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(giraff, ana, ben):
+def test_turn_is_limited_only_while_others_wait(giraff, ana, ben):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW)
     keeper = Scheduler()
 
     def turn_ends_at(seconds):
-        now = after(seconds).timestamp()
-        link = RobotLink(
-            since=NOW.timestamp(),
-            last_received_at=now,
-            state_at=now,
-            session=granted.session,
-            epoch=granted.epoch,
-            silence=0.1,
-            moved=True,
-            active_at=now,
-        )
-        keeper.tick({"giraff": link}, RobotLink(since=NOW.timestamp()), after(seconds))
+        driving = {"session": granted.session, "epoch": granted.epoch, "silence": 0.1}
+        moving = link(seconds, **driving, moved=True, active_at=after(seconds).timestamp())
+        keeper.tick({"giraff": moving}, RobotLink(since=NOW.timestamp()), after(seconds))
         return Session.objects.get(pk=granted.session).turn_ends_at
 
     assert turn_ends_at(1) is None
@@ -366,9 +313,7 @@ def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(gir
     assert set(noted.values_list("type", flat=True)) == {"turn_limited", "turn_unlimited"}
 
 
-def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(
-    giraff, ana, monkeypatch
-):
+def test_grant_during_the_read_of_the_scene_is_not_released(giraff, ana, monkeypatch):
     objects = Session.objects.filter
     began = []
 
@@ -386,25 +331,20 @@ def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover
         return rows
 
     monkeypatch.setattr(Session.objects, "filter", filter_then_grant)
-    assert (
-        tick(giraff, RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp()), NOW) == ()
-    )
+    assert tick(giraff, QUIET, NOW) == ()
     assert Lease.objects.get().session.visitor == ana
 
 
-def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
+def test_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
-    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == (
-        Offered(session=queued.session, seconds=settings.START_SECONDS),
-    )
+    offered = Offered(session=queued.session, seconds=settings.START_SECONDS)
+    assert tick(giraff, QUIET, after(1)) == (offered,)
     assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
     store.seen({queued.session}, after(70))
-    assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
-        giraff, link, after(70)
-    )
+    ended = Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken")
+    assert ended in tick(giraff, QUIET, after(70))
 
 
 STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
@@ -418,17 +358,15 @@ RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot k
     ("report", "reason"),
     [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected"), (RUNS_ON, "fault")],
 )
-def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
+def test_robot_that_cannot_drive_is_not_offered_and_places_are_kept(
     giraff, ana, ben, report, reason
 ):
     RobotPresence.objects.update(report=report)
     giraff.refresh_from_db()
     first = store.take(giraff, ana, "peer-1", now=NOW)
     second = store.take(giraff, ben, "peer-2", now=after(1))
-    assert [(reasons.place, reasons.reason) for reasons in (first, second)] == [
-        (1, f"paused: {reason}"),
-        (2, f"paused: {reason}"),
-    ]
+    assert [queued.place for queued in (first, second)] == [1, 2]
+    assert {queued.reason for queued in (first, second)} == {f"paused: {reason}"}
     assert tick(giraff, RobotLink(), after(2)) == ()
     RobotPresence.objects.update(report={"safety": {"estop": False, "inhibited": "no_lease"}})
     assert [act.session for act in tick(giraff, RobotLink(), after(3))] == [first.session]
@@ -439,29 +377,28 @@ def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
 
 
 @pytest.mark.parametrize("report", [STOPPED, RUNS_ON])
-def test_a_driver_keeps_a_robot_that_cannot_drive_even_after_a_reload(giraff, ana, report):
+def test_driver_keeps_a_robot_that_cannot_drive_even_after_a_reload(giraff, ana, report):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     RobotPresence.objects.update(report=report)
-    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == ()
+    assert tick(giraff, QUIET, after(1)) == ()
     back = store.take(
         giraff, ana, "peer-2", session=granted.session, old_peer="peer-1", now=after(1)
     )
     assert isinstance(back, store.TakeGranted)
 
 
-def test_an_operator_may_take_a_stopped_robot_to_release_it(giraff, ana, ben):
+def test_operator_may_take_a_stopped_robot_to_release_it(giraff, ana, ben):
     update_robots(report=STOPPED, owner=ben)
     giraff.refresh_from_db()
     store.take(giraff, ana, "peer-1", now=NOW)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)
 
 
-# --- another process is quicker -------------------------------------------------------------------
+# --- another process acts in between --------------------------------------------------------------
 
 
-def meanwhile(monkeypatch, name, happens):
-    """Have something happen just after a function of the store was called first."""
+def after_first_call(monkeypatch, name, happens):
+    """Call `happens` just after the first call of a function of the store."""
     original, pending = getattr(store, name), [happens]
 
     def call(*values, **words):
@@ -473,9 +410,9 @@ def meanwhile(monkeypatch, name, happens):
     monkeypatch.setattr(store, name, call)
 
 
-def test_two_tabs_that_ask_for_a_free_robot_at_once_get_one_session(giraff, ana, monkeypatch):
+def test_two_tabs_that_take_a_free_robot_at_once_get_one_session(giraff, ana, monkeypatch):
     first = []
-    meanwhile(
+    after_first_call(
         monkeypatch,
         "load_scene",
         lambda: first.append(store.take(giraff, ana, "peer-1", now=NOW)),
@@ -489,7 +426,7 @@ def test_two_tabs_that_ask_for_a_free_robot_at_once_get_one_session(giraff, ana,
 def test_two_tabs_that_queue_at_once_have_one_place(giraff, ana, ben, monkeypatch):
     store.take(giraff, ana, "peer-1", now=NOW)
     first = []
-    meanwhile(
+    after_first_call(
         monkeypatch, "load_scene", lambda: first.append(store.take(giraff, ben, "peer-2", now=NOW))
     )
     second = store.take(giraff, ben, "peer-3", now=NOW)
@@ -497,14 +434,14 @@ def test_two_tabs_that_queue_at_once_have_one_place(giraff, ana, ben, monkeypatc
     assert Session.objects.filter(visitor=ben).count() == 1
 
 
-def test_of_two_visitors_who_ask_at_once_one_drives_and_one_waits(giraff, ana, ben, monkeypatch):
-    meanwhile(monkeypatch, "load_scene", lambda: store.take(giraff, ana, "peer-1", now=NOW))
+def test_one_of_two_simultaneous_visitors_drives_and_the_other_waits(giraff, ana, ben, monkeypatch):
+    after_first_call(monkeypatch, "load_scene", lambda: store.take(giraff, ana, "peer-1", now=NOW))
     taken = store.take(giraff, ben, "peer-2", now=NOW)
     assert isinstance(taken, store.Queued)
     assert Lease.objects.get().peer == "peer-1"
 
 
-def test_a_visitor_who_leaves_in_one_tab_while_another_is_granted_gets_a_new_session(
+def test_visitor_who_leaves_in_another_tab_during_a_grant_gets_a_new_session(
     giraff, ana, monkeypatch
 ):
     left = []
@@ -513,13 +450,13 @@ def test_a_visitor_who_leaves_in_one_tab_while_another_is_granted_gets_a_new_ses
         left.append(Session.objects.get().pk)
         Session.objects.update(state="ended", outcome="cancelled", live_key=str(left[0]))
 
-    meanwhile(monkeypatch, "fix_terms", leave)
+    after_first_call(monkeypatch, "fix_terms", leave)
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     assert granted.session != str(left[0])
     assert str(Lease.objects.get().session_id) == granted.session
 
 
-def test_a_lease_that_changes_under_every_attempt_is_an_error(giraff, ana, monkeypatch):
+def test_take_fails_if_the_lease_changes_during_each_attempt(giraff, ana, monkeypatch):
     monkeypatch.setattr(store, "ATTEMPTS", 3)
     monkeypatch.setattr(store, "change_lease", lambda *_, **__: False)
     with pytest.raises(store.LeaseContention, match="giraff"):
@@ -527,7 +464,7 @@ def test_a_lease_that_changes_under_every_attempt_is_an_error(giraff, ana, monke
     assert Lease.objects.get().session is None
 
 
-def test_a_page_that_drives_no_more_chooses_no_assistance(giraff, ana):
+def test_page_that_no_longer_drives_cannot_choose_the_assistance(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     assert store.set_assist(first.session, "slow", peer="peer-2") is None
     lease = store.set_assist(first.session, "slow", peer="peer-1")

@@ -1,4 +1,4 @@
-"""The terms of a visit: fixed when it begins, obeyed by lease, queue and page."""
+"""The terms of a session: fixed when it begins, applied by lease, queue and page."""
 
 import datetime
 
@@ -22,6 +22,7 @@ from tests.support import words
 from tests.support.browsers.pages import Page
 from tests.support.robots import create_robot, update_robots
 from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.sessions.rows import session_row
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db
@@ -53,7 +54,7 @@ def provider():
 
 @pytest.fixture
 def giraff():
-    # not NOW: between that and the test lie all tests before it
+    # not of NOW, which was before all earlier tests
     calls = timezone.now() + datetime.timedelta(hours=1)
     return create_robot(
         name="giraff",
@@ -66,12 +67,12 @@ def giraff():
 
 
 def take(
-    robot: Robot, user: User, peer: str = "peer-1", *, at: float = 0.0, **words_of_the_page
+    robot: Robot, user: User, peer: str = "peer-1", *, at: float = 0.0, **message
 ) -> store.Taken:
-    return store.take(robot, user, peer, now=after(at), **words_of_the_page)
+    return store.take(robot, user, peer, now=after(at), **message)
 
 
-def test_terms_are_fixed_once_and_travel_with_every_lease(provider, giraff, ana):
+def test_terms_are_fixed_once_and_are_part_of_each_lease(provider, giraff, ana):
     provider.terms = STUDY
     granted = take(giraff, ana)
     assert terms.of(Session.objects.get()) == granted.terms == STUDY
@@ -84,7 +85,7 @@ def test_terms_are_fixed_once_and_travel_with_every_lease(provider, giraff, ana)
     assert (again.terms, again.lease.methods) == (STUDY, ("keyboard",))
 
 
-def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana):
+def test_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana):
     provider.terms = STUDY
     take(giraff, ana)
     keeper = Scheduler()
@@ -98,18 +99,18 @@ def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana
     assert [(lease.methods, lease.limits.linear) for lease in leases] == [(("keyboard",), 0.2)]
 
 
-def test_a_slower_robot_stays_as_slow_as_it_is(provider, giraff, ana):
+def test_terms_do_not_raise_the_limits_of_a_robot(provider, giraff, ana):
     provider.terms = terms.Terms(linear=0.9)
     assert take(giraff, ana).lease.limits.linear == 0.3
 
 
-def test_a_free_visit_has_no_terms(provider, giraff, ana):
+def test_free_session_has_no_terms(provider, giraff, ana):
     granted = take(giraff, ana)
     assert (granted.terms, granted.shown, Session.objects.get().terms) == (terms.FREE, {}, {})
     assert (granted.lease.methods, granted.lease.ways, granted.lease.actions) == (None, None, None)
 
 
-def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana):
+def test_session_that_must_not_begin_ends_with_the_reason(provider, giraff, ana):
     provider.refusal = "full"
     assert take(giraff, ana) == store.Refused(reason="full", session=str(Session.objects.get().pk))
     row = Session.objects.get()
@@ -118,9 +119,7 @@ def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana
     assert msgspec.convert({"reason": "full"}, protocol.Refused)
 
 
-def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_come_back(
-    provider, giraff, ana, ben
-):
+def test_reason_against_a_session_does_not_stop_a_driver_from_returning(provider, giraff, ana, ben):
     def ask(user: User, **more) -> store.Taken:
         return queries.take(
             giraff,
@@ -141,17 +140,16 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
     assert ask(ana).session == granted.session
 
 
-def test_terms_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the_robot_hears(
-    provider, giraff, ana
-):
-    """The web process died between the lease and the grant: the lease names a session that still
-    waits.
-    """
+def half_granted(robot: Robot, visitor: User) -> Session:
+    """Store a lease of a session that still waits: the web process died before the grant."""
+    session = session_row(robot, visitor, queued_at=NOW, seen_at=NOW)
+    Lease.objects.create(robot=robot, epoch=1, session=session, peer="p1", changed_at=NOW)
+    return session
+
+
+def test_session_manager_fixes_missing_terms_before_it_publishes_the_lease(provider, giraff, ana):
     provider.terms = STUDY
-    session = Session.objects.create(
-        robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW
-    )
-    Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
+    session = half_granted(giraff, ana)
     keeper = Scheduler()
     keeper.renew(NOW)
     assert not keeper.outbox
@@ -162,12 +160,9 @@ def test_terms_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the
     assert (session.state, terms.of(session)) == ("connecting", STUDY)
 
 
-def test_a_dead_process_grants_nothing_that_must_not_begin(provider, giraff, ana):
+def test_refused_session_of_a_dead_process_ends_with_the_reason(provider, giraff, ana):
     provider.refusal = "closed"
-    session = Session.objects.create(
-        robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW
-    )
-    Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
+    session = half_granted(giraff, ana)
     assert tick(giraff, RobotLink(since=NOW.timestamp()), after(1)) == ()
     session.refresh_from_db()
     assert (session.state, session.outcome_reason) == ("ended", "closed")
@@ -176,7 +171,7 @@ def test_a_dead_process_grants_nothing_that_must_not_begin(provider, giraff, ana
 # --- time -----------------------------------------------------------------------------------------
 
 
-def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, ben):
+def test_turn_and_grace_of_the_terms_apply(provider, giraff, ana, ben):
     provider.terms = STUDY
     session = take(giraff, ana).session
     Session.objects.update(state="reconnecting", lost_at=after(1), driving_at=NOW, granted_at=NOW)
@@ -192,19 +187,17 @@ def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, b
     )
 
 
-def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana, ben):
+def test_turn_of_the_terms_ends_only_if_others_wait(provider, giraff, ana, ben):
     provider.terms = STUDY
     session = take(giraff, ana).session
     Session.objects.update(state="driving", driving_at=NOW)
-    near = {
-        "last_received_at": after(299).timestamp(),
-        "state_at": after(299).timestamp(),
-        "session": session,
-        "epoch": 1,
-        "silence": 0.1,
-        "active_at": after(299).timestamp(),
-    }
-    link = RobotLink(since=NOW.timestamp(), **near)
+    link = RobotLink(
+        since=NOW.timestamp(),
+        **dict.fromkeys(("last_received_at", "state_at", "active_at"), after(299).timestamp()),
+        session=session,
+        epoch=1,
+        silence=0.1,
+    )
     assert tick(giraff, link, after(299)) == ()
     take(giraff, ben, "peer-ben", at=100)
     Session.objects.filter(visitor=ben).update(seen_at=after(299))
@@ -214,17 +207,17 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
     ]
 
 
-# --- what was chosen, and how it is left ----------------------------------------------------------
+# --- assistance and leaving -----------------------------------------------------------------------
 
 
-def test_a_fixed_level_of_assistance_cannot_be_changed(provider, giraff, ana):
+def test_fixed_level_of_assistance_cannot_be_changed(provider, giraff, ana):
     provider.terms = STUDY
     session = take(giraff, ana).session
     assert queries.choose_assist(session, "steer", peer="peer-1", now=after(1)) == "fixed"
     assert Session.objects.get().assist == ""
 
 
-def test_a_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana):
+def test_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana):
     provider.terms = terms.Terms(controllers=("keyboard",))
     session = take(giraff, ana).session
     lease = queries.choose_assist(session, "steer", peer="peer-1", now=after(1))
@@ -241,20 +234,20 @@ class TestFirstDrive:
         giraff.presence.save()
         return giraff
 
-    def test_a_visitor_who_has_never_driven_is_helped_until_they_choose(self, giraff, ana):
+    def test_new_visitor_is_assisted_until_they_choose(self, giraff, ana):
         taken = take(giraff, ana)
         assert taken.lease.assist == "slow"
         queries.choose_assist(taken.session, "off", peer="peer-1", now=after(1))
         assert take(giraff, ana).lease.assist == "off"
 
-    def test_a_visitor_who_has_driven_before_has_the_robots_own_level(self, giraff, ana):
+    def test_visitor_who_has_driven_before_gets_the_robots_own_level(self, giraff, ana):
         Session.objects.create(
             robot=giraff, visitor=ana, state="completed", queued_at=NOW, first_motion_at=NOW
         )
         assert take(giraff, ana).lease.assist is None
 
     @pytest.mark.parametrize(("chosen", "next_time"), [("", "slow"), ("steer", "steer")])
-    def test_the_next_drive_begins_with_the_level_of_the_last(self, giraff, ana, chosen, next_time):
+    def test_next_drive_begins_with_the_level_of_the_last(self, giraff, ana, chosen, next_time):
         session = take(giraff, ana).session
         if chosen:
             queries.choose_assist(session, chosen, peer="peer-1", now=after(1))
@@ -263,14 +256,16 @@ class TestFirstDrive:
         Lease.objects.all().delete()
         assert take(giraff, ana).lease.assist == next_time
 
-    def test_a_robot_that_cannot_or_that_assists_anyway_is_told_nothing(self, giraff, ana, ben):
+    def test_lease_has_no_level_if_the_robot_cannot_assist_or_assists_anyway(
+        self, giraff, ana, ben
+    ):
         Robot.objects.update(assist="steer")
         assert take(giraff, ana).lease.assist is None
         update_robots(assist="off", factsheet={"capabilities": []})
         Session.objects.all().delete()
         assert take(Robot.objects.get(), ben).lease.assist is None
 
-    def test_a_study_decides_for_its_participants(self, provider, giraff, ana):
+    def test_study_sets_the_level_of_its_participants(self, provider, giraff, ana):
         provider.terms = terms.Terms(study={"condition": "A"})
         assert take(giraff, ana).lease.assist is None
 
@@ -278,7 +273,7 @@ class TestFirstDrive:
 @pytest.mark.parametrize(
     ("fixed", "outcome"), [(STUDY, "cancelled"), (terms.Terms(label="Practice"), "completed")]
 )
-def test_leaving_a_drive_completes_it_only_where_its_terms_ask_for_no_more(
+def test_leaving_completes_a_drive_only_if_its_terms_require_no_more(
     provider, giraff, ana, fixed, outcome
 ):
     provider.terms = fixed
@@ -301,35 +296,26 @@ def bridge():
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_takes_the_session(
+async def test_page_gets_terms_and_task_whenever_it_takes_the_session(
     bridge, provider, giraff, ana
 ):
-    provider.terms, provider.task = (
-        STUDY,
-        {"cue": "go_to_checkpoint", "number": 1, "x": 2.0, "y": 1.0},
-    )
+    provider.terms = STUDY
+    provider.task = {"cue": "go_to_checkpoint", "number": 1, "x": 2.0, "y": 1.0}
     async with Page("giraff", ana) as page:
         await page.expect("hello")
         await page.say("session/take", protocol.Take())
         granted, task = await page.expect("session/granted"), await page.expect("session/task")
         await page.say("session/assist", protocol.Assist(level="steer"))
-        denied = await page.expect("denied")
-    assert (granted.terms.controllers, granted.terms.control_way, granted.terms.interface) == (
-        ("keyboard",),
-        "mqtt",
-        "plain",
-    )
-    assert (task.session, task.cue, task.number, task.window) == (
-        granted.session,
-        "go_to_checkpoint",
-        1,
-        "shut",
-    )
-    assert (denied.suffix, denied.reason) == ("session/assist", "fixed")
+        assert await page.denied() == ("session/assist", "fixed")
+    shown = granted.terms
+    assert (shown.controllers, shown.control_way) == (("keyboard",), "mqtt")
+    assert shown.interface == "plain"
+    assert (task.session, task.cue) == (granted.session, "go_to_checkpoint")
+    assert (task.number, task.window) == (1, "shut")
     assert {lease.assist for _, lease in bridge.leases} == {"off"}
 
 
-def test_a_stored_task_becomes_a_notice_and_a_malformed_one_none():
+def test_stored_task_becomes_a_notice_unless_it_is_malformed():
     task = protocol.task_of("s1", {"cue": "dock_now", "passed": [1, 2], "remaining": 30.5}, 5.0)
     assert (task.stamp, task.passed, task.remaining, task.outcome) == (5.0, (1, 2), 30.5, "")
     assert protocol.task_of("s1", {"passed": "all"}, 5.0) is None

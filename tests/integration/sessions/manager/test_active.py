@@ -1,4 +1,4 @@
-"""A session manager whose slot, recorder or database is gone, with a real broker."""
+"""A session manager that loses its slot, recorder or database, with a real broker."""
 
 import asyncio
 import random
@@ -48,7 +48,7 @@ def take() -> str:
 
 
 @pytest.mark.nightly
-async def test_one_whose_slot_was_taken_ends_its_work_and_joins_again(broker, caplog):
+async def test_session_manager_whose_slot_was_taken_joins_again(broker, caplog):
     async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
         await wait_for(
             lambda: Robot.objects.get().is_online(timezone.now()), what="the robot's presence"
@@ -57,16 +57,16 @@ async def test_one_whose_slot_was_taken_ends_its_work_and_joins_again(broker, ca
         await wait_for(lambda: robot.session == session, what="the lease")
         before = manager.active
         await sync_to_async(lambda: rows.dismiss(rows.members()[0]))()
-        await wait_for(lambda: manager.active not in {None, before}, 20, "another work")
+        await wait_for(lambda: manager.active not in {None, before}, 20, "a new run")
         assert "session_manager_replaced" in caplog.text
         count = len(robot.leases)
         await wait_for(lambda: len(robot.leases) > count + 1, 20, "renewals")
         assert {lease.session for lease in robot.leases if lease} == {session}
         assert None not in robot.leases[1:]
-    assert await sync_to_async(lambda: ManagerBeat.objects.get().holder)() == ""
+    assert (await ManagerBeat.objects.aget()).holder == ""
 
 
-async def test_one_whose_recorder_has_died_ends_with_an_error(broker, monkeypatch):
+async def test_session_manager_ends_with_an_error_when_its_recorder_dies(broker, monkeypatch):
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     manager = SessionManager(broker.url, ("session-manager", "unused"), random.Random(1))
     running = asyncio.create_task(manager.run())
@@ -78,17 +78,15 @@ async def test_one_whose_recorder_has_died_ends_with_an_error(broker, monkeypatc
                 await asyncio.wait_for(running, patient(30))
     finally:
         await cancel(running)
-    assert await sync_to_async(lambda: ManagerBeat.objects.get().holder)() == "", "others may serve"
+    assert (await ManagerBeat.objects.aget()).holder == "", "others may take the slot"
 
 
-async def test_a_database_that_is_away_when_the_broker_is_there_is_waited_for(
-    broker, monkeypatch, caplog
-):
+async def test_session_manager_waits_for_the_database(broker, monkeypatch, caplog):
     begin, refusals = Scheduler.begin, iter([True])
 
     def away_at_first(scheduler):
         if next(refusals, False):
-            raise OperationalError("the database is away")
+            raise OperationalError("the database is unavailable")
         begin(scheduler)
 
     monkeypatch.setattr(Scheduler, "begin", away_at_first)

@@ -1,4 +1,4 @@
-"""One look of the scheduler at what robots have said of themselves, in a real database."""
+"""Ticks of the session manager, with messages of robots and a real database."""
 
 import asyncio
 import datetime
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.django_db
 GIRAFF = shard_of("giraff")
 
 
-class Look:
+class TickingManager:
     """A connection without its client, and with a stopped clock."""
 
     def __init__(self):
@@ -65,15 +65,18 @@ class Look:
             due=asyncio.Event(),
             received=asyncio.Event(),
         )
-        self._work = work
+        self.work = work
         self.reconnect()
 
     def reconnect(self):
-        self.connection = BrokerConnection(None, self._work, lambda: self.now)
+        self.connection = BrokerConnection(None, self.work, lambda: self.now)
 
-    def hear(self, message, suffix="connection"):
+    def receive(self, message, suffix="connection"):
         topic, payload = Topic(topics.of("giraff", suffix)), codec.encode(message)
         self.gate.receive(Message(topic, payload, 1, retain=False, mid=1, properties=None))
+
+    def lose_giraff(self):
+        self.ownership.become({n: epoch for n, epoch in self.epochs.items() if n != GIRAFF})
 
     def tick(self):
         self.gate.follow()
@@ -86,68 +89,69 @@ def giraff():
 
 
 @pytest.fixture
-def look(giraff):
-    return Look()
+def manager(giraff):
+    return TickingManager()
+
+
+def fail(*_, **__):
+    raise OperationalError("the database is unavailable")
 
 
 def connection_of_giraff():
     return Robot.objects.get().presence.connection
 
 
-def test_a_process_that_has_just_gone_on_after_a_stop_writes_nothing_until_it_has_beaten(look):
-    look.hear(words.online())
-    look.now += CONFIRMED_ALONE_SECONDS + 1.0
-    assert look.tick() == []
+def test_process_that_was_stopped_writes_nothing_before_its_next_beat(manager):
+    manager.receive(words.online())
+    manager.now += CONFIRMED_ALONE_SECONDS + 1.0
+    assert manager.tick() == []
     assert connection_of_giraff() != "ONLINE"
-    look.ownership.confirm(look.now)
-    look.tick()
+    manager.ownership.confirm(manager.now)
+    manager.tick()
     assert connection_of_giraff() == "ONLINE"
 
 
-def test_presence_that_the_database_refused_is_stored_by_the_next_look(look, monkeypatch):
-    look.hear(words.online())
-    look.hear(words.factsheet(), "factsheet")
+def test_presence_that_the_database_refused_is_stored_by_the_next_tick(manager, monkeypatch):
+    manager.receive(words.online())
+    manager.receive(words.factsheet(), "factsheet")
     take = PresenceWriter.take
 
-    def away(writer, robot, message, now, **how):
+    def take_and_fail(writer, robot, message, now, **how):
         take(writer, robot, message, now, **how)
-        raise OperationalError("the database is away")
+        fail()
 
     with monkeypatch.context() as patched:
-        patched.setattr(PresenceWriter, "take", away)
+        patched.setattr(PresenceWriter, "take", take_and_fail)
         with pytest.raises(OperationalError):
-            look.tick()
+            manager.tick()
     assert connection_of_giraff() != "ONLINE"
-    look.tick()
+    manager.tick()
     assert connection_of_giraff() == "ONLINE"
     assert Robot.objects.get().presence.factsheet
 
 
-def test_news_that_is_repeated_uses_the_allowance_of_the_system_log_once(look, monkeypatch):
-    def away(*_, **__):
-        raise OperationalError("the database is away")
-
-    look.hear(words.online())
+def test_repeated_change_of_presence_is_logged_once(manager, monkeypatch):
+    manager.receive(words.online())
     with monkeypatch.context() as patched:
-        patched.setattr(PresenceWriter, "write", away)
+        patched.setattr(PresenceWriter, "write", fail)
         for _ in range(int(LOGGED_RATE[1]) + 1):
             with pytest.raises(OperationalError):
-                look.tick()
-    look.tick()
+                manager.tick()
+    manager.tick()
     assert [entry.event for entry in SystemLog.objects.all()] == ["robot_online"]
 
 
-def test_a_robot_gained_before_the_clock_was_set_back_is_missed_as_soon(look, giraff):
+def test_silence_of_a_robot_is_detected_after_the_clock_was_set_back(manager, giraff):
     ana = User.objects.create(username="ana")
     now = timezone.now()
-    look.hear(words.online())
-    look.tick()
+    manager.receive(words.online())
+    manager.tick()
     giraff.refresh_from_db()
     granted = store.take(giraff, ana, "p1", now=now)
-    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    look.tick()
-    look.ownership.become(look.epochs)
-    scheduler, hour = look._work.scheduler, datetime.timedelta(hours=1)
+    manager.lose_giraff()
+    manager.tick()
+    manager.ownership.become(manager.epochs)
+    scheduler, hour = manager.work.scheduler, datetime.timedelta(hours=1)
     scheduler.tick({}, RobotLink(since=now.timestamp()), now + hour)
     for seconds in (0.0, 300.0):  # of a silent robot, after the step
         at = now + datetime.timedelta(seconds=seconds)
@@ -155,77 +159,74 @@ def test_a_robot_gained_before_the_clock_was_set_back_is_missed_as_soon(look, gi
     assert Session.objects.get(pk=granted.session).state == "ended"
 
 
-def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(look):
-    look.tick()
-    look.hear(words.online())
-    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    look.tick()
+def test_presence_of_a_lost_robot_is_left_to_its_owner(manager):
+    manager.tick()
+    manager.receive(words.online())
+    manager.lose_giraff()
+    manager.tick()
     assert connection_of_giraff() != "ONLINE"
     RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner
-    look.ownership.become(look.epochs)
-    look.hear(words.broken())
-    look.tick()
-    assert connection_of_giraff() == "CONNECTIONBROKEN", "the row was read anew"
+    manager.ownership.become(manager.epochs)
+    manager.receive(words.broken())
+    manager.tick()
+    assert connection_of_giraff() == "CONNECTIONBROKEN", "the row was read again"
 
 
-def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connection(look):
-    look.hear(words.online())
-    look.tick()
-    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+def test_row_is_read_again_when_its_shard_changed_owners_without_a_connection(manager):
+    manager.receive(words.online())
+    manager.tick()
+    manager.lose_giraff()
     RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
-    look.ownership.become(look.epochs)
-    look.reconnect()
-    look.hear(words.online())
-    look.tick()
+    manager.ownership.become(manager.epochs)
+    manager.reconnect()
+    manager.receive(words.online())
+    manager.tick()
     assert connection_of_giraff() == "ONLINE"
 
 
-def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_hands(
-    look, monkeypatch
+def test_row_is_read_again_although_the_database_failed_at_the_change_of_owner(
+    manager, monkeypatch
 ):
-    look.hear(words.online())
-    look.tick()
-    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+    manager.receive(words.online())
+    manager.tick()
+    manager.lose_giraff()
     RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
-    look.ownership.become(look.epochs)
-
-    def away(*_, **__):
-        raise OperationalError("the database is away")
+    manager.ownership.become(manager.epochs)
 
     with monkeypatch.context() as patched:
-        patched.setattr(PresenceWriter, "write", away)
+        patched.setattr(PresenceWriter, "write", fail)
         with pytest.raises(OperationalError):
-            look.tick()
-    look.hear(words.online())
-    look.tick()
+            manager.tick()
+    manager.receive(words.online())
+    manager.tick()
     assert connection_of_giraff() == "ONLINE"
 
 
 @pytest.mark.parametrize("step", [120.0, -120.0, 86_400.0])
-def test_a_step_of_the_servers_clock_ends_no_drive(look, giraff, monkeypatch, step):
+def test_step_of_the_servers_clock_ends_no_drive(manager, giraff, monkeypatch, step):
     """As when a virtual machine is resumed, or NTP corrects the clock."""
     ahead = [0.0]
     clock = lambda: time.time() + ahead[0]
     moment = lambda: datetime.datetime.fromtimestamp(clock(), datetime.UTC)
     monkeypatch.setattr(broker_connection.timezone, "now", moment)
-    look.connection = BrokerConnection(None, look._work, clock)
-    look.intake._clock = clock
-    look.hear(words.online())
-    look.tick()
+    manager.connection = BrokerConnection(None, manager.work, clock)
+    manager.intake._clock = clock
+    manager.receive(words.online())
+    manager.tick()
     giraff.refresh_from_db()
     ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
     granted = store.take(giraff, ana, "p1", now=moment())
     waiting = store.take(giraff, ben, "p2", now=moment())
     beat = {"session": granted.session, "epoch": granted.epoch, "visitor_silence": 0.1}
-    look.hear(words.state(1, **beat), "state")
-    look.tick()
+    manager.receive(words.state(1, **beat), "state")
+    manager.tick()
     assert Session.objects.get(pk=granted.session).state == "driving"
     ahead[0] = step
     for seq in range(2, 5):
-        look.tick()
+        manager.tick()
         assert Session.objects.get(pk=granted.session).state == "driving"
         assert Session.objects.get(pk=waiting.session).state == "waiting"
-        look.hear(words.state(seq, **beat), "state")
+        manager.receive(words.state(seq, **beat), "state")
         store.seen({granted.session, waiting.session}, moment())
     kinds = SessionEvent.objects.filter(session=granted.session).values_list("type", flat=True)
     assert "server_absent" not in kinds

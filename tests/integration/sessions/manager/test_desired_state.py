@@ -18,6 +18,7 @@ from sessions.manager.desired_state import READ_ALL_SECONDS, DesiredState
 from sessions.models import Session
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
+from tests.support.robots import floor_plan
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -26,17 +27,7 @@ LATER, LATEST = (NOW + datetime.timedelta(seconds=n * READ_ALL_SECONDS) for n in
 
 @pytest.fixture
 def office():
-    return FloorPlan.objects.create(
-        name="office",
-        title="Office",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        width=1,
-        height=1,
-        image=b"png",
-        sha256="a" * 64,
-    )
+    return floor_plan("office", sha256="a" * 64)
 
 
 @pytest.fixture
@@ -51,74 +42,67 @@ def giraff(office):
 
 
 def published(outbound_messages):
-    found = {
-        outbound.topic.rpartition("/")[2]: codec.decode(
-            outbound.topic.rpartition("/")[2], outbound.payload, "to_robot"
-        )
-        for outbound in outbound_messages
-    }
-    assert all(outbound.retain for outbound in outbound_messages)
+    found = {}
+    for outbound in outbound_messages:
+        assert outbound.retain
+        suffix = outbound.topic.rpartition("/")[2]
+        found[suffix] = codec.decode(suffix, outbound.payload, "to_robot")
     return found
 
 
-def look(orders, now):
+def tick(orders, now):
     return list(orders.tick(now))
 
 
-def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
+def test_assistance_doors_and_map_of_a_robot_are_published_once(giraff):
     orders = DesiredState()
-    first = published(look(orders, NOW))
+    first = published(tick(orders, NOW))
     assert (first["config"].assist, first["config"].doors) == ("slow", {"lab-door": "closed"})
     assert first["floorplan"].map_id == "office"
-    assert look(orders, NOW) == []
+    assert tick(orders, NOW) == []
 
 
 def test_only_changes_in_the_administration_are_published(giraff, office):
     orders = DesiredState()
-    look(orders, NOW)
+    tick(orders, NOW)
     Robot.objects.update(doors={"lab-door": "open"})
-    assert published(look(orders, LATER))["config"].doors == {"lab-door": "open"}
+    assert published(tick(orders, LATER))["config"].doors == {"lab-door": "open"}
     FloorPlan.objects.update(plan={"docks": []})
-    assert list(published(look(orders, LATEST))) == ["floorplan"]
+    assert list(published(tick(orders, LATEST))) == ["floorplan"]
 
 
-def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_again(giraff, office):
+def test_new_map_is_published_when_maps_are_read_again(giraff, office):
     orders = DesiredState()
     Robot.objects.update(floor_plan=None)
-    look(orders, NOW)
+    tick(orders, NOW)
     copy = FloorPlan.objects.get(pk=office.pk)
     copy.pk, copy.name = uuid.uuid4(), "annexe"
     copy.save(force_insert=True)
     Robot.objects.update(floor_plan=copy)
-    look(orders, NOW)
-    assert published(look(orders, LATER))["floorplan"].map_id == "annexe"
+    tick(orders, NOW)
+    assert published(tick(orders, LATER))["floorplan"].map_id == "annexe"
 
 
-def test_a_robot_without_a_map_is_told_the_rest(giraff):
+def test_robot_without_a_map_gets_its_config(giraff):
     Robot.objects.update(floor_plan=None)
-    assert list(published(look(DesiredState(), NOW))) == ["config"]
+    assert list(published(tick(DesiredState(), NOW))) == ["config"]
 
 
 def begin_session(robot: Robot, **fixed) -> str:
     RobotPresence.objects.update(connection="ONLINE", last_seen_at=NOW)
     robot.refresh_from_db()
-    session = store.take(
-        robot, User.objects.create(username=f"user-{User.objects.count()}"), "p1", now=NOW
-    ).session
-    Session.objects.filter(pk=session).update(
-        terms=terms.stored(terms.Terms(**fixed)), state="driving"
-    )
+    visitor = User.objects.create(username="visitor")
+    session = store.take(robot, visitor, "p1", now=NOW).session
+    Session.objects.update(terms=terms.stored(terms.Terms(**fixed)), state="driving")
     return session
 
 
-def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is_over(
-    giraff, office
-):
+def test_terms_of_a_session_override_the_robots_settings_until_it_ends(giraff, office):
     FloorPlan.objects.update(
         plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]}
     )
     orders = DesiredState()
-    look(orders, NOW)
+    tick(orders, NOW)
     slow = NetworkLab(delay=0.2)
     session = begin_session(
         giraff,
@@ -126,64 +110,57 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
         doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"},
         control_network=slow,
     )
-    during = published(look(orders, NOW))["config"]
+    during = published(tick(orders, NOW))["config"]
     assert (during.assist, during.control_network, during.video_network) == ("off", slow, None)
-    assert during.network_session == session, (
-        "nobody else gets it, however late the next word comes"
-    )
+    assert during.network_session == session, "no other session may get it"
     assert during.doors == {"lounge-door": "closed", "store-door": "open", "lab-door": "open"}
-    assert look(orders, NOW) == []
+    assert tick(orders, NOW) == []
     store.end(session, "cancelled", "left", NOW)
-    afterwards = published(look(orders, NOW))["config"]
-    assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == (
-        "slow",
-        None,
-        None,
-    )
+    afterwards = published(tick(orders, NOW))["config"]
+    assert afterwards.assist == "slow"
+    assert (afterwards.control_network, afterwards.network_session) == (None, None)
     assert afterwards.doors == {"lounge-door": "open", "store-door": "closed", "lab-door": "closed"}
 
 
-def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
+def test_doors_of_a_session_that_ended_without_a_session_manager_are_reset(giraff):
     session = begin_session(giraff, doors={"lounge-door": "closed"})
     store.end(session, "cancelled", "left", NOW)
-    assert published(look(DesiredState(), NOW))["config"].doors == {
-        "lounge-door": "open",
-        "lab-door": "closed",
-    }
+    doors = published(tick(DesiredState(), NOW))["config"].doors
+    assert doors == {"lounge-door": "open", "lab-door": "closed"}
 
 
-def test_a_robot_that_is_anothers_is_told_nothing_and_everything_when_it_is_ours_again(giraff):
+def test_settings_are_published_only_by_the_owner_of_the_robot(giraff):
     ownership, shard = Ownership(), shard_of("giraff")
     ownership.become({shard: 1})
     orders = DesiredState(ownership)
-    first = look(orders, NOW)
+    first = tick(orders, NOW)
     assert set(published(first)) == {"config", "floorplan"}
     ownership.become({})
     Robot.objects.update(assist="stop")
-    assert look(orders, NOW) == []
+    assert tick(orders, NOW) == []
     Robot.objects.update(assist="slow")
     ownership.become({shard: 3})
-    assert look(orders, NOW) == first
-    assert look(orders, NOW) == []
+    assert tick(orders, NOW) == first
+    assert tick(orders, NOW) == []
 
 
 @pytest.mark.parametrize("failing", range(1, 6))
-def test_a_database_that_is_away_for_a_moment_leaves_no_robot_untold(giraff, office, failing):
+def test_settings_of_all_robots_are_published_although_a_query_failed(giraff, office, failing):
     Robot.objects.create(name="another", title="Another", floor_plan=office, assist="off")
     begin_session(giraff)
-    orders, asked = DesiredState(), itertools.count(1)
+    orders, queries = DesiredState(), itertools.count(1)
 
     def away(execute, *args):
-        if next(asked) == failing:
+        if next(queries) == failing:
             raise OperationalError
         return execute(*args)
 
     outbound = []
     with connection.execute_wrapper(away), contextlib.suppress(OperationalError):
         outbound += orders.tick(NOW)
-    assert next(asked) > failing, "it took fewer questions"
+    assert next(queries) > failing, "it made fewer queries"
     soon = NOW + datetime.timedelta(seconds=0.5)
-    outbound += look(orders, soon)
+    outbound += tick(orders, soon)
     sent = sorted(message.topic.split("/")[-2:] for message in outbound)
     assert sent == [
         [name, what] for name in ("another", "giraff") for what in ("config", "floorplan")

@@ -12,11 +12,12 @@ from sessions import protocol, signals
 from sessions.manager import notices
 from sessions.manager.dispatch import send_all
 from sessions.manager.ingest import Intake
-from sessions.models import Session, SessionEvent
+from sessions.models import SessionEvent
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import ActionItem, EventItem, PhotoItem
 from sessions.recording.store import RecordStore
 from tests.support import words
+from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db
 NOW = 1_766_000_000.0
@@ -31,13 +32,7 @@ class Kept(list):
 @pytest.fixture
 def session():
     robot = Robot.objects.create(name="giraff", title="Giraff")
-    made = Session.objects.create(
-        robot=robot,
-        visitor=User.objects.create(username="ana"),
-        live_key="x",
-        queued_at="2026-01-01T00:00Z",
-    )
-    return str(made.pk)
+    return str(session_row(robot, User.objects.create(username="ana")).pk)
 
 
 @pytest.fixture
@@ -45,38 +40,40 @@ def intake():
     return Intake(Kept(), lambda: NOW, wake_signals=lambda: None, wake_scheduler=lambda: None)
 
 
-def hears(intake: Intake, topic: str, message: m.Message) -> None:
-    intake.receive(
-        Message(Topic(topic), codec.encode(message), 1, retain=False, mid=1, properties=None)
-    )
+def receive(intake: Intake, topic: str, payload: bytes) -> None:
+    intake.receive(Message(Topic(topic), payload, 1, retain=False, mid=1, properties=None))
+
+
+def from_page(intake: Intake, session: str, message: m.Message | bytes) -> None:
+    suffix = "page/network" if isinstance(message, protocol.PageNetwork) else "page/event"
+    raw = msgspec.Raw(message if isinstance(message, bytes) else codec.encode(message))
+    report = protocol.PageReport(suffix=suffix, session=session, message=raw)
+    receive(intake, protocol.page_reports(session), codec.encode(report))
 
 
 def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
-    hears(intake, topics.of("giraff", suffix), message)
+    receive(intake, topics.of("giraff", suffix), codec.encode(message))
 
 
 @pytest.fixture
 def published():
-    last_received = []
-    receiver = lambda **news: last_received.append(
-        (news["robot"], news["session"], news["message"], news["received_at"])
-    )
-    signals.message_received.connect(receiver, weak=False, dispatch_uid="test")
-    yield last_received
-    signals.message_received.disconnect(dispatch_uid="test")
+    received = []
+
+    def receiver(robot, session, message, received_at, **_news):
+        received.append((robot, session, message, received_at))
+
+    signals.message_received.connect(receiver)
+    yield received
+    signals.message_received.disconnect(receiver)
 
 
-def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(
-    intake, session, published
-):
+def test_ended_action_belongs_to_the_current_session_of_the_robot(intake, session, published):
     failed = m.ActionStatus(
         action_id="a1", status="FAILED", stamp=NOW, type="photo", reason="no_picture"
     )
     from_robot(intake, "action", failed)  # no session yet
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
-    from_robot(
-        intake, "action", m.ActionStatus(action_id="a1", status="RUNNING", stamp=NOW, type="photo")
-    )
+    from_robot(intake, "action", msgspec.structs.replace(failed, status="RUNNING"))
     from_robot(intake, "action", failed)
     assert [item for item in intake._recorder if isinstance(item, ActionItem)] == [
         ActionItem("giraff", session, failed, NOW)
@@ -85,81 +82,44 @@ def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(
     assert published == [("giraff", session, failed, NOW)]
 
 
-def test_a_picture_that_only_showed_that_the_camera_works_is_not_kept(intake, session):
+def test_picture_of_the_camera_check_is_not_recorded(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for action in ("home-1", "p1"):
-        from_robot(
-            intake,
-            "event",
-            m.Event(
-                stamp=NOW,
-                boot="b1",
-                seq=2,
-                session=session,
-                epoch=1,
-                type="photo",
-                action_id=action,
-                sha256="ab",
-            ),
-        )
-        intake.receive(
-            Message(
-                Topic(topics.of("giraff", f"photo/{action}")),
-                b"\xff\xd8",
-                1,
-                retain=False,
-                mid=1,
-                properties=None,
-            )
-        )
-    kept = [item for item in intake._recorder if isinstance(item, EventItem | PhotoItem)]
-    assert [
-        item.event.action_id if isinstance(item, EventItem) else item.action_id for item in kept
-    ] == ["p1", "p1"]
+        photo = {"type": "photo", "action_id": action, "sha256": "ab"}
+        event = m.Event(stamp=NOW, boot="b1", seq=2, session=session, epoch=1, **photo)
+        from_robot(intake, "event", event)
+        receive(intake, topics.of("giraff", f"photo/{action}"), b"\xff\xd8")
+    events = [item.event for item in intake._recorder if isinstance(item, EventItem)]
+    photos = [item for item in intake._recorder if isinstance(item, PhotoItem)]
+    assert [one.action_id for one in events + photos] == ["p1", "p1"]
 
 
 def test_frequently_repeated_actions_are_not_recorded(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for kind in ("stop", "estop", "resend_states", ""):
-        from_robot(
-            intake,
-            "action",
-            m.ActionStatus(action_id="a1", status="FINISHED", stamp=NOW, type=kind),
-        )
+        finished = m.ActionStatus(action_id="a1", status="FINISHED", stamp=NOW, type=kind)
+        from_robot(intake, "action", finished)
     assert not [item for item in intake._recorder if isinstance(item, ActionItem)]
 
 
-def test_an_ended_action_stands_once_in_the_record(session):
+def test_ended_action_is_recorded_once(session):
     builder, store = RecordBuilder(RecordStore(), lambda *_: None), RecordStore()
     status = m.ActionStatus(
         action_id="g1", status="CANCELLED", stamp=NOW, type="goto", reason="manual\0"
     )
     for _ in range(2):
         builder.take(ActionItem("giraff", session, status, NOW))
-    builder.take(ActionItem("rhodon", session, status, NOW))  # another robot has no say
+    builder.take(ActionItem("rhodon", session, status, NOW))  # not of its session
     store.insert(builder.rows)
     row = SessionEvent.objects.get()
     assert (row.source, row.type, row.stamp) == ("robot", "action", NOW)
     assert row.data == {"actionId": "g1", "status": "CANCELLED", "type": "goto", "reason": "manual"}
 
 
-def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
-    intake, session, published
-):
+def test_events_and_page_reports_reach_other_apps_unless_malformed(intake, session, published):
     event = protocol.PageEvent(stamp=1.0, type="first_frame")
-    for message in (event, protocol.PageNetwork(stamp=1.0, way="mqtt")):
-        suffix = "page/event" if message is event else "page/network"
-        report = protocol.PageReport(
-            suffix=suffix, session=session, message=msgspec.Raw(codec.encode(message))
-        )
-        hears(intake, protocol.page_reports(session), report)
-    hears(
-        intake,
-        protocol.page_reports(session),
-        protocol.PageReport(
-            suffix="page/event", session=session, message=msgspec.Raw(b'{"stamp":1}')
-        ),
-    )
+    for message in (event, protocol.PageNetwork(stamp=1.0, way="mqtt"), b'{"stamp":1}'):
+        from_page(intake, session, message)
     photo = m.Event(stamp=2.0, boot="b1", seq=2, session=session, type="photo", action_id="a1")
     from_robot(intake, "event", photo)
     from_robot(intake, "event", m.Event(stamp=2.0, boot="b1", seq=3, type="docked"))
@@ -168,27 +128,18 @@ def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
     assert intake.fresh() == []
 
 
-def test_a_state_that_comes_late_is_told_as_such(intake, session):
+def test_late_state_is_sent_as_a_recovered_one(intake, session):
     seen = []
-    receivers = {
-        name: lambda name=name, **news: seen.append((name, news["state"].seq))
-        for name in ("state_received", "state_recovered")
-    }
-    for name, receiver in receivers.items():
-        getattr(signals, name).connect(receiver, weak=False, dispatch_uid="late")
-    try:
-        for seq in (1, 4, 2, 4):
-            from_robot(intake, "state", words.state(seq, session=session, epoch=1))
-        send_all(intake.fresh(), {})
-    finally:
-        for name in receivers:
-            getattr(signals, name).disconnect(dispatch_uid="late")
-    assert seen == [
-        ("state_received", 1),
-        ("state_received", 4),
-        ("state_recovered", 2),
-        ("state_recovered", 4),
-    ]
+
+    def receiver(signal, state, **_news):
+        seen.append(("late" if signal is signals.state_recovered else "", state.seq))
+
+    for signal in (signals.state_received, signals.state_recovered):
+        signal.connect(receiver)
+    for seq in (1, 4, 2, 4):
+        from_robot(intake, "state", words.state(seq, session=session, epoch=1))
+    send_all(intake.fresh(), {})
+    assert seen == [("", 1), ("", 4), ("late", 2), ("late", 4)]
 
 
 def test_notices_of_a_task_wait_for_the_next_tick():
@@ -200,7 +151,7 @@ def test_notices_of_a_task_wait_for_the_next_tick():
     assert not notices.are_waiting()
 
 
-def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_are_signs(session):
+def test_driving_calls_autonomy_stops_and_input_of_the_page_are_activity(session):
     now = [NOW]
     clock = lambda: now[0]
     intake = Intake(
@@ -208,22 +159,14 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
     )
 
     def last_sign():
-        return max(
-            intake.liveness["giraff"].link(0.0).active_at or 0.0,
-            intake.signs.get(session, 0.0),
-        )
+        active_at = intake.liveness["giraff"].link(0.0).active_at or 0.0
+        return max(active_at, intake.signs.get(session, 0.0))
 
     def sign_after(suffix, message):
         now[0] += 10.0
         before = last_sign()
         if suffix == "page":
-            hears(
-                intake,
-                protocol.page_reports(session),
-                protocol.PageReport(
-                    suffix="page/event", session=session, message=msgspec.Raw(codec.encode(message))
-                ),
-            )
+            from_page(intake, session, message)
         else:
             from_robot(intake, suffix, message)
         return last_sign() == now[0] != before
@@ -233,21 +176,21 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
         seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0
     )
     from_robot(intake, "state", words.state(1))
-    assert sign_after("state", words.state(2, **sent))  # a page has come
+    assert sign_after("state", words.state(2, **sent))  # a page has connected
     assert not sign_after("state", words.state(3, **sent))
     assert sign_after("state", words.state(4, applied=(command,), **sent))
     assert sign_after("state", words.state(5, mode="goto", **sent))
     assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **sent))
     assert not sign_after("state", words.state(7, **sent))
     assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **sent)), (
-        "a driver who waits for somebody to release the stop can do nothing"
+        "a driver who waits for the release of the stop can do nothing"
     )
     assert not sign_after("state", words.state(9, **sent))
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE))
     assert not sign_after("page", protocol.PageEvent(stamp=1.0, type="blur"))
     assert not sign_after("state", words.state(10))  # its lease lapsed
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), (
-        "whatever the robot says of the visit just now"
+        "although the robot reports no session"
     )
     assert not sign_after("state", words.state(11, **sent))
     # the page was loaded again

@@ -1,4 +1,4 @@
-"""What the scheduler says to pages, and says again when it may have got lost."""
+"""Notices of the scheduler to pages, which it repeats if one may have been lost."""
 
 import contextlib
 import datetime
@@ -60,8 +60,8 @@ def sent_by(scheduler, seconds, kind=Offered, **link):
 
 
 def refused_then_sent(scheduler, seconds, kind, **link):
-    """Return what it says of this kind at the look after one that the database broke off, when this
-    was to be recorded.
+    """Return the notices of this kind of the tick after one in which the database refused to record
+    them.
     """
 
     def refuses(execute, sql, params, *args):
@@ -75,34 +75,34 @@ def refused_then_sent(scheduler, seconds, kind, **link):
     return sent_by(scheduler, seconds + 1, kind, **link)
 
 
-def test_an_offer_is_said_once(offered):
+def test_offer_is_sent_once(offered):
     scheduler = Scheduler()
     assert sent_by(scheduler, 2) == [Offered(session=offered, seconds=60.0)]
     assert sent_by(scheduler, 3) == []
 
 
-def test_an_offer_that_its_session_manager_did_not_live_to_say_is_said_by_the_next(offered):
-    sent_by(Scheduler(), 2)  # and was killed before its loop published it
+def test_offer_of_a_killed_session_manager_is_sent_by_the_next(offered):
+    sent_by(Scheduler(), 2)  # and was killed before it published it
     successor = Scheduler()
     assert sent_by(successor, 12) == [Offered(session=offered, seconds=50.0)]
     assert sent_by(successor, 13) == []
 
 
 @pytest.mark.django_db(transaction=True)
-def test_an_offer_that_the_database_refused_to_record_is_said_at_the_next_look(offered):
+def test_offer_that_could_not_be_recorded_is_sent_at_the_next_tick(offered):
     scheduler = Scheduler()
     assert refused_then_sent(scheduler, 2, Offered) == [Offered(session=offered, seconds=59.0)]
     assert sent_by(scheduler, 4) == []
 
 
-def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
+def test_offer_is_sent_again_to_a_broker_that_may_have_lost_it(offered):
     scheduler = Scheduler()
     sent_by(scheduler, 2)
     scheduler.begin()
     assert sent_by(scheduler, 12) == [Offered(session=offered, seconds=50.0)]
 
 
-def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
+def test_visitor_whose_offer_was_withdrawn_gets_their_place_again(offered):
     scheduler = Scheduler()
     sent_by(scheduler, 2)
     update_robots(turnaround="paused", turnaround_reason="estop", returns_home=True)
@@ -120,7 +120,7 @@ def warned(drive, settings):
     return {"last_received_at": at, "state_at": at, "session": drive, "epoch": 1, "silence": 0.1}
 
 
-def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(drive, warned):
+def test_warning_is_sent_again_to_a_broker_that_may_have_lost_it(drive, warned):
     scheduler = Scheduler()
     assert [notice.session for notice in sent_by(scheduler, 1, TurnWarning, **warned)] == [drive]
     assert sent_by(scheduler, 1.5, TurnWarning, **warned) == []
@@ -130,13 +130,13 @@ def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(d
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_driver_is_warned_after_the_database_refused_to_record_it(drive, warned):
+def test_warning_that_could_not_be_recorded_is_sent_at_the_next_tick(drive, warned):
     (warning,) = refused_then_sent(Scheduler(), 1, TurnWarning, **warned)
     assert warning.session == drive
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(drive, settings):
+def test_presence_check_that_could_not_be_recorded_is_sent_at_the_next_tick(drive, settings):
     settings.IDLE_SECONDS = 4.0
     Session.objects.update(seen_at=after(1000))
     scheduler, at = Scheduler(), after(5).timestamp()
@@ -149,9 +149,9 @@ def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(dri
     ]
 
 
-def test_a_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):
-    """A web process has changed the lease, and not yet the session: an idle robot says something
-    every half a minute.
+def test_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):
+    """A web process has changed the lease, and not yet the session; an idle robot sends a message
+    every 30 s.
     """
     Session.objects.filter(pk=drive).update(state="waiting", granted_at=None, driving_at=None)
     link = (NOW - datetime.timedelta(seconds=20)).timestamp()
@@ -163,7 +163,7 @@ def test_a_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):
     assert Session.objects.get(pk=drive).outcome_reason == "robot_offline"
 
 
-def test_two_copies_of_a_lease_never_have_one_number(drive, monkeypatch):
+def test_two_versions_of_a_lease_never_have_the_same_number(drive, monkeypatch):
     scheduler, numbers = Scheduler(), []
 
     def renew():
@@ -173,29 +173,29 @@ def test_two_copies_of_a_lease_never_have_one_number(drive, monkeypatch):
         numbers.extend(copy["renewal"] for copy in copies)
         scheduler.outbox.clear()
 
-    def meanwhile(execute, sql, params, many, context):
+    def renew_during_update(execute, sql, params, many, context):
         if sql.startswith('UPDATE "telepresence_sessions_lease"') and "renewal" in sql:
             watching.pop().close()
             renew()
         return execute(sql, params, many, context)
 
     watching = [contextlib.ExitStack()]
-    watching[0].enter_context(connection.execute_wrapper(meanwhile))
+    watching[0].enter_context(connection.execute_wrapper(renew_during_update))
     chosen = store.set_assist(drive, "slow", peer="p1").renewal
     renew()
     assert len({*numbers, chosen}) == 3
     assert max(numbers) > chosen > min(numbers)
 
 
-def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settings):
-    """As after an upgrade, or a hand in the database."""
+def test_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settings):
+    """As after an upgrade, or a manual change of the database."""
     rhodon = create_robot(
         name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
     )
     other = store.take(rhodon, User.objects.create(username="cem"), "p3", now=NOW).session
     Session.objects.filter(pk=drive).update(terms={"driver": "x", "study": {"slug": "s"}})
     scheduler = Scheduler()
-    assert scheduler.renew(after(0.1)), "until then, its robot obeys nothing"
+    assert scheduler.renew(after(0.1)), "its robot allows nothing until then"
     leases = {
         topics.parse(one.topic)[0]: codec.decode("lease", one.payload) for one in scheduler.outbox
     }
@@ -208,4 +208,4 @@ def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settin
     row = Session.objects.get(pk=drive)
     assert terms.of(row).study == {"slug": "s"}
     assert Session.objects.get(pk=other).state != "ended"
-    assert sent_by(scheduler, 2), "who waited is offered the robot"
+    assert sent_by(scheduler, 2), "the robot is offered to the queue"

@@ -1,4 +1,4 @@
-"""The recorder and its database, when things go wrong."""
+"""The recorder, also when its database fails."""
 
 import hashlib
 import itertools
@@ -35,6 +35,7 @@ from sessions.recording.store import RecordStore, new_key
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 from tests.support.patience import patient
+from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db(transaction=True)
 NOW = 1_700_000_000.0
@@ -43,10 +44,7 @@ NOW = 1_700_000_000.0
 @pytest.fixture
 def session() -> Session:
     robot = Robot.objects.create(name="giraff", title="Giraff")
-    visitor = User.objects.create(username="ana")
-    return Session.objects.create(
-        robot=robot, visitor=visitor, state="driving", live_key="k", queued_at=timezone.now()
-    )
+    return session_row(robot, User.objects.create(username="ana"), state="driving")
 
 
 def state_item(
@@ -91,6 +89,17 @@ def builder() -> RecordBuilder:
     return RecordBuilder(RecordStore(), lambda *_: None)
 
 
+def write_all(record: RecordBuilder) -> None:
+    record.close_all()
+    record.write()
+
+
+def builder_with_requests() -> tuple[RecordBuilder, list[tuple]]:
+    """Return a builder, and the requests for missing states that it makes."""
+    requests = []
+    return RecordBuilder(RecordStore(), lambda *words: requests.append(words)), requests
+
+
 def wait_until(condition, seconds: float = 10.0):
     deadline = time.monotonic() + patient(seconds)
     while not condition():
@@ -115,7 +124,7 @@ class Flaky:
         monkeypatch.setattr(RecordStore, "insert", sometimes)
 
 
-def test_rows_are_kept_while_the_database_is_away_and_written_when_it_is_back(session, monkeypatch):
+def test_rows_are_kept_while_the_database_is_unavailable(session, monkeypatch):
     database = Flaky(monkeypatch)
     database.away.set()
     recorder = Recorder(lambda *_: None, clock=lambda: NOW + 1000)
@@ -129,7 +138,7 @@ def test_rows_are_kept_while_the_database_is_away_and_written_when_it_is_back(se
     assert stored(session) == list(range(1, 101))
 
 
-def test_a_full_buffer_counts_what_it_drops_and_the_record_misses_it(session, monkeypatch, caplog):
+def test_full_buffer_counts_dropped_states_and_requests_them_again(session, monkeypatch, caplog):
     database, asked = Flaky(monkeypatch), []
     database.away.set()
     clock = [NOW]
@@ -153,7 +162,7 @@ def test_a_full_buffer_counts_what_it_drops_and_the_record_misses_it(session, mo
     assert stored(session) == [*range(1, 22), 41]
 
 
-def test_stopping_writes_what_is_there(session):
+def test_stopping_writes_all_rows(session):
     recorder = Recorder(lambda *_: None, clock=lambda: NOW)
     recorder.start()
     for seq in range(1, 4):
@@ -162,7 +171,7 @@ def test_stopping_writes_what_is_there(session):
     assert stored(session) == [1, 2, 3]
 
 
-def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_nothing(session):
+def test_delayed_session_manager_and_its_successor_store_each_state_once(session):
     one, other = builder(), builder()
     for seq in range(1, 21):
         one.take(state_item(session, seq))
@@ -175,9 +184,7 @@ def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_noth
     assert sorted(stored(session)) == list(range(1, 31))
 
 
-def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_twice(
-    session, monkeypatch
-):
+def test_batch_whose_commit_was_not_confirmed_is_not_written_twice(session, monkeypatch):
     record = builder()
     for seq in range(1, 9):
         record.take(state_item(session, seq))
@@ -196,68 +203,53 @@ def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_tw
     assert stored(session) == list(range(1, 9))
 
 
-def test_a_restarted_recorder_knows_what_is_stored(session):
+def test_restarted_recorder_does_not_store_states_again(session):
     first = builder()
     for seq in range(1, 10):
         first.take(state_item(session, seq))
-    first.close_all()
-    first.write()
+    write_all(first)
     second = builder()
     for seq in range(5, 15):
         second.take(state_item(session, seq))
-    second.close_all()
-    second.write()
+    write_all(second)
     assert stored(session) == list(range(1, 15))
     assert second.counts["duplicates"] == 5
 
 
-def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
-    other = Session.objects.create(
-        robot=session.robot,
-        visitor=User.objects.create(username="ben"),
-        state="driving",
-        live_key="k2",
-        queued_at=timezone.now(),
-    )
+def test_rows_of_a_deleted_session_do_not_affect_other_rows(session):
+    other = session_row(session.robot, User.objects.create(username="ben"), state="driving")
     record = builder()
     for seq in range(1, 5):
         record.take(state_item(session, seq))
         record.take(state_item(other, seq + 10))
     session.delete()
-    record.close_all()
-    record.write()
+    write_all(record)
     assert stored(other) == [11, 12, 13, 14]
-    assert StateChunk.objects.count() == len(
-        {chunk.pk for chunk in StateChunk.objects.filter(session=other)}
-    )
+    assert not StateChunk.objects.exclude(session=other).exists()
 
 
-def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(session):
+def test_states_of_unknown_sessions_and_of_other_robots_are_not_recorded(session):
     record = builder()
     record.take(state_item(session, 1, robot="rogue"))
     for name in ("not-a-uuid", "7d9f1c52-0000-4000-8000-000000000000"):
         state = msgspec.structs.replace(state_item(session, 2).state, session=name)
         record.take(StateItem("giraff", state, codec.encode(state), NOW, None))
-    record.close_all()
-    record.write()
+    write_all(record)
     assert not StateChunk.objects.exists()
     assert record.counts["foreign_session"] == 3
 
 
-def test_fields_that_nobody_knows_yet_are_kept_and_nul_characters_are_not(session):
-    payload = (
-        codec.encode(state_item(session, 1).state)[:-1]
-        + b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
-    )
+def test_unknown_fields_are_stored_and_nul_characters_are_removed(session):
+    newer = b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
+    payload = codec.encode(state_item(session, 1).state)[:-1] + newer
     assert isinstance(codec.decode("state", payload), messages.State)
     record = builder()
     record.take(state_item(session, 1, payload=payload))
-    record.close_all()
-    record.write()
+    write_all(record)
     assert StateChunk.objects.get().states[0]["newer"] == {"ab": "cd", "n": [1]}
 
 
-def test_on_mongodb_the_values_themselves_are_stored(session, monkeypatch):
+def test_mongodb_stores_values_instead_of_json_text(session, monkeypatch):
     monkeypatch.setattr(connection, "vendor", "mongodb")
     record = builder()
     record.take(state_item(session, 1))
@@ -265,7 +257,7 @@ def test_on_mongodb_the_values_themselves_are_stored(session, monkeypatch):
     assert record.rows[0].states[0]["seq"] == 1
 
 
-def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
+def test_repeated_event_is_stored_once_also_across_a_restart(session):
     for _ in range(2):
         record = builder()
         record.take(event_item(session, "collision", detail="left"))
@@ -278,13 +270,8 @@ def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
 def test_events_of_general_importance_are_also_in_the_system_log(session):
     record = builder()
     record.take(event_item(session, "estop", detail="button"))
-    record.take(
-        EventItem(
-            "giraff",
-            messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master"),
-            NOW,
-        )
-    )
+    lost = messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master")
+    record.take(EventItem("giraff", lost, NOW))
     record.write()
     logged = {
         entry.event: (entry.level, entry.session_id, entry.fields["detail"])
@@ -297,7 +284,7 @@ def test_events_of_general_importance_are_also_in_the_system_log(session):
     assert SessionEvent.objects.get().type == "estop"
 
 
-def test_half_a_photo_is_noted_and_a_whole_one_kept_once(session):
+def test_photo_is_stored_once_and_an_incomplete_one_is_logged(session):
     record, jpeg = builder(), b"\xff\xd8"
     sha256 = hashlib.sha256(jpeg).hexdigest()
     record.take(PhotoItem("giraff", "lost", jpeg, NOW))
@@ -315,26 +302,25 @@ def end(session: Session) -> CloseItem:
     return CloseItem("giraff", str(session.pk), NOW + 10)
 
 
-def test_a_record_is_closed_when_something_later_was_heard_and_nothing_is_owed(session):
+def test_record_closes_when_no_states_are_missing_before_a_later_message(session):
     record = builder()
     record.take(event_item(session, "lease_taken"))
     for seq in (1, 2, 5):
         record.take(state_item(session, seq))
     record.take(end(session))
     record.close_sessions(NOW + 15)
-    assert Session.objects.get().closed_at is None, "nothing later was heard"
+    assert Session.objects.get().closed_at is None, "no later message has arrived"
     record.take(state_item(None, 41))
     record.close_sessions(NOW + 15)
-    assert Session.objects.get().closed_at is None, "3 and 4 are owed"
+    assert Session.objects.get().closed_at is None, "3 and 4 are missing"
     for seq in range(3, 41):
         record.take(state_item(session if seq < 5 else None, seq))
-    record.close_all()
-    record.write()
+    write_all(record)
     record.close_sessions(NOW + 15)
     assert Session.objects.get().summary["states"] == 5
 
 
-def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_while(session):
+def test_record_of_a_silent_robot_closes_after_a_time_limit(session):
     record = builder()
     record.take(state_item(session, 1))
     record.take(end(session))
@@ -346,9 +332,8 @@ def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_while(session):
     assert Session.objects.get().summary["states"] == 1
 
 
-def test_a_record_waits_for_states_that_a_robot_hears_of_only_after_forty_seconds(session):
-    asked = []
-    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+def test_record_waits_for_missing_states_for_forty_seconds(session):
+    record, asked = builder_with_requests()
     record.take(state_item(session, 0))
     record.take(state_item(session, 3))
     record.take(end(session))
@@ -368,18 +353,16 @@ def test_a_record_waits_for_states_that_a_robot_hears_of_only_after_forty_second
     assert stored(session) == [0, 1, 2, 3]
 
 
-def test_states_that_a_former_manager_could_not_store_are_asked_for_by_the_next(session):
-    """The database was away when the first one was replaced, and the session was over by then."""
+def test_states_that_the_previous_manager_lost_are_requested_by_the_next(session):
+    """The database was unavailable when the first one was replaced, after the session."""
     former = builder()
     former.take(event_item(session, "lease_taken", seq=0))
     for seq in range(10):
         former.take(state_item(session, seq))
-    former.close_all()
-    former.write()
+    write_all(former)
     for seq in range(10, 20):
         former.take(state_item(session, seq))  # and never written
-    asked = []
-    following = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+    following, asked = builder_with_requests()
     following.take(state_item(None, 25))
     following.take(end(session))
     following.settle(NOW + 8)
@@ -398,20 +381,17 @@ def test_states_that_a_former_manager_could_not_store_are_asked_for_by_the_next(
 
 
 @pytest.mark.parametrize(("granted", "asked_for"), [(True, [(260, 499)]), (False, [])])
-def test_a_session_of_which_nothing_was_stored_is_looked_for_if_it_had_the_robot(
-    session, granted, asked_for
-):
-    asked = []
-    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words[2:]))
+def test_states_of_an_empty_record_are_requested_if_it_had_the_robot(session, granted, asked_for):
+    record, asked = builder_with_requests()
     record.take(state_item(None, 500))
     record.take(replace(end(session), granted=granted))
     last = NOW + 500 * 0.25
     record.settle(last)
     record.settle(last + 2)
-    assert asked == asked_for
+    assert [request[2:] for request in asked] == asked_for
 
 
-def test_a_closed_record_is_opened_again_when_states_come_late(session):
+def test_late_states_open_a_closed_record_again(session):
     record = builder()
     record.take(state_item(session, 1))
     record.take(end(session))
@@ -420,32 +400,30 @@ def test_a_closed_record_is_opened_again_when_states_come_late(session):
     assert Session.objects.get().closed_at is not None
     later = builder()
     later.take(state_item(session, 2))
-    later.close_all()
-    later.write()
+    write_all(later)
     assert Session.objects.get().closed_at is None
     later.take(end(session))
     later.close_sessions(NOW + 200)
     assert Session.objects.get().summary["states"] == 2
 
 
-def test_an_error_that_is_not_the_databases_is_noticed(session, monkeypatch):
+def test_recorder_ends_on_a_programming_error(session, monkeypatch):
     monkeypatch.setattr(RecordBuilder, "take", lambda *_: 1 / 0)
-    recorder, silenced = Recorder(lambda *_: None), threading.excepthook
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    recorder = Recorder(lambda *_: None)
     recorder.start()
     recorder.put(state_item(session, 1))
     wait_until(lambda: not recorder.is_alive)
-    assert silenced is not None
 
 
-def test_keys_sort_by_time_and_never_repeat():
+def test_keys_are_unique_and_sort_by_time():
     keys = [new_key(NOW + second) for second in range(100)]
     assert sorted(keys) == keys
     assert {key.version for key in keys} == {7}
     assert len({new_key(NOW) for _ in range(1000)}) == 1000
 
 
-def test_a_row_that_no_database_takes_is_counted_and_dropped(session, monkeypatch, caplog):
+def test_row_that_the_database_refuses_is_dropped_and_logged(session, monkeypatch, caplog):
     record = builder()
     record.take(event_item(session, "collision"))
     record.take(event_item(session, "docked"))
@@ -501,7 +479,7 @@ def test_recent_page_reports_are_recorded_when_their_robot_becomes_ours(session)
     assert len(record.rows) == 2
 
 
-def test_a_robot_that_is_given_away_is_written_down_and_read_anew_when_it_is_back(session):
+def test_released_robot_is_written_and_read_again_when_it_returns(session):
     ownership, done = owning("giraff", "rhodon"), []
     record = RecordBuilder(RecordStore(ownership), lambda *_: None)
     record.take(state_item(session, 1))
@@ -520,14 +498,12 @@ def test_a_robot_that_is_given_away_is_written_down_and_read_anew_when_it_is_bac
     assert done == [True]
     other = builder()  # of the process that has it now
     other.take(state_item(session, 2))
-    other.close_all()
-    other.write()
+    write_all(other)
     ownership.become({shard_of("rhodon"): 1, shard_of("giraff"): 3})
     for seq in (1, 2, 3):
         record.take(state_item(session, seq))
     assert record.counts["duplicates"] == 2
-    record.close_all()
-    record.write()
+    write_all(record)
     assert stored(session) == [1, 2, 3]
 
 
@@ -543,7 +519,7 @@ def test_reports_of_unknown_sessions_and_malformed_ones_are_counted(session):
     assert record.rows == []
 
 
-def test_a_photo_of_another_robots_session_is_not_kept(session):
+def test_photo_of_another_robots_session_is_not_stored(session):
     record, jpeg = builder(), b"\xff\xd8"
     event = event_item(session, "photo", action_id="a", sha256=hashlib.sha256(jpeg).hexdigest())
     record.take(PhotoItem("rogue", "a", jpeg, NOW))
@@ -552,9 +528,8 @@ def test_a_photo_of_another_robots_session_is_not_kept(session):
     assert record.counts["foreign_session"] == 2
 
 
-def test_of_a_robot_that_restarts_again_and_again_the_last_runs_are_followed(session):
-    asked = []
-    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+def test_only_the_last_three_runs_of_a_robot_are_tracked(session):
+    record, asked = builder_with_requests()
     for number in range(1, 11):
         record.take(state_item(session, 0, boot=f"run-{number}"))
     assert list(record._runs._trackers["giraff"]) == ["run-8", "run-9", "run-10"]
@@ -563,9 +538,8 @@ def test_of_a_robot_that_restarts_again_and_again_the_last_runs_are_followed(ses
     assert asked == [("giraff", "run-10", 1, 3)]
 
 
-def test_the_number_of_the_last_state_tells_of_those_that_never_came(session):
-    asked = []
-    record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
+def test_states_before_the_number_of_the_last_state_are_requested(session):
+    record, asked = builder_with_requests()
     record.take(event_item(session, "lease_taken"))
     record.settle(NOW)  # a robot without states gets no requests
     record.take(state_item(session, 1))
@@ -591,7 +565,7 @@ def test_photos_of_one_robot_leave_room_for_the_record_of_others(session, monkey
     assert recorder.counts["dropped"] == 1300 - len(kept)
 
 
-def test_a_robot_that_reports_emergency_stops_without_end_fills_no_log(session, caplog):
+def test_number_of_logged_emergency_stops_is_limited(session, caplog):
     record = builder()
     milliseconds = itertools.count()
     intake = Intake(
@@ -603,8 +577,8 @@ def test_a_robot_that_reports_emergency_stops_without_end_fills_no_log(session, 
     topic = Topic(topics.of("giraff", "event"))
     for seq in range(2000):
         event = messages.Event(stamp=NOW, boot="b", seq=seq, type="estop")
-        said = codec.encode(event)
-        intake.receive(Message(topic, said, 1, retain=False, mid=1, properties=None))
+        payload = codec.encode(event)
+        intake.receive(Message(topic, payload, 1, retain=False, mid=1, properties=None))
     record.write()
     assert SystemLog.objects.filter(event="estop").count() == 30
     assert record.counts["unlogged"] == 1970
@@ -613,16 +587,10 @@ def test_a_robot_that_reports_emergency_stops_without_end_fills_no_log(session, 
     assert SystemLog.objects.filter(event="estop").count() == 31, "one more after ten seconds"
 
 
-def test_of_sessions_whose_records_are_closed_nothing_is_kept_in_memory(session):
+def test_closed_records_leave_nothing_in_memory(session):
     record = builder()
     rows = [
-        Session.objects.create(
-            robot=session.robot,
-            visitor=session.visitor,
-            state="ended",
-            live_key=f"k{n}",
-            queued_at=timezone.now(),
-        )
+        session_row(session.robot, session.visitor, state="ended", live_key=f"k{n}")
         for n in range(3)
     ]
     for seq, row in enumerate([*rows, session], start=1):
@@ -637,7 +605,7 @@ def test_of_sessions_whose_records_are_closed_nothing_is_kept_in_memory(session)
     assert not [row for row in rows if str(row.pk) in parts]
 
 
-def test_rows_of_a_deleted_session_cost_no_check_of_the_whole_database(session):
+def test_rows_of_a_deleted_session_cause_no_check_of_the_whole_database(session):
     record = builder()
     for seq in range(1, 200, 10):
         record.take(state_item(session, seq))

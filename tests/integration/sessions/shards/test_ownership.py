@@ -26,6 +26,7 @@ from sessions.shards import rows
 from sessions.shards.division import ALL, Holding
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Fenced, Ownership
+from tests.support import words
 from tests.support.examples import repetitions
 from tests.support.paths import ROOT
 from tests.support.programs.postgres import running_postgres
@@ -64,28 +65,24 @@ def take_away():
     rows.take_over([SHARD], ["first"], "second")
 
 
+def lose(owner: Ownership) -> None:
+    """Let the owner know that it has lost the shard of giraff."""
+    owner.become({number: epoch for number, epoch in owner.epochs.items() if number != SHARD})
+
+
 def state(session: str, seq: int) -> StateItem:
-    published = messages.State(
-        stamp=float(seq),
-        boot="b",
-        seq=seq,
-        session=session,
-        epoch=1,
-        pose=messages.Pose(x=0, y=0, theta=0),
-        velocity=messages.Velocity(linear=0, angular=0),
-        battery=messages.Battery(charge=1),
-    )
+    published = words.state(seq, session=session, epoch=1)
     return StateItem("giraff", published, codec.encode(published), NOW.timestamp() + seq, None)
 
 
-def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
+def test_takeover_increments_only_the_epochs_of_the_shards_it_takes(owner):
     before = {one.number: one.epoch for one in rows.holdings()}
     take_away()
     after = {one.number: one.epoch for one in rows.holdings()}
     assert after == before | {SHARD: before[SHARD] + 1}
 
 
-def test_shards_that_another_process_has_just_made_are_read_and_not_made_again(owner, monkeypatch):
+def test_shards_that_another_process_has_just_created_are_read(owner, monkeypatch):
     there, read, before_it = rows.holdings(), Shard.objects.values_list, iter([True])
     monkeypatch.setattr(
         type(Shard.objects),
@@ -93,11 +90,11 @@ def test_shards_that_another_process_has_just_made_are_read_and_not_made_again(o
         lambda _, *fields: [] if next(before_it, False) else read(*fields),
     )
     assert rows.holdings() == there
-    assert next(before_it, "asked") == "asked"
+    assert list(before_it) == [], "holdings() has read the shards"
     assert Shard.objects.count() == len(ALL)
 
 
-def test_a_shard_is_handed_over_by_its_owner_alone(owner):
+def test_only_the_owner_hands_over_a_shard(owner):
     before = rows.holdings()[SHARD]
     rows.hand_over([SHARD], "second", "third")
     assert rows.holdings()[SHARD] == before
@@ -105,12 +102,12 @@ def test_a_shard_is_handed_over_by_its_owner_alone(owner):
     assert rows.holdings()[SHARD] == Holding(SHARD, "third", before.epoch + 1)
 
 
-def test_of_two_processes_that_take_a_slot_at_once_one_has_it(db):
+def test_one_of_two_processes_that_take_a_slot_at_once_gets_it(db):
     assert rows.occupy(0, None, "first", NOW)
     assert not rows.occupy(0, None, "second", NOW)
     (member,) = rows.members()
     assert rows.beat(0, "first", member.beats + 1, NOW, {})
-    assert not rows.dismiss(member), "it has beaten meanwhile"
+    assert not rows.dismiss(member), "it has beaten since"
     assert not rows.occupy(0, member, "second", NOW)
     (member,) = rows.members()
     assert rows.dismiss(member)
@@ -119,7 +116,7 @@ def test_of_two_processes_that_take_a_slot_at_once_one_has_it(db):
     assert [one.holder for one in rows.members()] == ["second"]
 
 
-def test_when_a_session_manager_was_last_alive_is_known_also_after_it_left(db):
+def test_last_time_of_a_session_manager_is_known_after_it_left(db):
     assert rows.last_alive() is None
     rows.occupy(0, None, "first", at(1))
     rows.occupy(1, None, "second", at(2))
@@ -134,7 +131,7 @@ def test_when_a_session_manager_was_last_alive_is_known_also_after_it_left(db):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_write_of_any_app_is_refused_when_the_shard_has_a_newer_epoch(session, owner):
+def test_write_is_refused_when_the_shard_has_a_newer_epoch(session, owner):
     for expected in (1, 1):
         try:
             with owner.fenced(), owner.about("giraff"):
@@ -146,7 +143,7 @@ def test_a_write_of_any_app_is_refused_when_the_shard_has_a_newer_epoch(session,
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_write_about_no_robot_needs_every_shard_of_the_process(owner):
+def test_write_about_no_robot_needs_every_shard_of_the_process(owner):
     with owner.fenced():
         ManagerBeat.objects.create(name="one", beat_at=NOW)
         take_away()
@@ -158,21 +155,21 @@ def test_a_write_about_no_robot_needs_every_shard_of_the_process(owner):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_process_without_shards_writes_nothing(owner):
+def test_process_without_shards_writes_nothing(owner):
     take_away()
     owner.become({})
     with owner.fenced(), pytest.raises(Fenced):
-        ManagerBeat.objects.create(name="nobody", beat_at=NOW)
-    assert not ManagerBeat.objects.filter(name="nobody").exists()
+        ManagerBeat.objects.create(name="none", beat_at=NOW)
+    assert not ManagerBeat.objects.filter(name="none").exists()
 
 
-def test_reading_costs_no_statement_more(owner):
+def test_reading_needs_no_additional_statement(owner):
     with CaptureQueriesContext(connection) as queries, owner.fenced():
         list(Robot.objects.all())
     assert len(queries) == 1
 
 
-def test_a_scheduler_renews_leases_and_ends_sessions_of_its_robots_alone(giraff, session, owner):
+def test_scheduler_renews_leases_of_its_robots_only(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
     assert scheduler.renew(at(1))
@@ -182,28 +179,24 @@ def test_a_scheduler_renews_leases_and_ends_sessions_of_its_robots_alone(giraff,
     assert Lease.objects.get(robot=giraff).renewal == 1
 
 
-def test_a_scheduler_that_lost_a_robot_says_nothing_of_its_lease_and_one_that_got_it_all(
-    giraff, session, owner
-):
+def test_only_the_present_owner_publishes_the_lease_of_a_robot(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
     scheduler.begin()
     assert scheduler.renew(at(0))
     scheduler.outbox.clear()
     mine = dict(owner.epochs)
-    owner.become({n: epoch for n, epoch in mine.items() if n != SHARD})
+    lose(owner)
     store.end(session, "completed", "left", at(1))
-    assert not scheduler.renew(at(2)), "who drives is said by its new owner alone"
+    assert not scheduler.renew(at(2)), "only its new owner publishes the lease"
     owner.become(mine)
     assert scheduler.renew(at(3))
     assert [message.payload for message in scheduler.outbox] == [b""]
 
 
-def test_a_robot_that_was_got_while_the_database_was_away_hears_of_its_lease_all_the_same(
-    giraff, owner
-):
+def test_robot_gained_while_the_database_failed_gets_its_lease(giraff, owner):
     mine = dict(owner.epochs)
-    owner.become({n: epoch for n, epoch in mine.items() if n != SHARD})
+    lose(owner)
     scheduler = Scheduler(owner)
     owner.become(mine)
 
@@ -213,25 +206,23 @@ def test_a_robot_that_was_got_while_the_database_was_away_hears_of_its_lease_all
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         scheduler.renew(at(0))
     assert scheduler.renew(at(1))
-    assert [message.payload for message in scheduler.outbox] == [b""], "nobody drives it"
+    assert [message.payload for message in scheduler.outbox] == [b""], "it has no driver"
 
 
-def test_a_robot_that_is_lost_while_leases_are_read_does_not_hear_that_nobody_drives_it(
-    giraff, session, owner
-):
+def test_robot_lost_during_the_read_of_leases_gets_no_empty_lease(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
     assert scheduler.renew(at(0))
     scheduler.outbox.clear()
 
-    def lose(execute, sql, parameters, many, context):
+    def take_after_read(execute, sql, parameters, many, context):
         found = execute(sql, parameters, many, context)
-        if "telepresence_sessions_lease" in sql:  # by another thread, between reading and telling
+        if "telepresence_sessions_lease" in sql:  # by another thread, after the query
             take_away()
-            owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+            lose(owner)
         return found
 
-    with connection.execute_wrapper(lose):
+    with connection.execute_wrapper(take_after_read):
         scheduler.renew(at(10))
     assert list(scheduler.outbox) == []
 
@@ -243,7 +234,7 @@ def test_queued_messages_of_a_robot_are_published_by_its_new_owner(giraff, sessi
     config = ManagerMessage(topics.of("giraff", "config"), b"{}", retain=True)
     scheduler.outbox.append(config)
     lease, _ = scheduler.outbox
-    owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+    lose(owner)
     store.end(session, "completed", "left", at(1))
     assert scheduler.tick({}, RobotLink(since=NOW.timestamp()), at(2)) == []
     assert not {lease, config} & set(scheduler.outbox)
@@ -251,7 +242,7 @@ def test_queued_messages_of_a_robot_are_published_by_its_new_owner(giraff, sessi
 
 
 @pytest.mark.django_db(transaction=True)
-def test_the_record_of_an_owner_that_lost_a_robot_is_refused(session, owner):
+def test_record_of_an_owner_that_lost_a_robot_is_refused(session, owner):
     builder = RecordBuilder(RecordStore(owner), lambda *_: None)
     builder.take(state(session, 1))
     builder.close_all()
@@ -263,9 +254,7 @@ def test_the_record_of_an_owner_that_lost_a_robot_is_refused(session, owner):
     assert builder._store.counts["fenced"] == 1
 
 
-def test_the_presence_of_robots_is_written_by_their_owner_and_refused_whole_when_one_is_lost(
-    giraff, owner
-):
+def test_presence_of_robots_is_refused_if_the_writer_lost_one_of_them(giraff, owner):
     Robot.objects.create(name="rhodon", title="Rhodon")
     writer = PresenceWriter(fence=owner)
     for name in ("giraff", "rhodon"):
@@ -277,7 +266,7 @@ def test_the_presence_of_robots_is_written_by_their_owner_and_refused_whole_when
         writer.take(name, messages.Connection(boot="b", state="ONLINE", stamp=0.0), NOW)
     with owner.fenced(), pytest.raises(Fenced):
         writer.write(NOW)
-    owner.become({n: epoch for n, epoch in owner.epochs.items() if n != SHARD})
+    lose(owner)
     with owner.fenced():
         writer.write(NOW)
     assert dict(Robot.objects.values_list("name", "presence__connection")) == {
@@ -287,14 +276,14 @@ def test_the_presence_of_robots_is_written_by_their_owner_and_refused_whole_when
 
 
 @pytest.mark.django_db(transaction=True)
-def test_of_racing_owners_no_write_is_accepted_after_one_of_a_later_owner():
+def test_no_write_is_accepted_after_one_of_a_later_owner():
     races = race(repetitions(120, thorough=20_000))
     assert races.wrong == 0
     assert min(races.accepted, races.refused, races.taken) > 10, races
 
 
 def raced(var, *arguments):
-    """Return what races on a PostgreSQL server of their own found."""
+    """Return the result of races on a PostgreSQL server of their own."""
     with running_postgres() as server:
         environment = {**os.environ, "VAR_DIR": str(var), "DATABASE_URL": server.url}
         command = [sys.executable, "-m", "tests.support.sessions.fence_races", *map(str, arguments)]
@@ -309,10 +298,10 @@ def raced(var, *arguments):
 
 @pytest.mark.nightly
 @pytest.mark.postgres
-def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
+def test_stopped_process_does_not_block_the_writes_of_others_on_postgresql(tmp_path):
     found = raced(tmp_path, repetitions(300, thorough=100_000))
     assert found["waited"] < 4.0
-    assert found["code"] != 0, "the server has ended what it had begun"
+    assert found["code"] != 0, "the server has ended its transaction"
     assert found["written"] != -1
 
 
@@ -324,9 +313,7 @@ def test_on_postgresql_too_and_a_stopped_process_holds_nothing_up(tmp_path):
     ],
 )
 @pytest.mark.postgres
-def test_of_processes_that_are_stopped_meanwhile_none_writes_after_a_later_owner(
-    tmp_path, rounds, stop
-):
+def test_stopped_process_writes_nothing_after_a_later_owner_on_postgresql(tmp_path, rounds, stop):
     found = raced(tmp_path, rounds, "--stop", stop)
-    # PostgreSQL ends what a stopped process had begun: idle_in_transaction_session_timeout
+    # PostgreSQL ends transactions of stopped processes: idle_in_transaction_session_timeout
     assert found["cut_off"] > 0 or stop < 10.0, found
