@@ -292,7 +292,7 @@ describe("pressing on the picture", () => {
     send("pointerdown", 110, 220);
     clock.ms = 2000 * HOLD_SECONDS;
     pointing.tick();
-    pointing.outdone();
+    pointing.letGo();
     pointing.tick();
     send("pointerup", 110, 220);
     assert.deepEqual(

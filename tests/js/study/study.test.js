@@ -20,7 +20,7 @@ import { AnnouncerQueue, roundLeft } from "../../../static/js/study/announcer_qu
 import { marksFor } from "../../../static/js/study/course.js";
 import { Changes, Shown, layoutOf } from "../../../static/js/study/page_events.js";
 import { sentence } from "../../../static/js/study/task_panel.js";
-import { pursue, windowFor } from "../../../static/js/study/photo.js";
+import { answerAfter, windowFor } from "../../../static/js/study/photo.js";
 import { pointTo } from "../../../static/js/study/direction_arrow.js";
 import { Snapshots } from "../../../static/js/study/snapshots.js";
 
@@ -334,18 +334,18 @@ describe("the photo's window", () => {
 
   test("says an answer again until the question is not asked any more", () => {
     const answer = { id: "a", photo: "p1", choice: "again", at: 100, saidAt: 100 };
-    assert.deepEqual(pursue(answer, review, 100.5), { answer, say: false });
-    assert.deepEqual(pursue(answer, review, 102), {
+    assert.deepEqual(answerAfter(answer, review, 100.5), { answer, say: false });
+    assert.deepEqual(answerAfter(answer, review, 102), {
       answer: { ...answer, saidAt: 102 },
       say: true,
     });
-    assert.equal(pursue(answer, told({ window: "open" }), 102).answer, null);
+    assert.equal(answerAfter(answer, told({ window: "open" }), 102).answer, null);
     assert.equal(
-      pursue({ ...answer, photo: "", choice: "skip" }, told({ window: "open" }), 102).say,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "open" }), 102).say,
       true,
     );
     assert.equal(
-      pursue({ ...answer, photo: "", choice: "skip" }, told({ window: "shut" }), 102).answer,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "shut" }), 102).answer,
       null,
     );
   });
@@ -353,17 +353,9 @@ describe("the photo's window", () => {
   test("looks for the picture until the server has it, through errors, while wanted", async () => {
     const replies = [
       () => Promise.reject(new TypeError("no network")),
-      () => Promise.resolve({ ok: false }),
-      () =>
-        Promise.resolve({
-          ok: true,
-          json: async () => ({ snapshots: [{ actionId: "other", url: "/x" }] }),
-        }),
-      () =>
-        Promise.resolve({
-          ok: true,
-          json: async () => ({ snapshots: [{ actionId: "p1", url: "/p1.jpg" }] }),
-        }),
+      () => Promise.reject(new Error("503")),
+      async () => ({ snapshots: [{ actionId: "other", url: "/x" }] }),
+      async () => ({ snapshots: [{ actionId: "p1", url: "/p1.jpg" }] }),
     ];
     const found = [];
     const asked = [];
@@ -385,12 +377,7 @@ describe("the photo's window", () => {
     assert.deepEqual(found, [["p1", "/p1.jpg"]]);
     assert.equal(asked.length, 4);
 
-    replies.push(() =>
-      Promise.resolve({
-        ok: true,
-        json: async () => ({ snapshots: [{ actionId: "p2", url: "/p2.jpg" }] }),
-      }),
-    );
+    replies.push(async () => ({ snapshots: [{ actionId: "p2", url: "/p2.jpg" }] }));
     snapshots.want("p2");
     snapshots.want("");
     await settle();

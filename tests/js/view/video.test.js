@@ -24,7 +24,7 @@ test("the shown frame's stamp is known with both frame and clock, not after a ne
   const shown = new ShownFrame();
   shown.shown(4294967000);
   assert.equal(shown.stamp, null);
-  shown.told(CLOCK);
+  shown.clock = CLOCK;
   assert.equal(shown.stamp, 1000);
   shown.reset();
   assert.equal(shown.stamp, null);

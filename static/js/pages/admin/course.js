@@ -1,7 +1,6 @@
 /**
- * The map of a course in the study builder. The fields of the form are the state: what is dragged
- * or moved by keys writes into them, and what is written into them moves on the map. What makes a
- * new checkpoint or zone is the form's own button, told where.
+ * The map of a course in the study builder. The form's own buttons add checkpoints and zones, at
+ * the point that the map writes into a field.
  */
 
 import {
@@ -13,12 +12,12 @@ import {
   withPoint,
 } from "./course_points.js";
 import { readDecimal } from "../../lib/decimal.js";
+import { make } from "../../lib/dom.js";
 import { element, ground, pointList, UNIT, viewBoxOf } from "./course_ground.js";
 import { MapEditor } from "./map_editor.js";
-import { GRIP } from "./map_handles.js";
 
 /**
- * @typedef {object} Handle something on the map that can be moved
+ * @typedef {object} Handle
  * @property {string} id
  * @property {string} kind spot, point or corner
  * @property {string} label
@@ -27,10 +26,10 @@ import { GRIP } from "./map_handles.js";
  * @property {(() => void) | null} remove
  * @property {string} [number]
  * @property {number} [radius] m
- * @property {string} [item] the part of the form that it belongs to
+ * @property {string} [item] its part of the form
  */
 
-const PAUSE = 500; // ms without a change before the server is asked
+const PAUSE = 500; // ms without a change until the server checks the course
 const TOOL = "course-tool";
 
 const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
@@ -48,14 +47,14 @@ const write = (name, value) => {
   }
 };
 
-/** Shows which part of the form is chosen. @param {string} item */
+/** Marks a part of the form. @param {string} item */
 const mark = (item) => {
   for (const part of form.querySelectorAll("[data-item]")) {
     part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
   }
 };
 
-/** @param {string} title of a checkpoint in general @returns {Handle[]} */
+/** @param {string} title @returns {Handle[]} */
 const checkpoints = (title) => {
   const found = [];
   for (let n = 0; field(`checkpoints.${n}`); n += 1) {
@@ -113,58 +112,18 @@ const corners = () => {
 const lines = () => {
   const found = [];
   for (let n = 0; field(`zones.${n}`); n += 1) {
-    const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
-    found.push(
-      ...(zone
-        ? [
-            element("polygon", {
-              class: "course__zone",
-              points: pointList(zone),
-              "stroke-width": 2,
-            }),
-          ]
-        : []),
-    );
+    const points = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
+    if (points) {
+      const shape = { points: pointList(points), "stroke-width": 2 };
+      found.push(element("polygon", { class: "course__zone", ...shape }));
+    }
   }
   const path = parsePoints(field("path")?.value ?? "");
-  return [
-    ...found,
-    ...(path
-      ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })]
-      : []),
-  ];
-};
-
-/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
-const drawn = (handle, pixel) => {
-  const parts = [];
-  if (handle.kind === "spot") {
-    parts.push(
-      element("circle", {
-        class: "course__near",
-        r: (handle.radius ?? 0.6) * UNIT,
-        "stroke-width": 1.5,
-      }),
-    );
-    parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
-    const number = element("text", { class: "course__number", "font-size": 14 * pixel });
-    number.textContent = handle.number ?? "";
-    parts.push(number);
-  } else {
-    parts.push(
-      element("circle", {
-        class: `course__${handle.kind}`,
-        r: 5 * pixel,
-        "stroke-width": 2 * pixel,
-      }),
-    );
+  if (path) {
+    const shape = { points: pointList(path), "stroke-width": 5 };
+    found.push(element("polyline", { class: "course__path", ...shape }));
   }
-  const size = handle.kind === "spot" ? GRIP : GRIP / 2;
-  parts.push(
-    element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }),
-  );
-  parts.push(element("circle", { class: "course__grip", r: size * pixel }));
-  return element("g", {}, parts);
+  return found;
 };
 
 /** @extends {MapEditor<Handle>} */
@@ -175,7 +134,7 @@ class CourseMap extends MapEditor {
     const { plan: site, robot } = JSON.parse(text);
     super("course-map", viewBoxOf(site), TOOL, "move");
     this.words = page.dataset;
-    // The top layer receives clicks first: checkpoints over the path over zones.
+    // the top layer receives clicks first
     this.layers = /** @type {Record<string, SVGElement>} */ ({
       drawn: element("g"),
       corner: element("g"),
@@ -203,8 +162,16 @@ class CourseMap extends MapEditor {
     mark(item ?? "");
   }
 
+  /** @param {Handle} handle @returns {SVGElement} */
+  #drawn({ kind, number, radius = 0.6 }) {
+    const isSpot = kind === "spot";
+    const near = { class: "course__near", r: radius * UNIT, "stroke-width": 1.5 };
+    const marks = this.marks(`course__${kind}`, isSpot ? 12 : 5, number, !isSpot);
+    return element("g", {}, isSpot ? [element("circle", near), ...marks] : marks);
+  }
+
   draw() {
-    const { layers, pixel } = this;
+    const { layers } = this;
     layers.drawn.replaceChildren(...lines());
     const handles = [
       ...corners(),
@@ -213,7 +180,7 @@ class CourseMap extends MapEditor {
     ];
     this.drawHandles(
       handles,
-      (handle) => drawn(handle, pixel),
+      (handle) => this.#drawn(handle),
       ({ kind }) => layers[kind],
     );
     for (const { group, handle } of this.shown.values()) {
@@ -222,28 +189,21 @@ class CourseMap extends MapEditor {
     }
   }
 
-  /** Ask the server what it says of the course. */
+  /** Has the server check the course. */
   async check() {
     this.asked.abort();
     this.asked = new AbortController();
     const place = /** @type {HTMLElement} */ (document.getElementById("course-check"));
     try {
-      const answer = await fetch(this.words.check ?? "", {
-        method: "POST",
-        body: new FormData(form),
-        signal: this.asked.signal,
-      });
+      const [body, { signal }] = [new FormData(form), this.asked];
+      const answer = await fetch(this.words.check ?? "", { method: "POST", body, signal });
       if (!answer.ok) {
         throw new TypeError(String(answer.status));
       }
       const { problems, checkpoints: wrong } = await answer.json();
       this.unreachable = wrong;
-      const list = document.createElement("ul");
-      list.append(
-        ...problems.map((/** @type {string} */ problem) =>
-          Object.assign(document.createElement("li"), { textContent: problem }),
-        ),
-      );
+      const list = make("ul");
+      list.append(...problems.map((/** @type {string} */ problem) => make("li", "", problem)));
       place.replaceChildren(...(problems.length ? [list] : [this.words.wordsFree ?? ""]));
       this.draw();
     } catch (error) {
@@ -253,7 +213,7 @@ class CourseMap extends MapEditor {
     }
   }
 
-  /** Choose the tool that was used last. */
+  /** Chooses the last tool. */
   #chooseTool() {
     const last = sessionStorage.getItem(TOOL) ?? "move";
     const button = document.querySelector(`[name="${TOOL}"][value="${last}"]`);

@@ -1,12 +1,12 @@
 /**
- * What the maps of a course and of a plan share: a handle for each thing that can be moved, and a
- * tool that adds things where the map is clicked. The fields of the form are the state: a handle
- * writes into them, and the map follows them.
+ * The map of a course or of a plan: handles to move things, and a tool that adds things where the
+ * map is clicked. The fields of the form are the state: handles write into them, and the map
+ * follows.
  */
 
-import { toUnits } from "./course_ground.js";
+import { element, toUnits } from "./course_ground.js";
 import { rounded } from "./course_points.js";
-import { movable, pointAt } from "./map_handles.js";
+import { GRIP, movable, pointAt } from "./map_handles.js";
 
 /** @typedef {import("./map_handles.js").Movable & {id: string, label: string}} AnyHandle */
 
@@ -85,6 +85,22 @@ export class MapEditor {
         layerOf(handle).append(group);
       }
     }
+  }
+
+  /**
+   * The parts of a handle: its mark, number, ring and grip.
+   * @param {string} name class of the mark @param {number} size its radius, CSS px
+   * @param {string | undefined} number @param {boolean} isSmall
+   */
+  marks(name, size, number, isSmall) {
+    const { pixel } = this;
+    const mark = element("circle", { class: name, r: size * pixel, "stroke-width": 2 * pixel });
+    const text = element("text", { class: "course__number", "font-size": 14 * pixel });
+    text.textContent = number ?? "";
+    const width = { "stroke-width": 3 * pixel };
+    const ring = element("circle", { class: "course__ring", r: (size + 4) * pixel, ...width });
+    const r = (isSmall ? 0.55 * GRIP : GRIP) * pixel;
+    return [mark, ...(number ? [text] : []), ring, element("circle", { class: "course__grip", r })];
   }
 
   /** @param {string} id */

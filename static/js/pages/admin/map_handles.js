@@ -1,4 +1,4 @@
-/** Something on a map of the administration that a mouse, a finger or keys move. */
+/** Handles on a map of the administration, moved by a mouse, a finger or keys. */
 
 import { isShortcut } from "../../input/key_dispatcher.js";
 import { element, UNIT } from "./course_ground.js";

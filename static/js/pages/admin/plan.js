@@ -1,33 +1,25 @@
 /**
- * The map of the page that finishes a plan. The fields are the state: what is dragged or moved by
- * keys writes into them, and what is written into them moves on the map. New things are made by the
- * form's own buttons, told where.
+ * The map of the page that finishes a plan. The form's own buttons add things, at the point that
+ * the map writes into its fields.
  */
 
 import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
 import { rounded } from "./course_points.js";
 import { MapEditor } from "./map_editor.js";
-import { GRIP } from "./map_handles.js";
 import { handlesOf } from "./plan_handles.js";
 
 /** @typedef {import("./plan_handles.js").Handle} Handle */
 /** @typedef {import("./plan_handles.js").Part} Part */
 
 const TOOL = "plan-tool";
-const SIZES = /** @type {Record<string, number>} */ ({
-  opening: 7,
-  dock: 12,
-  heading: 6,
-  place: 8,
-  checkpoint: 12,
-}); // CSS px
-const LOOKS = /** @type {Record<string, string>} */ ({
-  opening: "course__point",
-  dock: "plan__dock",
-  heading: "course__point",
-  place: "plan__place",
-  checkpoint: "course__spot",
-});
+/** @type {Record<string, [string, number]>} class and radius, CSS px */
+const LOOKS = {
+  opening: ["course__point", 7],
+  dock: ["plan__dock", 12],
+  heading: ["course__point", 6],
+  place: ["plan__place", 8],
+  checkpoint: ["course__spot", 12],
+};
 
 const form = /** @type {HTMLFormElement | null} */ (document.getElementById("plan"));
 
@@ -50,31 +42,8 @@ const fieldsOf = (form) => {
   };
 };
 
-/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
-const drawn = ({ kind, number }, pixel) => {
-  const size = SIZES[kind];
-  const parts = [
-    element("circle", { class: LOOKS[kind], r: size * pixel, "stroke-width": 2 * pixel }),
-  ];
-  if (number) {
-    const text = element("text", { class: "course__number", "font-size": 14 * pixel });
-    text.textContent = number;
-    parts.push(text);
-  }
-  parts.push(
-    element("circle", { class: "course__ring", r: (size + 4) * pixel, "stroke-width": 3 * pixel }),
-  );
-  parts.push(
-    element("circle", {
-      class: "course__grip",
-      r: (kind === "dock" || kind === "checkpoint" ? GRIP : GRIP * 0.6) * pixel,
-    }),
-  );
-  return element("g", {}, parts);
-};
-
 /**
- * Openings between their ends, and docks to where they look.
+ * Lines between the ends of openings, and from docks to their headings.
  * @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]}
  */
 const lines = (handles, pixel) =>
@@ -126,18 +95,14 @@ class PlanMap extends MapEditor {
     }));
   }
 
-  /** What nothing on this page moves, under the names that the rooms have now. */
+  /** The fixed parts of the plan, with the present titles of rooms. */
   #drawGround() {
     const rooms = this.site.plan.rooms.map((/** @type {any} */ room, /** @type {number} */ n) => ({
       ...room,
       title: this.fields.read(`rooms.${n}.title`) ?? room.title,
     }));
-    this.layers.ground.replaceChildren(
-      ground(
-        { ...this.site, plan: { ...this.site.plan, rooms, doors: [], passages: [], docks: [] } },
-        "",
-      ),
-    );
+    const plan = { ...this.site.plan, rooms, doors: [], passages: [], docks: [] };
+    this.layers.ground.replaceChildren(ground({ ...this.site, plan }, ""));
   }
 
   draw() {
@@ -148,7 +113,10 @@ class PlanMap extends MapEditor {
     layers.lines.replaceChildren(...lines(handles, pixel));
     this.drawHandles(
       handles,
-      (handle) => drawn(handle, pixel),
+      ({ kind, number }) => {
+        const isSmall = kind !== "dock" && kind !== "checkpoint";
+        return element("g", {}, this.marks(...LOOKS[kind], number, isSmall));
+      },
       () => layers.handles,
     );
   }
