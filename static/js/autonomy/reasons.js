@@ -1,14 +1,11 @@
 /**
- * What a robot says about why it does not go on, in the page's words. Pure. On the wire the robot's
- * phrases are identifiers (docs/reference/robot-api.md): those of robots/agent/navigation, which
- * robots/readiness_text.py puts into words for lists and mail (tests/golden/reasons.json binds the
- * two), and those of its safety kernel. What is not known here is shown as the robot said it.
+ * The page's words for the robot's reasons not to continue. Pure. The phrases are identifiers
+ * (docs/reference/robot-api.md): those of robots/agent/navigation, which robots/readiness_text.py
+ * puts into words for lists and mail (tests/golden/reasons.json compares the two), and those of its
+ * safety kernel. An unknown phrase is shown as it is.
  */
 
-/**
- * @type {[RegExp, string, string?][]} pattern, word, and the name of the value that the pattern's
- *   group is
- */
+/** @type {[RegExp, string, string?][]} pattern, word, and the name of the pattern's group */
 const KNOWN = [
   [
     /^the charging station cannot be reached: (?:blocked: )?(?!.* and )(.*) is closed$/,

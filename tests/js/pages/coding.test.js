@@ -71,7 +71,7 @@ const pressed = (presses) => {
   };
 };
 
-test("a key sets a point, begins a state and ends it", () => {
+test("a key sets a point, starts a state and ends it", () => {
   const { events } = pressed([
     [1, "help"],
     [2, "talk"],
@@ -85,7 +85,7 @@ test("a key sets a point, begins a state and ends it", () => {
   ]);
 });
 
-test("a state ends the others of its group and leaves the rest on", () => {
+test("a state ends the others of its group only", () => {
   const { events } = pressed([
     [1, "talk"],
     [2, "lost"],
@@ -98,7 +98,7 @@ test("a state ends the others of its group and leaves the rest on", () => {
   ]);
 });
 
-test("a state cannot end before it begins", () => {
+test("a state cannot end before it starts", () => {
   const { events, problems } = pressed([
     [5, "lost"],
     [4, "lost"],
@@ -108,7 +108,7 @@ test("a state cannot end before it begins", () => {
   assert.deepEqual(problems, ["", "too_early", "too_early"]);
 });
 
-test("a change has the version it was made of, even if the one before is not saved yet", () => {
+test("a change has the version of its base, even if that is not saved yet", () => {
   const { edits } = pressed([
     [1, "talk"],
     [3, "talk"],
@@ -120,7 +120,7 @@ test("a change has the version it was made of, even if the one before is not sav
   assert.equal(edits[0].event, edits[1].event);
 });
 
-test("changes that are not saved lie over what the server has, until they are deleted", () => {
+test("unsaved changes are shown over the server's events, until deleted", () => {
   const saved = [
     { event: "e", version: 3, code: "help", begin: 2, end: null, modifiers: {}, comment: "" },
   ];
@@ -130,7 +130,7 @@ test("changes that are not saved lie over what the server has, until they are de
   assert.equal(openOne(saved, "lost"), undefined);
 });
 
-test("a beginning moves within the session and never behind its end", () => {
+test("a beginning moves within the session and never past its end", () => {
   const event = {
     event: "e",
     version: 1,

@@ -13,7 +13,7 @@ const CASES = JSON.parse(
 );
 
 for (const { name, questions, said, shown } of CASES) {
-  test(`conditions say the same as the server: ${name}`, () => {
+  test(`conditions agree with the server: ${name}`, () => {
     const listed = Object.entries(questions).map(([key, condition]) => ({
       key,
       condition: condition && { is: [], at_least: null, at_most: null, ...condition },
@@ -22,7 +22,7 @@ for (const { name, questions, said, shown } of CASES) {
   });
 }
 
-test("the time before a touch belongs to what is touched", () => {
+test("the time before a touch counts for the touched question", () => {
   let now = 100;
   const attention = createAttention(() => now);
   now = 103;
@@ -34,7 +34,7 @@ test("the time before a touch belongs to what is touched", () => {
   assert.deepEqual(attention.all(), { a: 5, b: 1 });
 });
 
-test("time out of sight belongs to nothing, and time before it is not lost", () => {
+test("time while hidden does not count, and the time before it does", () => {
   let now = 0;
   const attention = createAttention(() => now);
   now = 2;
@@ -50,7 +50,7 @@ test("time out of sight belongs to nothing, and time before it is not lost", () 
   assert.deepEqual(attention.all(), { a: 5, b: 0 });
 });
 
-test("what is moved makes the others move up by one place", () => {
+test("a moved option shifts the others by one place", () => {
   assert.deepEqual(moved(["a", "b", "c", "d"], 3, 0), ["d", "a", "b", "c"]);
   assert.deepEqual(moved(["a", "b", "c", "d"], 0, 2), ["b", "c", "a", "d"]);
   assert.deepEqual(moved(["a", "b", "c", "d"], 1, 1), ["a", "b", "c", "d"]);
@@ -78,7 +78,7 @@ const dragged = (heights, held, y) => {
   return "moves for ever";
 };
 
-test("a row that is dragged comes to stand under the pointer", () => {
+test("a dragged row stops under the pointer", () => {
   const even = { a: 50, b: 50, c: 50 };
   assert.equal(dragged(even, "a", 30), "abc");
   assert.equal(dragged(even, "a", 80), "bac");
@@ -86,7 +86,7 @@ test("a row that is dragged comes to stand under the pointer", () => {
   assert.equal(dragged(even, "c", -9), "cab");
 });
 
-test("rows of different heights come to rest wherever one is dragged", () => {
+test("rows of different heights settle wherever one is dragged", () => {
   const uneven = { a: 140, b: 44, c: 80, d: 44 };
   for (const held of "abcd") {
     for (let y = -50; y < 400; y += 1) assert.match(dragged(uneven, held, y), /^[abcd]{4}$/);

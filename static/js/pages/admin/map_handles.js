@@ -38,11 +38,10 @@ const drag = (event, group, { now, mayChange, worldAt }) => {
     const to = worldAt(moved);
     now().move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
   };
-  group.addEventListener("pointermove", follow);
+  const over = new AbortController();
+  group.addEventListener("pointermove", follow, over);
   for (const end of ["pointerup", "pointercancel"]) {
-    group.addEventListener(end, () => group.removeEventListener("pointermove", follow), {
-      once: true,
-    });
+    group.addEventListener(end, () => over.abort(), over);
   }
 };
 

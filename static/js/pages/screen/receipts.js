@@ -93,12 +93,11 @@ export const whenSeen = (element, onSeen) => {
       return;
     }
     observer.disconnect();
+    const again = () => element.isConnected && observer.observe(element);
     if (document.visibilityState === "visible") {
       onSeen();
     } else {
-      document.addEventListener("visibilitychange", () => observer.observe(element), {
-        once: true,
-      });
+      document.addEventListener("visibilitychange", again, { once: true });
     }
   });
   observer.observe(element);

@@ -1,5 +1,5 @@
 /**
- * What is drawn over the floor plan besides the robot: laser points, the uncertainty of its pose,
+ * Drawings over the floor plan besides the robot: laser points, the uncertainty of its pose,
  * its goal, and the obstacle that assistance reacts to. The geometry is pure.
  */
 
