@@ -31,8 +31,18 @@ export const marksFor = (study, told) => {
   return { zones, path: study.path, stops };
 };
 
+/**
+ * What draws a course on a RobotMap.
+ * @param {Marks | null} marks @returns {import("../view/map/robot_map.js").RobotMap["course"]}
+ */
+export const layersOf = (marks) =>
+  marks && {
+    below: (context, view, paint) => drawGround(context, view, marks, paint),
+    above: (context, view, paint) => drawStops(context, view, marks, paint),
+  };
+
 /** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
-export const drawGround = (context, view, { zones, path }, paint) => {
+const drawGround = (context, view, { zones, path }, paint) => {
   context.save();
   const points = (/** @type {Point[]} */ line) => line.map(([x, y]) => toScreen(view, x, y));
   for (const zone of zones) {
@@ -47,7 +57,7 @@ export const drawGround = (context, view, { zones, path }, paint) => {
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
-export const drawStops = (context, view, { stops }, paint) => {
+const drawStops = (context, view, { stops }, paint) => {
   context.save();
   const isNext = (/** @type {Marks["stops"][number]} */ { status }) => status === "next";
   // the next one last, so that no other covers it

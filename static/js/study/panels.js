@@ -7,7 +7,7 @@ import { write } from "../lib/dom.js";
 import { clockTime, unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
 import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
-import { drawGround, drawStops, marksFor } from "./course.js";
+import { layersOf, marksFor } from "./course.js";
 import { createPanel, sentence } from "./task_panel.js";
 import { windowFor } from "./photo.js";
 import { createPhotoWindow, photoSentence } from "./photo_window.js";
@@ -35,12 +35,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
     if (key !== drawn) {
       drawn = key;
-      map.setCourse(
-        marks && {
-          below: (context, view, paint) => drawGround(context, view, marks, paint),
-          above: (context, view, paint) => drawStops(context, view, marks, paint),
-        },
-      );
+      map.setCourse(layersOf(marks));
     }
   };
 

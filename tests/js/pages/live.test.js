@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { courseOf, trailOf } from "../../../static/js/pages/live/course.js";
-import { doorStates } from "../../../static/js/pages/live/labels.js";
+import { doorStates, driverOf } from "../../../static/js/pages/live/labels.js";
 
 const stop = (number) => ({ number, x: number, y: 0, radius: 0.5, title: "" });
 const course = {
@@ -27,6 +27,13 @@ test("a door is drawn as reported, else as set for the drive, else for the robot
   const drive = { doors: { said: "open", assigned: "closed" } };
   assert.deepEqual(doorStates(robot, drive), { said: "closed", assigned: "closed", set: "closed" });
   assert.deepEqual(doorStates(robot, null), { said: "closed", assigned: "open", set: "closed" });
+});
+
+test("the driver's line has the number of errors in the page", () => {
+  const drive = { heard: null, code: "P1", kind: "", number: 1, condition: "", state: "" };
+  const words = { say: (word, values) => (values?.n ? `${word} ${values.n}` : "") };
+  assert.match(driverOf({ ...drive, script_errors: 2 }, words), /script_errors 2/);
+  assert.doesNotMatch(driverOf({ ...drive, script_errors: 0 }, words), /script_errors/);
 });
 
 test("the course of a drive has its passed and next checkpoints", () => {

@@ -14,117 +14,75 @@ import {
 import { readDecimal } from "../../lib/decimal.js";
 import { make } from "../../lib/dom.js";
 import { element, ground, pointList, UNIT, viewBoxOf } from "./course_ground.js";
-import { MapEditor } from "./map_editor.js";
+import { MapEditor, fieldsOf } from "./map_editor.js";
+import { spot } from "./plan_handles.js";
 
-/**
- * @typedef {object} Handle
- * @property {string} id
- * @property {string} kind spot, point or corner
- * @property {string} label
- * @property {Point} at m
- * @property {(at: Point) => void} move
- * @property {(() => void) | null} remove
- * @property {string} [number]
- * @property {number} [radius] m
- * @property {string} [item] its part of the form
- */
+/** @typedef {import("./plan_handles.js").Handle & {radius?: number}} Handle radius in m */
 
 const PAUSE = 500; // ms without a change until the server checks the course
 const TOOL = "course-tool";
 
 const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
 const form = /** @type {HTMLFormElement} */ (document.getElementById("part"));
+const fields = fieldsOf(form);
 
-/** A field of the form. @param {string} name */
-const field = (name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
-
-/** @param {string} name @param {string} value */
-const write = (name, value) => {
-  const input = field(name);
-  if (input) {
-    input.value = value;
-    input.dispatchEvent(new Event("input", { bubbles: true }));
-  }
-};
-
-/** Marks a part of the form. @param {string} item */
-const mark = (item) => {
-  for (const part of form.querySelectorAll("[data-item]")) {
-    part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
-  }
-};
-
-/** @param {string} title @returns {Handle[]} */
-const checkpoints = (title) => {
+/** The names of the parts of a list. @param {string} list @returns {string[]} */
+const partsOf = (list) => {
   const found = [];
-  for (let n = 0; field(`checkpoints.${n}`); n += 1) {
-    const [x, y, radius] = ["x", "y", "radius"].map((key) =>
-      readDecimal(field(`checkpoints.${n}.${key}`)?.value ?? ""),
-    );
-    if (Number.isFinite(x) && Number.isFinite(y)) {
-      found.push({
-        id: `c${n}`,
-        kind: "spot",
-        label: `${title} ${n}`,
-        at: /** @type {Point} */ ([x, y]),
-        number: String(n),
-        item: `checkpoints.${n}`,
-        radius: Number.isFinite(radius) ? radius : 0.6,
-        remove: null,
-        move: (/** @type {Point} */ at) =>
-          ["x", "y"].forEach((key, axis) =>
-            write(`checkpoints.${n}.${key}`, String(rounded(at[axis]))),
-          ),
-      });
-    }
+  while (fields.read(`${list}.${found.length}`) !== null) {
+    found.push(`${list}.${found.length}`);
   }
   return found;
 };
 
+/** @param {string} title @returns {Handle[]} */
+const checkpoints = (title) =>
+  partsOf("checkpoints").flatMap((name, n) => {
+    const part = { part: name, kind: "spot", label: `${title} ${n}`, number: String(n) };
+    const handle = spot(part, fields, ["x", "y"], part.label);
+    const radius = readDecimal(fields.read(`${name}.radius`) ?? "");
+    return handle
+      ? [{ ...handle, remove: null, radius: Number.isFinite(radius) ? radius : 0.6 }]
+      : [];
+  });
+
 /**
- * @param {string} name @param {string} kind @param {number} least @param {string} [item]
+ * @param {string} name @param {string} kind @param {number} least @param {string} part of the form
  * @returns {Handle[]}
  */
-const pointsOf = (name, kind, least, item) => {
-  const points = parsePoints(field(name)?.value ?? "") ?? [];
-  const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
+const pointsOf = (name, kind, least, part) => {
+  const points = parsePoints(fields.read(name) ?? "") ?? [];
+  const field = /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  const label = field?.labels?.[0]?.textContent?.trim() ?? name;
   return points.map((at, n) => ({
     id: `${name}${n}`,
     kind,
     label: `${label} ${n + 1}`,
     at,
-    item,
-    move: (to) => write(name, formatPoints(withMoved(points, n, to))),
-    remove: () => write(name, formatPoints(without(points, n, least))),
+    part,
+    move: (to) => fields.write(name, formatPoints(withMoved(points, n, to))),
+    remove: () => fields.write(name, formatPoints(without(points, n, least))),
   }));
 };
 
-/** @returns {Handle[]} */
-const corners = () => {
-  const found = [];
-  for (let n = 0; field(`zones.${n}`); n += 1) {
-    found.push(...pointsOf(`zones.${n}.polygon`, "corner", 3, `zones.${n}`));
-  }
-  return found;
+const corners = () =>
+  partsOf("zones").flatMap((zone) => pointsOf(`${zone}.polygon`, "corner", 3, zone));
+
+/**
+ * The line of the points in a field, none without points.
+ * @param {string} name @param {string} tag @param {string} look @param {number} width
+ */
+const line = (name, tag, look, width) => {
+  const points = parsePoints(fields.read(name) ?? "");
+  const shape = { class: look, points: pointList(points ?? []), "stroke-width": width };
+  return points ? [element(tag, shape)] : [];
 };
 
-/** Zones and path. @returns {SVGElement[]} */
-const lines = () => {
-  const found = [];
-  for (let n = 0; field(`zones.${n}`); n += 1) {
-    const points = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
-    if (points) {
-      const shape = { points: pointList(points), "stroke-width": 2 };
-      found.push(element("polygon", { class: "course__zone", ...shape }));
-    }
-  }
-  const path = parsePoints(field("path")?.value ?? "");
-  if (path) {
-    const shape = { points: pointList(path), "stroke-width": 5 };
-    found.push(element("polyline", { class: "course__path", ...shape }));
-  }
-  return found;
-};
+/** Zones and path. */
+const lines = () => [
+  ...partsOf("zones").flatMap((zone) => line(`${zone}.polygon`, "polygon", "course__zone", 2)),
+  ...line("path", "polyline", "course__path", 5),
+];
 
 /** @extends {MapEditor<Handle>} */
 class CourseMap extends MapEditor {
@@ -132,7 +90,7 @@ class CourseMap extends MapEditor {
   constructor(page) {
     const text = document.getElementById("course-ground")?.textContent ?? "";
     const { plan: site, robot } = JSON.parse(text);
-    super("course-map", viewBoxOf(site), TOOL, "move");
+    super(form, "course-map", viewBoxOf(site), TOOL, "move");
     this.words = page.dataset;
     // the top layer receives clicks first
     this.layers = /** @type {Record<string, SVGElement>} */ ({
@@ -158,8 +116,8 @@ class CourseMap extends MapEditor {
   }
 
   /** @param {Handle} handle */
-  choose({ item }) {
-    mark(item ?? "");
+  choose({ part }) {
+    this.mark(form.querySelector(`[data-item="${part}"]`));
   }
 
   /** @param {Handle} handle @returns {SVGElement} */
@@ -175,7 +133,7 @@ class CourseMap extends MapEditor {
     layers.drawn.replaceChildren(...lines());
     const handles = [
       ...corners(),
-      ...pointsOf("path", "point", 0),
+      ...pointsOf("path", "point", 0, ""),
       ...checkpoints(this.words.wordsCheckpoint ?? ""),
     ];
     this.drawHandles(
@@ -226,10 +184,13 @@ class CourseMap extends MapEditor {
   /** @param {Point} at */
   add(at) {
     if (this.tool === "path") {
-      write("path", formatPoints(withPoint(parsePoints(field("path")?.value ?? "") ?? [], at)));
+      fields.write(
+        "path",
+        formatPoints(withPoint(parsePoints(fields.read("path") ?? "") ?? [], at)),
+      );
     } else {
-      write("at", `${rounded(at[0])} ${rounded(at[1])}`);
-      this.submit(form);
+      fields.write("at", `${rounded(at[0])} ${rounded(at[1])}`);
+      this.submit();
     }
   }
 

@@ -10,6 +10,25 @@ import { GRIP, movable, pointAt } from "./map_handles.js";
 
 /** @typedef {import("./map_handles.js").Movable & {id: string, label: string}} AnyHandle */
 
+/** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
+export const fieldsOf = (form) => {
+  const field = (/** @type {string} */ name) =>
+    /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  return {
+    read: (name) => {
+      const input = field(name);
+      return input && (input.type !== "checkbox" || input.checked) ? input.value : null;
+    },
+    write: (name, value) => {
+      const input = field(name);
+      if (input) {
+        input.type === "checkbox" ? (input.checked = Boolean(value)) : (input.value = value);
+        input.dispatchEvent(new Event("input", { bubbles: true }));
+      }
+    },
+  };
+};
+
 /**
  * A subclass has `draw()`, `add(at)`, which adds a thing with the chosen tool, and
  * `choose(handle)`, for a handle that gets the focus.
@@ -17,10 +36,12 @@ import { GRIP, movable, pointAt } from "./map_handles.js";
  */
 export class MapEditor {
   /**
-   * @param {string} id of the SVG @param {[number, number, number, number]} viewBox
+   * @param {HTMLFormElement} form @param {string} id of the SVG
+   * @param {[number, number, number, number]} viewBox
    * @param {string} toolName of the radio buttons @param {string} idle the tool that adds nothing
    */
-  constructor(id, viewBox, toolName, idle) {
+  constructor(form, id, viewBox, toolName, idle) {
+    this.form = form;
     this.svg = /** @type {any} */ (document.getElementById(id));
     this.viewBox = viewBox;
     this.svg.setAttribute("viewBox", viewBox.join(" "));
@@ -55,11 +76,16 @@ export class MapEditor {
     this.svg.classList.toggle("is-adding", this.tool !== this.idle);
   }
 
-  /** @param {HTMLFormElement} form whose button for the tool makes a new part */
-  submit(form) {
-    form.requestSubmit(
-      /** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.tool}"]`)),
-    );
+  /** With the form's button for the tool, which makes a new part. */
+  submit() {
+    const button = this.form.querySelector(`[data-add="${this.tool}"]`);
+    this.form.requestSubmit(/** @type {HTMLElement} */ (button));
+  }
+
+  /** Marks a part of the form, or none. @param {Element | null} part */
+  mark(part) {
+    this.form.querySelector(".is-chosen")?.classList.remove("is-chosen");
+    part?.classList.add("is-chosen");
   }
 
   /**

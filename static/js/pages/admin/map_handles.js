@@ -40,9 +40,7 @@ const drag = (event, group, { now, mayChange, worldAt }) => {
   };
   const over = new AbortController();
   group.addEventListener("pointermove", follow, over);
-  for (const end of ["pointerup", "pointercancel"]) {
-    group.addEventListener(end, () => over.abort(), over);
-  }
+  group.addEventListener("lostpointercapture", () => over.abort(), over);
 };
 
 /**

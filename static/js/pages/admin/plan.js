@@ -5,7 +5,7 @@
 
 import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
 import { rounded } from "./course_points.js";
-import { MapEditor } from "./map_editor.js";
+import { MapEditor, fieldsOf } from "./map_editor.js";
 import { handlesOf } from "./plan_handles.js";
 
 /** @typedef {import("./plan_handles.js").Handle} Handle */
@@ -22,25 +22,6 @@ const LOOKS = {
 };
 
 const form = /** @type {HTMLFormElement | null} */ (document.getElementById("plan"));
-
-/** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
-const fieldsOf = (form) => {
-  const field = (/** @type {string} */ name) =>
-    /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
-  return {
-    read: (name) => {
-      const input = field(name);
-      return input && (input.type !== "checkbox" || input.checked) ? input.value : null;
-    },
-    write: (name, value) => {
-      const input = field(name);
-      if (input) {
-        input.type === "checkbox" ? (input.checked = Boolean(value)) : (input.value = value);
-        input.dispatchEvent(new Event("input", { bubbles: true }));
-      }
-    },
-  };
-};
 
 /**
  * Lines between the ends of openings, and from docks to their headings.
@@ -63,8 +44,7 @@ class PlanMap extends MapEditor {
   constructor(form) {
     const text = document.getElementById("plan-site")?.textContent ?? "";
     const site = JSON.parse(text);
-    super("plan-map", viewBoxOf(site), TOOL, "");
-    this.form = form;
+    super(form, "plan-map", viewBoxOf(site), TOOL, "");
     this.fields = fieldsOf(form);
     this.site = site;
     this.layers = {
@@ -76,7 +56,7 @@ class PlanMap extends MapEditor {
     this.svg.append(...Object.values(this.layers));
     form.addEventListener("input", (event) => this.#changed(event));
     form.addEventListener("focusin", (event) =>
-      this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")),
+      this.mark(/** @type {Element} */ (event.target).closest("[data-part]")),
     );
     this.showTool();
     this.#drawGround();
@@ -123,21 +103,14 @@ class PlanMap extends MapEditor {
 
   /** @param {Handle} handle */
   choose({ part }) {
-    this.#mark(this.form.querySelector(`[data-part="${part}"]`));
-  }
-
-  /** @param {Element | null} chosen */
-  #mark(chosen) {
-    for (const part of this.form.querySelectorAll("[data-part]")) {
-      part.classList.toggle("is-chosen", part === chosen);
-    }
+    this.mark(this.form.querySelector(`[data-part="${part}"]`));
   }
 
   /** @param {Point} at */
   add([x, y]) {
     this.fields.write("at_x", String(rounded(x)));
     this.fields.write("at_y", String(rounded(y)));
-    this.submit(this.form);
+    this.submit();
   }
 
   /** @param {Event} event */

@@ -1,4 +1,4 @@
-/** The handles of the page that finishes a plan, which read and write its fields. */
+/** The handles of a plan, which read and write the fields of its form. */
 
 import { readDecimal } from "../../lib/decimal.js";
 import { rounded } from "./course_points.js";
@@ -37,10 +37,11 @@ export const ahead = ([x, y], degrees) => [
 ];
 
 /**
+ * The handle of a point, null without one.
  * @param {Part} part @param {Fields} fields @param {string[]} names @param {string} label
  * @returns {Handle | null}
  */
-const spot = ({ part, kind, number: shown }, fields, names, label) => {
+export const spot = ({ part, kind, number: shown }, fields, names, label) => {
   const at = /** @type {Point} */ (names.map((name) => number(fields.read(`${part}.${name}`))));
   if (!at.every(Number.isFinite)) {
     return null;

@@ -3,7 +3,7 @@
 import { element, make, readConfig, write } from "../../lib/dom.js";
 import { fetchJson, pollWhileVisible } from "../../lib/page_poll.js";
 import { readWords } from "../../lib/words.js";
-import { drawGround, drawStops } from "../../study/course.js";
+import { layersOf } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
 import { courseOf, trailOf } from "./course.js";
 import { formatted } from "../replay/readings.js";
@@ -88,10 +88,8 @@ const showRobot = (robot, drive, queue) => {
   write(parts.wizard, wizardOf(drive, words));
   parts.wizard.parentElement.hidden = !drive?.wizard;
   write(parts.remaining, lasted(drive?.task?.remaining));
-  write(
-    parts.speed,
-    formatted(drive?.speed, (speed) => `${speed.toFixed(2)} m/s`),
-  );
+  const speed = formatted(drive?.speed, (value) => `${value.toFixed(2)} m/s`);
+  write(parts.speed, speed);
   write(parts.network, networkOf(drive?.network, words));
   write(parts.battery, batteryOf(robot, words));
   write(parts.queue, queueOf(queue, words));
@@ -109,12 +107,7 @@ const showCourse = (shown, robot, drive) => {
   if (stops !== shown.stops) {
     shown.stops = stops;
     shown.parts.map.dataset.stops = stops;
-    shown.map.setCourse(
-      marks && {
-        below: (context, view, paint) => drawGround(context, view, marks, paint),
-        above: (context, view, paint) => drawStops(context, view, marks, paint),
-      },
-    );
+    shown.map.setCourse(layersOf(marks));
   }
 };
 
