@@ -265,6 +265,7 @@ PAGE: Mapping[str, Fields] = {
         "state": words("denied", "granted", "prompt"),
     },
     "photo_answer": {"id": code, "choice": words("again", "keep", "skip"), "photo": code},
+    "script_error": {"error": text, "at": text, "times": number},
     "tab": {"hidden": number},
 }
 _PLACED: Fields = {"number": number, "pose": POSE, "facing": FACING}

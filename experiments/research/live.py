@@ -220,6 +220,7 @@ def _drive(drive: Drive, definition: StudyDefinition, now: datetime.datetime) ->
     chunk, fixed = newest_chunk(session), terms.of(session)
     state = chunk.states[-1] if chunk is not None and chunk.states else None
     sample = NetworkSample.objects.filter(session=session).order_by("-received_at").first()
+    errors = SessionEvent.objects.filter(session=session, type="script_error")
     return {
         "session": str(session.pk),
         "robot": session.robot.name,
@@ -235,6 +236,7 @@ def _drive(drive: Drive, definition: StudyDefinition, now: datetime.datetime) ->
         "speed": state["velocity"]["linear"] if state else None,
         "heard": now.timestamp() - chunk.received_at if chunk is not None else None,
         "network": _network(sample, now),
+        "script_errors": errors.count(),
         "doors": fixed.doors,
         "task": _task(drive, definition, now),
         "wizard": _wizard(session, now) if fixed.driver == "wizard" else None,

@@ -49,16 +49,47 @@ interface Feature {
 interface FeatureParts {
   /** for other features */
   api?: object;
-  /** by the suffix of a message */
-  handlers?: { [S in keyof Received]?: (message: Received[S], transport: Transport) => unknown };
-  /** by the name in `data-action` */
-  actions?: Record<string, (argument: string) => unknown>;
+  handlers?: Handlers;
+  actions?: Actions;
   /** by the command of input/keymap.js */
   keys?: Record<string, Handler>;
   /** writes the state into the page's elements, once a frame, and does nothing else */
   render?: (state: State) => void;
-  /** by the name of an event; `changed` comes with a changed state, before it is rendered */
-  on?: Record<string, (...values: any[]) => unknown>;
+  on?: Listeners;
+}
+
+/** By the suffix of a message. */
+type Handlers = { [S in keyof Received]?: (message: Received[S], transport: Transport) => unknown };
+/** By the name in `data-action`. */
+type Actions = Record<string, (argument: string) => unknown>;
+type Listeners = { [Name in keyof PageEvents]?: (...values: PageEvents[Name]) => unknown };
+
+/** Events of the drive page, and what comes with them. */
+interface PageEvents {
+  /** before the changed state is rendered */
+  changed: [state: State];
+  /** twenty times, five times and once a second; Unix time */
+  tick: [now: number];
+  poll: [now: number];
+  second: [now: number];
+  phase: [phase: string, before: string];
+  /** this page drives: the lease; `began` at the first one of a session, true after a reload */
+  granted: [lease: any];
+  began: [isContinued: boolean];
+  released: [];
+  /** the robot has no driver any more */
+  freed: [];
+  /** a controller asks for a velocity */
+  steered: [intent: Intent];
+  focusLost: [why: string];
+  factsheet: [factsheet: any];
+  newRobotState: [state: any];
+  socketOpen: [];
+  linkOpening: [peer: Peer];
+  linkDropping: [];
+  linkLost: [];
+  linkClosed: [];
+  frameShown: [];
 }
 
 /** What every feature gets, with the `api` of the other features. */
@@ -71,7 +102,7 @@ interface Page {
   keys: KeyDispatcher;
   useKeys: (own: Record<string, string[]>) => void;
   handle: import("./drive/registry.js").Registry["handle"];
-  emit: import("./drive/registry.js").Registry["emit"];
+  emit: <Name extends keyof PageEvents>(name: Name, ...values: PageEvents[Name]) => void;
   act: (action: string) => void;
   begin: () => void;
   connection: {
@@ -81,6 +112,7 @@ interface Page {
     clockSync: import("./protocol/clock_sync.js").ClockSync;
     commands: import("./protocol/command_stream.js").CommandStream;
     send: (suffix: string, message: object, options?: { droppable?: boolean }) => boolean;
+    /** sends something for the record of the session; whether it was handed to the network */
     report: (type: string, data?: PageEventData, stamp?: number) => boolean;
     grantedAt: () => number;
   };

@@ -19,12 +19,12 @@ import { roleOf } from "../protocol/session.js";
  * @property {boolean} own
  */
 
-const MARKS = {
+const MARKS = /** @type {Record<string, string[]>} */ ({
   waiting: ["answering", "answered", "declined"],
   answering: ["answered"],
   answered: [],
   declined: [],
-};
+});
 const NOTES = new Set(["rate", "too_many", "full", "closed"]);
 
 /** Whether there is an audience, or this page is a part of one. @param {State} state */
@@ -45,16 +45,16 @@ export const isOffered = ({ visit, audience, room }) => {
 export const countOf = ({ moderates, hands, questions }) =>
   moderates ? hands + questions.filter(({ state }) => state === "waiting").length : 0;
 
-const BETWEEN_NEWS = 10; // s, so that a lively audience does not talk over everything else
+const BETWEEN_NEWS = 10; // s, so that a lively audience does not interrupt everything else
 
-/** Tells a screen reader how much waits: when it has become more, and not for each of many. */
+/** Announces to screen readers how many wait, when there are more, but not each of many. */
 export class WaitingNews {
   said = 0;
   at = -Infinity;
 
-  /** Whether to say it now. @param {number} count @param {number} now seconds */
+  /** Whether to announce it now. @param {number} count @param {number} now seconds */
   hear(count, now) {
-    this.said = Math.min(this.said, count); // fewer are what the listener has dealt with
+    this.said = Math.min(this.said, count); // the listener has dealt with some
     const isNews = count > this.said && now - this.at >= BETWEEN_NEWS;
     if (isNews) {
       this.said = count;
@@ -65,7 +65,7 @@ export class WaitingNews {
 }
 
 /**
- * Who has a hand up, in words.
+ * The names of viewers with a raised hand.
  * @param {{hands: number, names: string[]}} audience @param {Words} words @param {string} language
  */
 export const handsText = ({ hands, names }, words, language) => {
@@ -89,13 +89,13 @@ export const createPanel = (page) => {
   });
   const news = new WaitingNews();
   let isOpen = false;
-  /** @type {Audience | null} when the connection was lost, and with it the hand that was up */
+  /** @type {Audience | null} when the connection was lost, and with it the raised hand */
   let before = null;
   const open = (/** @type {boolean} */ wanted) => {
     isOpen = wanted;
     store.update(isOpen ? { panel: "" } : {}); // one of the page's panels at a time
     store.flush();
-    backToDriving(element); // the space bar is to stop the robot, not to press a button again
+    backToDriving(element);
   };
   keys.closes(element("audience-panel"), () => open(false));
   element("audience-open").addEventListener("click", () => open(!isOpen));
@@ -118,7 +118,7 @@ export const createPanel = (page) => {
       isOpen &&= isOffered(state) && !state.panel;
       if (audience && before && before !== audience) {
         before = null;
-        // Also when it seems to be up: a web process that died may have been the one that held it.
+        // also if it seems to be raised: the web process that stored it may have died
         if (audience.open) {
           connection.send("audience/hand", { raised: true });
         }
@@ -141,16 +141,10 @@ export const createPanel = (page) => {
   };
 };
 
-/**
- * Where the panel is, and whether it is open.
- * @param {Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen
- */
+/** @param {Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen */
 const renderPlace = ({ element }, driver, offered, isOpen) => {
-  const [box, panel, button] = [
-    element("audience"),
-    element("audience-panel"),
-    element("audience-open"),
-  ];
+  const [box, panel] = [element("audience"), element("audience-panel")];
+  const button = element("audience-open");
   const home = element(driver ? "presence" : "audience-place");
   if (box.parentElement !== home) {
     home.append(box);
@@ -186,13 +180,13 @@ const createForm = ({ element, words, connection }) => {
         write(element("ask-note"), words.say(note));
       }
     },
-    /** What was asked stays in the field until it has arrived. @param {Question[]} questions */
+    /** A question stays in the field until it has arrived. @param {Question[]} questions */
     render: (questions) => {
       const line = asked.split(/\s+/).join(" ");
-      if (
-        asked &&
-        questions.some(({ own, text, state }) => own && text === line && state === "waiting")
-      ) {
+      const hasArrived = questions.some(
+        ({ own, text, state }) => own && text === line && state === "waiting",
+      );
+      if (asked && hasArrived) {
         field.value = field.value.trim() === asked ? "" : field.value;
         asked = "";
       }
@@ -206,7 +200,8 @@ const renderTexts = ({ element, words }, audience) => {
   const count = countOf(audience);
   element("audience-count").hidden = count === 0;
   write(element("audience-count"), String(count));
-  const answering = askedNow(audience.questions);
+  const now = audience.questions.filter(({ state }) => state === "answering");
+  const answering = now.map(({ text }) => text).join(" · ");
   element("asked").hidden = answering === "";
   write(element("asked-text"), answering);
   element("hand").setAttribute("aria-pressed", String(audience.raised));
@@ -217,16 +212,8 @@ const renderTexts = ({ element, words }, audience) => {
   element("no-questions").hidden = !audience.moderates || audience.questions.length > 0;
 };
 
-/** What is being answered. @param {Question[]} questions */
-const askedNow = (questions) =>
-  questions
-    .filter(({ state }) => state === "answering")
-    .map((one) => one.text)
-    .join(" · ");
-
 /**
- * Rows that stay the same elements while their questions change: who is about to press a button
- * presses that one.
+ * Its rows stay the same elements while questions change, so that a press hits the right button.
  */
 class QuestionList {
   /**
@@ -262,14 +249,16 @@ class QuestionList {
   /** @param {Question} question */
   #newRow({ id, text }) {
     const row = make("li", "line");
-    const [who, words, state, buttons] = [
-      make("span", "line__who"),
-      make("span", "line__text", text),
-      make("span", "audience__state"),
-      make("div", "presence__row"),
-    ];
+    const [words, buttons] = [make("span", "line__text", text), make("div", "presence__row")];
     words.dir = "auto";
-    row.append(who, " ", words, " ", state, buttons);
+    row.append(
+      make("span", "line__who"),
+      " ",
+      words,
+      " ",
+      make("span", "audience__state"),
+      buttons,
+    );
     for (const mark of MARKS.waiting) {
       const word = this.words.say(`audience.do.${mark}`);
       const button = makeButton("button presence__small", word, () => this.mark(id, mark));
@@ -287,15 +276,12 @@ class QuestionList {
     row.classList.toggle("line--own", own);
     row.dataset.state = state;
     write(part("line__who"), own ? this.words.say("presence.you") : this.words.nameOf(who));
-    write(
-      part("audience__state"),
-      own || state !== "waiting" ? this.words.say(`audience.state.${state}`) : "",
-    );
-    part("presence__row").hidden = !moderates || MARKS[state].length === 0;
-    for (const button of /** @type {HTMLElement[]} */ (
-      Array.from(part("presence__row").children)
-    )) {
-      button.hidden = !(/** @type {string[]} */ (MARKS[state]).includes(button.dataset.mark ?? ""));
+    const isKnown = own || state !== "waiting";
+    write(part("audience__state"), isKnown ? this.words.say(`audience.state.${state}`) : "");
+    const buttons = part("presence__row");
+    buttons.hidden = !moderates || MARKS[state].length === 0;
+    for (const button of /** @type {NodeListOf<HTMLElement>} */ (buttons.childNodes)) {
+      button.hidden = !MARKS[state].includes(button.dataset.mark ?? "");
     }
   }
 }

@@ -1,19 +1,17 @@
-/** A visit starts with the room in sight, and not the wall behind the station. Pure. */
+/** A session starts with a view of the room, and not of the wall behind the dock. Pure. */
 
 import { roleOf } from "../protocol/session.js";
 import { setsOut } from "./offer.js";
 
-// s for a robot that touches its contacts to report that it is docked
-export const DOCKS_WITHIN = 5;
+export const DOCKS_WITHIN = 5; // s for a robot at its contacts to report that it is docked
 const AT_REST = 0.02; // m/s and rad/s
 
 /** @param {{linear: number, angular: number}} velocity */
 const isAtRest = ({ linear, angular }) => Math.max(Math.abs(linear), Math.abs(angular)) < AT_REST;
 
 /**
- * Whether the robot leaves its station now, so that a new visitor sees the room and not the wall:
- * yes, no, or null while the page cannot know. Once a visit, not after a reload of the page, and
- * not when the robot was stopped since the visit started.
+ * Whether the robot leaves its dock now: yes, no, or null while that is unknown. Once in a session,
+ * not after a reload of the page, and not when the robot was stopped since the session started.
  * @param {State} state @param {number} now @returns {boolean | null}
  */
 export const leavesByItself = (state, now) => {

@@ -2,8 +2,7 @@
 
 export const HOLD_SECONDS = 0.5;
 const WHYS = new Set(["slow", "stop", "steer", "blind"]);
-// rad; a point within this angle of straight ahead is ahead, the same behind
-const AHEAD = Math.PI / 4;
+const AHEAD = Math.PI / 4; // rad from straight ahead; the same behind
 
 /** @typedef {{why: string, side: string, point: Point | null}} Help `why` "": none */
 
@@ -33,8 +32,8 @@ export const helpFrom = (why, point) =>
   WHYS.has(why) ? { why, side: why === "blind" ? "" : sideOf(point), point } : NO_HELP;
 
 /**
- * Keeps a reason readable: near walls it changes several times a second. The first one is shown at
- * once; another, or none, half a second after the shown one was last reported.
+ * Keeps a reason readable, which near walls changes several times a second. The first one is shown
+ * at once; another, or none, half a second after the shown one was last reported.
  */
 export class HeldHelp {
   constructor() {
@@ -43,11 +42,7 @@ export class HeldHelp {
     this.heardAt = -Infinity;
   }
 
-  /**
-   * @param {Help} help what the robot says now
-   * @param {number} now Unix seconds
-   * @returns {Help} what to show
-   */
+  /** @param {Help} help reported now @param {number} now Unix seconds @returns {Help} to show */
   hear(help, now) {
     const same = help.why === this.shown.why && help.side === this.shown.side;
     if (same || this.shown.why === "" || now - this.heardAt >= HOLD_SECONDS) {
@@ -57,7 +52,7 @@ export class HeldHelp {
     return this.shown;
   }
 
-  /** Without news from the robot. @param {number} now @returns {Help} */
+  /** Without a report. @param {number} now @returns {Help} */
   tick(now) {
     if (now - this.heardAt >= 2 * HOLD_SECONDS) {
       this.shown = NO_HELP;
@@ -66,17 +61,13 @@ export class HeldHelp {
   }
 }
 
-/** The sentence. @param {Help} help @returns {string} a word, or nothing */
-export const wordOf = ({ why, side }) => {
-  if (why === "") {
-    return "";
-  }
-  return why === "blind" || side === "" ? `assist.${why}` : `assist.${why}.${side}`;
-};
+/** The key of its sentence, or "". @param {Help} help @returns {string} */
+export const wordOf = ({ why, side }) =>
+  why && (why === "blind" || side === "" ? `assist.${why}` : `assist.${why}.${side}`);
 
 /**
- * The level of assistance in force: what the robot reports, as a study may fix it. A robot that has
- * lost its driver reports its owner's level; the driver then sees the last one of the visit.
+ * The level of assistance in force, as the robot reports it. A robot without its driver reports its
+ * owner's level; the driver then sees the last one of the session.
  * @param {State} state
  * @returns {string} empty while unknown
  */

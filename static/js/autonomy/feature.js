@@ -1,4 +1,4 @@
-/** The robot's actions and assistance on the drive page. The modules beside it decide; pure. */
+/** The robot's actions and assistance. The pure modules beside it decide. */
 
 import { recallAimed, rememberAimed } from "../lib/storage.js";
 import { Aiming } from "../input/aiming.js";
@@ -11,11 +11,10 @@ import { leavesByItself } from "./arrival.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
 import { createMapBar, showsLaser } from "./map_bar.js";
 import { createOfferPanel } from "./offer_panel.js";
-import { ask, heard, isUnderWay, pass, wishOf } from "../protocol/robot_action.js";
+import { ask, heard, isUnderWay, pursue, wishOf } from "../protocol/robot_action.js";
 
-// s until a level of assistance that the robot does not confirm counts as refused
-const ASSIST_PATIENCE = 3;
-const PUSH_PERIOD = 0.5; // s between two records that the visitor presses forward
+const ASSIST_PATIENCE = 3; // s until an unconfirmed level of assistance counts as refused
+const PUSH_PERIOD = 0.5; // s between two updates that the visitor presses forward
 
 /** Millimetres and milliradians are enough. @param {number} value */
 const round = (value) => Math.round(value * 1000) / 1000;
@@ -25,7 +24,7 @@ const mayAim = (state) =>
   roleOf(state.visit) === "driver" &&
   ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, words, element, keys, act, config } = page;
   store.update({ hasAimed: recallAimed(config.who ?? "") });
@@ -59,26 +58,28 @@ const setUp = (page) => {
     handlers: {
       state: hearHelp,
       pose: hearHelp,
-      action: (/** @type {Parameters<typeof heard>[1]} */ message) => {
+      action: (message) => {
         const { task, visit } = store.get();
         if (visit.phase === "driving") {
           store.update({ task: heard(task, message, unixNow()) });
         }
       },
-      denied: (/** @type {{suffix: string}} */ { suffix }) =>
-        suffix === "session/assist" && store.update({ assistAsked: null }),
+      denied: ({ suffix }) => suffix === "session/assist" && store.update({ assistAsked: null }),
     },
     actions: { ...newActions(page), assist },
     on: {
       ...newListeners(page),
-      changed: (/** @type {State} */ state) => (mayAim(state) ? aiming.enable() : aiming.disable()),
-      poll: (/** @type {number} */ now) => {
+      changed: (state) => (mayAim(state) ? aiming.enable() : aiming.disable()),
+      poll: (now) => {
         arrive(page, now);
-        pursue(page, now);
+        const task = pursue(store.get().task, now, page.driving.sendAction);
+        if (task !== store.get().task) {
+          store.update({ task });
+        }
         showHelp(held.tick(now));
       },
     },
-    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
+    render: (state) => renders.forEach((render) => render(state)),
   };
 };
 
@@ -89,20 +90,14 @@ const newAiming = ({ store, element, map }) =>
     toWorld: (px, py) => map.worldAt(px, py),
     onAim: (x, y, theta) => {
       const kind = store.get().aim?.kind ?? "goal";
-      store.update({
-        aim: {
-          kind,
-          x: round(x),
-          y: round(y),
-          theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))),
-        },
-        placesOpen: false,
-      });
+      const heading = theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0)));
+      const aim = { kind, x: round(x), y: round(y), theta: heading };
+      store.update({ aim, placesOpen: false });
     },
   });
 
 /**
- * Start a visit with the room in sight. In a hidden tab the robot stays, then and later.
+ * Leaves the dock at the start of a session. In a hidden tab the robot stays, also later.
  * @param {Page} page @param {number} now
  */
 const arrive = ({ store, act }, now) => {
@@ -125,20 +120,9 @@ const arrive = ({ store, act }, now) => {
   }
 };
 
-/** @param {Page} page @param {number} now */
-const pursue = ({ store, driving }, now) => {
-  const { action, send } = pass(store.get().task, now);
-  if (action !== store.get().task) {
-    store.update({ task: action });
-  }
-  if (send && action) {
-    driving.sendAction(action);
-  }
-};
-
 /** The marks of goal and obstacle on the map. @param {Page} page */
 const createMarks = ({ map }) => {
-  /** The goal of the last requested action: the same object while the goal is the same. */
+  /** the goal of the last action, the same object while it is the same */
   let last = { id: "", aim: /** @type {any} */ (null) };
 
   /** @param {RobotAction} action */
@@ -151,16 +135,14 @@ const createMarks = ({ map }) => {
 
   return (/** @type {State} */ state) => {
     const { task, aim, help } = state;
-    const goal =
-      isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined
-        ? goalOf(task)
-        : null;
-    const chosen = aim !== null && aim.x !== null ? aim : null;
-    map.setMarks({ aim: chosen ?? goal, obstacle: help.point, laser: showsLaser(state) });
+    const hasGoal = isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined;
+    const goal = hasGoal ? goalOf(task) : null;
+    const shown = aim === null || aim.x === null ? goal : aim;
+    map.setMarks({ aim: shown, obstacle: help.point, laser: showsLaser(state) });
   };
 };
 
-/** @param {Page} page @returns {Record<string, (argument: string) => void>} */
+/** @param {Page} page @returns {Actions} */
 const newActions = ({ store, driving, config }) => {
   /** @param {Parameters<typeof ask>[0]} wish */
   const start = (wish) => {
@@ -171,7 +153,7 @@ const newActions = ({ store, driving, config }) => {
     }
   };
 
-  /** With the point chosen on the map, if there is one. @param {Parameters<typeof ask>[0]} wish */
+  /** With the chosen point of the map, if any. @param {Parameters<typeof ask>[0]} wish */
   const startAimed = (wish) => {
     const { x, y, theta } = store.get().aim ?? { x: null, y: null, theta: null };
     if (x !== null && y !== null) {
@@ -190,7 +172,7 @@ const newActions = ({ store, driving, config }) => {
         store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
       start({ type: "goto", place, title });
     },
-    /** To the point of the video that has no straight path. */
+    /** to the point of the video that has no straight path */
     go_around: () => {
       const [x, y] = store.get().said?.refused?.goal ?? [null, null];
       if (x !== null && y !== null) {
@@ -200,13 +182,11 @@ const newActions = ({ store, driving, config }) => {
     },
     go_here: () => startAimed({ type: "goto" }),
     search: () => start({ type: "relocalize" }),
-    show_pose: () =>
-      store.update({
-        aim: { kind: "pose", x: null, y: null, theta: null },
-        placesOpen: false,
-        mapOpen: true,
-      }),
-    // Without a drag it keeps its heading.
+    show_pose: () => {
+      const aim = /** @type {const} */ ({ kind: "pose", x: null, y: null, theta: null });
+      store.update({ aim, placesOpen: false, mapOpen: true });
+    },
+    // without a drag it keeps its heading
     set_pose: () => startAimed({ type: "relocalize", theta: store.get().robot?.pose.theta ?? 0 }),
     aim_cancel: () => store.update({ aim: null }),
     task_again: () => {
@@ -220,7 +200,7 @@ const newActions = ({ store, driving, config }) => {
   };
 };
 
-/** @param {Page} page */
+/** @param {Page} page @returns {Listeners} */
 const newListeners = ({ store }) => ({
   released: () =>
     store.update({
@@ -231,13 +211,10 @@ const newListeners = ({ store }) => ({
       assistAsked: null,
       assistKnown: null,
     }),
-  newRobotState: (/** @type {{assist: string, session: string | null}} */ { assist, session }) => {
+  newRobotState: ({ assist, session }) => {
     const { assistAsked: asked, assistKnown: known, visit } = store.get();
-    if (
-      session !== null &&
-      session === visit.session &&
-      (known?.session !== session || known.level !== assist)
-    ) {
+    const isOurs = session !== null && session === visit.session;
+    if (isOurs && (known?.session !== session || known?.level !== assist)) {
       store.update({ assistKnown: { session, level: assist } });
     }
     if (asked && (asked.level === assist || unixNow() - asked.at > ASSIST_PATIENCE)) {
@@ -245,12 +222,13 @@ const newListeners = ({ store }) => ({
     }
   },
   /** Steering hides a failure, unless the page drives to a point; at the dock it shows a hint. */
-  steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
+  steered: ({ linear, angular }) => {
     const { task, pushedAt, said, maneuver } = store.get();
-    if ((linear !== 0 || angular !== 0) && said?.word.startsWith("point.") && maneuver === null) {
+    const moves = linear !== 0 || angular !== 0;
+    if (moves && said?.word.startsWith("point.") && maneuver === null) {
       store.update({ said: null });
     }
-    if ((linear !== 0 || angular !== 0) && task?.status === "FAILED") {
+    if (moves && task?.status === "FAILED") {
       store.update({ task: null });
     }
     const now = unixNow();

@@ -1,56 +1,50 @@
-/** On the map: the menu of places and other actions, and the two buttons for a chosen point. */
+/** On the map: the menu of places and actions, and the two buttons for a chosen point. */
 
-import { roleOf } from "../protocol/session.js";
-import { maySend, can } from "../protocol/capabilities.js";
-import { make, write } from "../lib/dom.js";
+import { isOffered, maySend } from "../protocol/capabilities.js";
+import { backToDriving, make, write } from "../lib/dom.js";
 import { assistIn } from "./assistance.js";
 import { profileOf } from "../view/display/profiles.js";
 
 /**
- * What the menu holds. Pure.
+ * The entries of the menu. Pure.
  * @param {State} state
  * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]}
  *   a place has a title, other entries a word; those that are no destination are aside
  */
 export const menuFor = (state) => {
-  const drives = roleOf(state.visit) === "driver";
-  const places =
-    drives && can(state, "goto") && maySend(state, "places") ? (state.plan?.places ?? []) : [];
-  const goes = places.length > 0 || (drives && can(state, "dock"));
-  if (state.study && !goes) {
-    // who is asked to drive finds nothing else to do on the map; a lost robot asks by itself
-    return [];
+  const offers = (/** @type {string} */ capability) => isOffered(state, capability);
+  const places = offers("goto") && maySend(state, "places") ? (state.plan?.places ?? []) : [];
+  if (state.study && !places.length && !offers("dock")) {
+    return []; // a participant who drives needs no menu; a lost robot asks by itself
   }
+  const toPlace = (/** @type {any} */ { name, title }) => ({
+    action: `go_to:${name}`,
+    title: title || name,
+  });
+  const laser = { action: "laser", word: "do.laser", pressed: showsLaser(state), aside: true };
   return [
-    ...(drives && can(state, "dock") && !state.robot?.docked
-      ? [{ action: "go_home", word: "do.go_home" }]
-      : []),
-    ...places.map((/** @type {any} */ { name, title }) => ({
-      action: `go_to:${name}`,
-      title: title || name,
-    })),
-    ...(drives && can(state, "relocalize")
-      ? [{ action: "show_pose", word: "do.show_pose_menu", aside: true }]
-      : []),
-    ...(drives && can(state, "scan")
-      ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state), aside: true }]
-      : []),
+    ...(offers("dock") && !state.robot?.docked ? [GO_HOME] : []),
+    ...places.map(toPlace),
+    ...(offers("relocalize") ? [SHOW_POSE] : []),
+    ...(offers("scan") ? [laser] : []),
   ];
 };
 
+const GO_HOME = { action: "go_home", word: "do.go_home" };
+const SHOW_POSE = { action: "show_pose", word: "do.show_pose_menu", aside: true };
+
 /**
- * Whether laser points are drawn: as the visitor chose, else as the profile says, else while the
- * robot assists.
+ * Whether laser points are drawn: as the visitor chose, else by the profile, else while the robot
+ * assists.
  * @param {State} state
  */
 export const showsLaser = (state) =>
   state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
 
 /**
- * The sentence about a point of the map; how to give it a direction only until the visitor has done
- * so, as the sentence covers part of the map. Pure.
- * @param {State} state
- * @returns {string} a word, or nothing
+ * The key of the sentence about a point of the map, or "". It explains the heading only until the
+ * visitor has set one, as it covers part of the map. Pure.
+ * @param {State} state @returns {string}
  */
 export const hintFor = ({ aim, hasAimed }) => {
   if (aim === null || aim.x === null) {
@@ -65,11 +59,10 @@ export const hintFor = ({ aim, hasAimed }) => {
  */
 export const createMapBar = (element, words, act, keys) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
-  const viewport = element("viewport");
   let drawn = "";
   const close = () => {
     act("places");
-    viewport.focus({ preventScroll: true });
+    backToDriving(element);
   };
   keys.closes(menu, close, () => act("places"));
   toggle.addEventListener("click", (event) => {
@@ -85,7 +78,7 @@ export const createMapBar = (element, words, act, keys) => {
       const button = target instanceof Element ? target.closest("button") : null;
       if (button) {
         act(button.dataset.action ?? "");
-        viewport.focus({ preventScroll: true });
+        backToDriving(element);
       }
     });
   }
@@ -95,20 +88,13 @@ export const createMapBar = (element, words, act, keys) => {
     const key = JSON.stringify(entries);
     if (key !== drawn) {
       drawn = key;
-      const [aside, goals] = [
-        entries.filter((entry) => entry.aside),
-        entries.filter((entry) => !entry.aside),
-      ];
-      const divider = goals.length && aside.length ? [make("hr")] : [];
-      menu.replaceChildren(
-        ...goals.map((entry) => menuButton(entry, words)),
-        ...divider,
-        ...aside.map((entry) => menuButton(entry, words)),
-      );
-      write(
-        element("places-toggle-text"),
-        words.say(goals.length ? "do.places" : "do.map_options"),
-      );
+      const button = (/** @type {typeof entries[0]} */ entry) => menuButton(entry, words);
+      const goals = entries.filter(({ aside }) => !aside).map(button);
+      const others = entries.filter(({ aside }) => aside).map(button);
+      const divider = goals.length && others.length ? [make("hr")] : [];
+      menu.replaceChildren(...goals, ...divider, ...others);
+      const title = words.say(goals.length ? "do.places" : "do.map_options");
+      write(element("places-toggle-text"), title);
     }
   };
 
@@ -124,7 +110,7 @@ export const createMapBar = (element, words, act, keys) => {
 };
 
 /**
- * The two buttons for a point, and its sentence.
+ * Shows the two buttons for a point, and its sentence.
  * @param {GetElement} element @param {Words} words @param {State} state
  */
 const renderAim = (element, words, state) => {

@@ -1,7 +1,6 @@
 /**
- * The panel at the foot of the picture: what the robot does by itself, or could do now, with the
- * buttons for it. Pure: which words and buttons; offer_panel.js shows them. It is small, and the
- * way ahead stays in sight.
+ * Decides the text and buttons of the small panel at the foot of the video: what the robot does by
+ * itself, or could do now. Pure; rendered by offer_panel.js.
  */
 
 import { isHeld, releaseOf } from "../protocol/estop_release.js";
@@ -22,33 +21,32 @@ import { reports } from "../protocol/standstill.js";
  * @property {{action: string, word: string}} [other]
  */
 
-/** It stops the robot, as the red button does, which alone is called so. */
+/** It stops the robot; only the red button is called Stop. */
 const CANCEL = { action: "stop", word: "do.cancel_drive" };
 const RELEASE = { action: "release_stop", word: "do.release_stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
-/** Words for releasing a stop between visits, which is no button on the robot. */
+/** Words for the release of a stop between sessions, which no button on the robot has pressed. */
 const HELD = { offered: "held", asked: "asked", failed: "held_failed" };
 
 /**
- * What the button out of the station does: the robot's own action, or a drive backwards that the
- * page steers. Where a study forbids the action there is no button, except for who can only point
- * at the video, where nothing is behind the robot.
+ * The action of the button that leaves the dock: the robot's own, or backwards, steered by the
+ * page. Where a study forbids the first there is no button, except for visitors who can only press
+ * on the video, which does not show the floor behind the robot.
  * @param {State} state @returns {"undock" | "back_out" | null}
  */
 export const wayOut = (state) => {
+  if (can(state, "undock")) {
+    return "undock";
+  }
   const onlyPoints =
     !maySteer(state, "stick") && (maySteer(state, "mouse") || maySteer(state, "touch"));
-  return can(state, "undock")
-    ? "undock"
-    : mayAsk(state, "undock") || onlyPoints
-      ? "back_out"
-      : null;
+  return mayAsk(state, "undock") || onlyPoints ? "back_out" : null;
 };
 
 /**
- * Whether this visitor's robot leaves its station by itself: not where the visitor steers nothing,
- * for then who does decides.
+ * Whether this visitor's robot leaves its dock by itself: not where the visitor steers nothing, and
+ * a hidden operator decides.
  * @param {State} state
  */
 export const setsOut = (state) =>
@@ -69,8 +67,8 @@ const inStation = (state) => {
 };
 
 /**
- * What an operator can do about the robot's emergency stop, or about a stop that holds it between
- * visits; null while there is none.
+ * An operator's offer to release the robot's emergency stop, or a stop between sessions; null
+ * without one.
  * @param {State} state @returns {{word: string, main?: {action: string, word: string}} | null}
  */
 export const releaseFor = ({ operates, robot, room, release, now }) => {
@@ -106,7 +104,7 @@ const usualOffer = (state) => {
     return underWay(/** @type {RobotAction} */ (task));
   }
   if (reports(robot, "runs_on") || reports(robot, "cancel")) {
-    return null; // the robot may not have stopped, as the end of an action would say
+    return null; // the robot may not have stopped, which the end of an action would imply
   }
   if (task?.status === "FAILED") {
     return {
@@ -145,16 +143,10 @@ const usualOffer = (state) => {
   return task ? ended(task) : null;
 };
 
-/**
- * Whether the answer to what the visitor has just tried is still to be read.
- * @param {State} state
- */
+/** Whether the answer to the visitor's last press is still shown. @param {State} state */
 export const isAnswered = ({ said, now }) => said !== null && now < said.until;
 
-/**
- * Whether the robot may be asked to find a way of its own to the point that was pressed.
- * @param {State} state
- */
+/** Whether to offer that the robot plans a path to the pressed point. @param {State} state */
 export const offersAround = (state) =>
   Boolean(
     isAnswered(state) &&
@@ -165,8 +157,8 @@ export const offersAround = (state) =>
   );
 
 /**
- * Why it does not go there. A point too near to a wall, which the robot has moved by half a metre
- * already if that was enough (robots/agent/navigation/planning), is named by what the robot needs.
+ * Why the robot refused. For a point too near to a wall, which the robot could not move by half a
+ * metre (robots/agent/navigation/planning), the sentence names the distance that it needs.
  * @param {string} reason @param {Point[]} footprint
  * @returns {{word: string, values?: Record<string, string>} | null}
  */
@@ -177,7 +169,7 @@ const refusal = (reason, footprint) => {
     : found;
 };
 
-/** How far a robot reaches aside, in whole cm. @param {Point[]} footprint */
+/** Half the width of a robot, whole cm. @param {Point[]} footprint */
 export const halfWidth = (footprint) =>
   Math.ceil(100 * Math.max(0, ...footprint.map(([, y]) => Math.abs(y))));
 
@@ -190,12 +182,11 @@ const known = ({ type, title }) =>
 /** @param {RobotAction} task @returns {Offer} */
 const underWay = (task) => {
   const moving = isMoving(task);
+  const hint = { word: moving ? "task.take_over" : "task.drive_a_little" };
   return {
     word: `task.${known(task)}`,
     values: { place: task.title },
-    detail: task.reason
-      ? reasonFor(task.reason)
-      : { word: moving ? "task.take_over" : "task.drive_a_little" },
+    detail: task.reason ? reasonFor(task.reason) : hint,
     tone: "calm",
     progress: moving ? task.progress : null,
     main: moving ? CANCEL : undefined,

@@ -1,6 +1,6 @@
-/** Shows an offer, and hands on which of its buttons was pressed. */
+/** Shows an offer. */
 
-import { backToDriving, write } from "../lib/dom.js";
+import { backToDriving, showButton, write } from "../lib/dom.js";
 import { offerFor } from "./offer.js";
 
 /**
@@ -10,14 +10,10 @@ import { offerFor } from "./offer.js";
 export const createOfferPanel = (element, words, act) => {
   const panel = element("offer");
   const bar = element("offer-progress");
-  const buttons = /** @type {HTMLButtonElement[]} */ ([
-    element("offer-main"),
-    element("offer-other"),
-  ]);
+  const buttons = [element("offer-main"), element("offer-other")];
   for (const button of buttons) {
     button.addEventListener("click", () => {
       act(button.dataset.action ?? "");
-      // The space bar is to stop the robot, not to press this again.
       backToDriving(element);
     });
   }
@@ -28,17 +24,11 @@ export const createOfferPanel = (element, words, act) => {
     panel.dataset.word = offer?.word ?? "";
     panel.dataset.tone = offer?.tone ?? "";
     write(element("offer-text"), offer ? words.say(offer.word, offer.values) : "");
-    write(
-      element("offer-detail"),
-      offer?.detail ? words.say(offer.detail.word, offer.detail.values) : "",
-    );
+    const detail = offer?.detail;
+    write(element("offer-detail"), detail ? words.say(detail.word, detail.values) : "");
     const progress = offer?.progress ?? null;
     bar.hidden = progress === null;
     bar.setAttribute("value", String(progress ?? 0));
-    [offer?.main, offer?.other].forEach((what, i) => {
-      buttons[i].hidden = !what;
-      buttons[i].dataset.action = what?.action ?? "";
-      write(buttons[i], what ? words.say(what.word) : "");
-    });
+    [offer?.main, offer?.other].forEach((what, i) => showButton(buttons[i], what, words));
   };
 };

@@ -1,10 +1,10 @@
-/** The slice of the page's state about what the robot does by itself. */
+/** The slice of the page's state about the robot's actions and assistance. */
 
 import { NO_HELP } from "./assistance.js";
 
 /**
  * @typedef {object} PendingAim
- * @property {"goal" | "pose"} kind a point to go to, or where the robot is
+ * @property {"goal" | "pose"} kind a point to go to, or the robot's position
  * @property {number | null} x null before the first press
  * @property {number | null} y
  * @property {number | null} theta
@@ -13,17 +13,17 @@ import { NO_HELP } from "./assistance.js";
 /**
  * @typedef {object} Arrival
  * @property {string | null} session
- * @property {string | null} stopId the robot's last stop when the visit started
- * @property {boolean} isOver whether it is decided if the robot leaves its station
+ * @property {string | null} stopId the robot's last stop when the session started
+ * @property {boolean} isOver whether it is decided if the robot leaves its dock
  * @property {number} since Unix seconds
  */
 
 export const newSlice = () => ({
-  /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
+  /** the robot's action, or the last one: robot_action.js; null for none */
   task: /** @type {RobotAction | null} */ (null),
-  /** of the visit; null before the first */
+  /** of the session; null before the first */
   arrival: /** @type {Arrival | null} */ (null),
-  /** a point being chosen on the map */
+  /** the point that is being chosen on the map */
   aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */
   hasAimed: false,
@@ -31,14 +31,11 @@ export const newSlice = () => ({
   placesOpen: false,
   /** whether laser points are drawn; null leaves it to the level of assistance */
   laser: /** @type {boolean | null} */ (null),
-  /** why the robot does not do quite what its driver asks: assistance.js */
+  /** how assistance changes the driver's command: assistance.js */
   help: NO_HELP,
-  /** the level of assistance that the robot last reported for a visit, null before it did */
+  /** the last reported level of assistance of the session, null without one */
   assistKnown: /** @type {{session: string, level: string} | null} */ (null),
-  /**
-   * the level of assistance that was asked for and is not yet in force, and when; null when there
-   * is none
-   */
+  /** the requested level of assistance that is not yet in force, and when; null without one */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
 });
 

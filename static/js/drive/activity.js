@@ -1,6 +1,6 @@
 /**
- * Activity of a visitor who does not drive: a touch, a key or the wheel anywhere on the page. The
- * server gets it every few seconds, and at once while it asks.
+ * Reports activity of a visitor who does not drive (a touch, a key or the wheel anywhere on the
+ * page) every few seconds, and at once while the server asks.
  */
 
 const EVERY = 15; // s

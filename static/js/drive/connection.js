@@ -1,6 +1,6 @@
 /**
  * The page's connections: the WebSocket to the server, the media link to the robot, and which of
- * them a packet takes. It hands on what they bring, and watches over them.
+ * them a packet takes. Passes on the packets that arrive, and reconnects.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -18,21 +18,18 @@ import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
 import { SERVER_SILENCE, shownFaults } from "../protocol/faults.js";
+import { ErrorReports } from "./error_reports.js";
 
-// the first ones are slow while the connection is made, and would raise an alarm
-const ROUND_TRIPS = 5;
+const ROUND_TRIPS = 5; // until they count: the first are slow, and would raise an alarm
 
 const newSlice = () => ({
   /** what fails, as the server says: sessions/protocol.py Fault */
   faults: /** @type {import("../protocol/faults.js").ShownFault[]} */ ([]),
-  /** what the server has just denied, and for how long that is read; null for nothing */
+  /** the last request that the server denied, and how long that is shown; null for none */
   denial: /** @type {ReturnType<typeof toRead> | null} */ (null),
-  /** whether a WebSocket that is open brings nothing any more */
+  /** whether an open WebSocket is silent */
   serverSilent: false,
-  /**
-   * seconds from the page to the robot and back on the transport that commands take, null while
-   * unknown
-   */
+  /** s from the page to the robot and back on the transport of commands, null while unknown */
   roundTrip: /** @type {number | null} */ (null),
   /** the transport that commands take now */
   transport: /** @type {Transport} */ ("mqtt"),
@@ -42,15 +39,14 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store } = page;
   const clockSync = new ClockSync();
-  const rejected = new Map();
-  let grantedAt = -Infinity; // when the robot was given to this page
+  let grantedAt = -Infinity; // when this page got the robot
 
-  const count = (/** @type {string} */ what) => rejected.set(what, (rejected.get(what) ?? 0) + 1);
-  const receive = newReceiver(page, count);
+  const errors = newErrorReports(page);
+  const receive = newReceiver(page, errors);
   const socket = newSocket(page, receive);
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
   const link = newLink(page, socket, receive);
@@ -69,8 +65,7 @@ const setUp = (page) => {
     },
     handlers: {
       ...handlers(page, clockSync, link),
-      denied: (/** @type {any} */ message) => {
-        count(`${message.suffix} ${message.reason}`);
+      denied: (message) => {
         page.session.dispatch({ type: "denied", message });
         const word = wordOfDenial(message);
         if (word) {
@@ -86,22 +81,34 @@ const setUp = (page) => {
         clockSync.reset("datachannel");
         network.begin();
       },
-      tick: (/** @type {number} */ now) => {
+      tick: (now) => {
         link.watch(now);
         router.repeatStop(now);
       },
-      poll: (/** @type {number} */ now) => store.update(poll(page, now)),
-      second: (/** @type {number} */ now) => void network.second(now),
+      poll: (now) => store.update(poll(page, now)),
+      second: (now) => {
+        errors.poll(now);
+        void network.second(now);
+      },
     },
   };
 };
 
+/** @param {Page} page */
+const newErrorReports = (page) => {
+  const errors = new ErrorReports((data) => page.connection.report("script_error", data));
+  // an event without an error is not a script's
+  window.addEventListener("error", ({ error }) => error && errors.note(error));
+  window.addEventListener("unhandledrejection", ({ reason }) => errors.note(reason));
+  return errors;
+};
+
 /**
- * Hands a packet to the features that take its message, or else to the session.
- * @param {Page} page @param {(reason: string) => void} reject
+ * Passes a packet to the features that take its message, or else to the session.
+ * @param {Page} page @param {ErrorReports} errors
  * @returns {(packet: unknown, transport: Transport) => void}
  */
-const newReceiver = (page, reject) => (packet, transport) => {
+const newReceiver = (page, errors) => (packet, transport) => {
   try {
     const { suffix, message } = decodePacket(packet);
     if (
@@ -114,7 +121,7 @@ const newReceiver = (page, reject) => (packet, transport) => {
     if (!(error instanceof Rejection)) {
       throw error;
     }
-    reject(error.reason);
+    errors.note(error, transport);
   }
 };
 
@@ -156,16 +163,15 @@ const newSocket = (page, receive) =>
  * @param {(packet: unknown, transport: any) => void} receive
  */
 const newLink = (page, socket, receive) => {
+  const onSignal = (/** @type {object} */ message) =>
+    void socket.send(encodePacket("signal", message));
   const link = new Link({
-    makePeer: (role) => {
-      const onSignal = (/** @type {object} */ message) =>
-        void socket.send(encodePacket("signal", message));
-      return role === "sfu"
+    makePeer: (role) =>
+      role === "sfu"
         ? new SfuPeer({ onSignal })
-        : new Peer({ role, onSignal, onPacket: (packet) => receive(packet, "datachannel") });
-    },
+        : new Peer({ role, onSignal, onPacket: (packet) => receive(packet, "datachannel") }),
     onDropping: () => page.emit("linkDropping"),
-    onOpening: (peer) => page.emit("linkOpening", peer),
+    onOpening: (peer) => page.emit("linkOpening", /** @type {Peer} */ (peer)),
     onLive: () => {
       performance.mark("drive:link");
       page.session.dispatch({ type: "link_live" });
@@ -182,34 +188,25 @@ const newLink = (page, socket, receive) => {
 
 /** @param {Store} store @param {Socket} socket */
 const senders = (store, socket) => ({
-  send: (
-    /** @type {string} */ suffix,
-    /** @type {object} */ message,
-    /** @type {{droppable?: boolean}} */ options = {},
-  ) => socket.send(encodePacket(suffix, message), options),
-  /**
-   * Something for the record of the session.
-   * @param {string} type @param {Record<string, string | number | boolean | null>} [data]
-   * @param {number} [stamp] when it was so, Unix seconds
-   * @returns {boolean} whether it is on its way
-   */
+  /** @type {Page["connection"]["send"]} */
+  send: (suffix, message, options) => socket.send(encodePacket(suffix, message), options),
+  /** @type {Page["connection"]["report"]} */
   report: (type, data = {}, stamp = unixNow()) =>
     Boolean(store.get().visit.session) &&
     socket.send(encodePacket("page/event", { stamp, type, data })),
 });
 
-/** @param {Page} page @param {ClockSync} clockSync @param {Link} link */
+/** @param {Page} page @param {ClockSync} clockSync @param {Link} link @returns {Handlers} */
 const handlers = (page, clockSync, link) => ({
-  heartbeat: (/** @type {any} */ message, /** @type {Transport} */ transport) => {
+  heartbeat: (message, transport) => {
     const now = unixNow();
     clockSync.heard(transport, message, page.store.get().visit.peer, now);
     if (transport === "datachannel") {
       link.heard(now);
     }
   },
-  "server/status": (/** @type {any} */ { faults }) =>
-    page.store.update({ faults: shownFaults(faults, unixNow()) }),
-  "signal/reply": (/** @type {any} */ message) => {
+  "server/status": ({ faults }) => page.store.update({ faults: shownFaults(faults, unixNow()) }),
+  "signal/reply": (message) => {
     page.session.dispatch({ type: "signal/reply", message });
     void link.signal(message);
   },

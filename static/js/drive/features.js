@@ -1,6 +1,6 @@
 /**
- * The features of the drive page, in the order in which they are set up, are notified and render.
- * A feature is one folder, or one file of drive/ that the page needs to start; see registry.js.
+ * The features of the drive page, in the order in which they are set up, notified and rendered. A
+ * feature is one folder, or one file of drive/ that the page needs to start; see registry.js.
  */
 
 import { newSlice as newAutonomy } from "../autonomy/state.js";
@@ -17,7 +17,7 @@ import { connection } from "./connection.js";
 import { session } from "./session.js";
 
 /**
- * What the first frame, steering and stopping need; the page connects once these are there.
+ * What the first frame, steering and stopping need; the page connects once these are set up.
  * @type {Feature[]}
  */
 export const FIRST = [connection, session, video, driving, waiting, hud];
@@ -46,10 +46,7 @@ export const SLICES = [
   newDisplay,
 ];
 
-/**
- * Everything that the page shows: the slices of all features. Render functions read it and change
- * nothing.
- */
+/** The slices of all features: everything that the page shows. */
 export const newState = () =>
   /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
 

@@ -1,7 +1,7 @@
 /**
  * A classic script that runs before the drive page's modules. When a module or a style sheet does
  * not load, for instance because the phone has changed its network, it reloads the page, and shows
- * an error after some attempts. No module can do this: one that is missing stops all of them.
+ * an error after some attempts. A module cannot do this: one that is missing stops all of them.
  */
 
 (() => {
@@ -13,7 +13,7 @@
     try {
       return Number(sessionStorage.getItem(KEY) ?? 0) || 0;
     } catch {
-      return PAUSES.length; // without a memory it would reload for ever
+      return PAUSES.length; // without storage it would reload for ever
     }
   };
 
@@ -54,7 +54,7 @@
     (target instanceof HTMLScriptElement && target.type === "module") ||
     (target instanceof HTMLLinkElement && target.relList.contains("stylesheet"));
 
-  // Failures to load do not bubble; they are seen on the way down only.
+  // Failures to load do not bubble, so they are captured.
   addEventListener(
     "error",
     ({ target }) => {

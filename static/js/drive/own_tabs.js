@@ -1,12 +1,9 @@
 /**
- * Which pages of this browser drive a robot: each holds a lock of its name, which the browser takes
- * from a page that is gone.
+ * Which pages of this browser drive a robot: each holds a lock with the robot's name, which the
+ * browser releases when the page is closed.
  */
 
-/**
- * @param {string} robot
- * @param {LockManager | null | undefined} locks absent where the page did not come by HTTPS
- */
+/** @param {string} robot @param {LockManager | null | undefined} locks absent without HTTPS */
 export const newOwnTabs = (robot, locks = navigator.locks) => {
   const name = `drive:${robot}`;
   let release = () => {};
@@ -17,14 +14,11 @@ export const newOwnTabs = (robot, locks = navigator.locks) => {
       release();
       if (drives && locks) {
         const held = new Promise((done) => (release = () => done(null)));
-        // Two for a moment, while a drive moves from one page to the other.
+        // Shared: while a drive moves from one page to the other, both hold it.
         over = locks.request(name, { mode: "shared" }, () => held).then(() => {});
       }
     },
-    /**
-     * Where another page of the visitor's is that drives.
-     * @returns {Promise<"" | "browser" | "device">}
-     */
+    /** Where the visitor drives on another page. @returns {Promise<"" | "browser" | "device">} */
     find: async () => {
       await over;
       const held = (await locks?.query())?.held;

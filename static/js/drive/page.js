@@ -1,12 +1,12 @@
 /**
- * The drive page: registers its features and begins. What to do is decided in pure modules; each
- * feature carries their decisions to the browser. The page is there before this script is
- * (templates/sessions/drive.html), and connects before all of it is.
+ * The drive page: registers its features and connects. Pure modules decide; each feature carries
+ * their decisions to the browser. The page connects before all of its features are loaded.
  */
 
 import { KeyDispatcher } from "../input/key_dispatcher.js";
 import { Keymap } from "../input/keymap.js";
 import { isSupported } from "../protocol/link.js";
+import { element, readConfig } from "../lib/dom.js";
 import { guarded } from "../lib/errors.js";
 import { readWords } from "../lib/words.js";
 import { FIRST, LATER, newState } from "./features.js";
@@ -19,16 +19,10 @@ const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
 const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
 const LINKS = 6; // added at once: the browser handles each before it continues
 
-const element = (/** @type {string} */ id) =>
-  /** @type {HTMLElement} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent ?? "{}");
+const config = readConfig();
 const keymap = new Keymap(recallKeys(config.who ?? ""));
 const labels = keymap.labels();
-const words = readWords(
-  /** @type {HTMLTemplateElement} */ (element("words")),
-  document.documentElement.lang,
-  labels,
-);
+const words = readWords(labels);
 const registry = new Registry();
 const given = {
   factsheet: config.factsheet ?? null,
@@ -40,7 +34,7 @@ const given = {
   practice: config.practice ? "off" : "none",
 };
 if (parent === window) {
-  delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
+  delete element("drive-page").dataset.framed; // not in a frame: the page has its own exits
 }
 const store = createStore(/** @type {State} */ ({ ...newState(), ...given }));
 
@@ -50,7 +44,7 @@ const page = /** @type {Page} */ ({
   element,
   store,
   keys: new KeyDispatcher({ keymap }),
-  /** Keys were chosen. @param {Record<string, string[]>} own */
+  /** The visitor has chosen keys. @param {Record<string, string[]>} own */
   useKeys: (own) => {
     keymap.use(own);
     Object.assign(labels, keymap.labels());
@@ -65,7 +59,6 @@ const page = /** @type {Page} */ ({
     }
     store.flush();
   },
-  /** Opens the page's connection. */
   begin: () => begin(),
 });
 
@@ -77,10 +70,10 @@ const setUp = (feature) => {
   registry.add(parts);
 };
 
-/** The browser hears its visitor. */
+/** The browser handles its visitor's input. */
 const turn = () => new Promise((done) => setTimeout(done));
 
-/** It paints, too. */
+/** The browser also paints. */
 const pause = () =>
   new Promise((done) => {
     requestAnimationFrame(() => setTimeout(done));
@@ -115,7 +108,7 @@ const setUpFirst = async () => {
 
 const setUpLater = async () => {
   await pause();
-  const links = Array.from(/** @type {HTMLTemplateElement} */ (element("later")).content.children);
+  const links = [...element("later").content.children];
   while (links.length) {
     document.head.append(...links.splice(0, LINKS));
     await turn();
@@ -130,11 +123,12 @@ const setUpLater = async () => {
   performance.mark("drive:complete");
 };
 
+/** Opens the page's connection. */
 const begin = () => {
   const address = new URL(location.href);
   const go = address.searchParams.get("go") === "1";
   if (go) {
-    // Leaving and coming back by the browser's own buttons must not take the robot again.
+    // The browser's back and forward buttons must not request the robot again.
     address.searchParams.delete("go");
     history.replaceState(null, "", address);
   }
@@ -157,7 +151,7 @@ const start = async () => {
   if (isSupported()) {
     begin();
   } else {
-    page.waiting.lazyPanels((/** @type {any} */ { explain }) => explain());
+    page.waiting.lazyPanels(({ explain }) => explain());
   }
   await setUpLater();
 };

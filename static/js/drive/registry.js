@@ -7,7 +7,7 @@
 
 import { guarded } from "../lib/errors.js";
 
-/** Repeated soon, so not kept for later features. */
+/** Repeated soon, and therefore not kept for later features. */
 const PASSING = new Set([
   ...["changed", "tick", "poll", "second", "frameShown", "newRobotState"],
   ...["state", "pose", "scan", "heartbeat", "media", "picture"],
@@ -23,10 +23,7 @@ export class Registry {
     this.renders = [];
     /** @type {Map<string, ((...values: any[]) => void)[]>} */
     this.listeners = new Map();
-    /**
-     * @type {["handle" | "emit", any[]][] | null} what has happened, for features that are still to
-     *   come; null once all are there
-     */
+    /** @type {["handle" | "emit", any[]][] | null} for later features; null once all are set up */
     this.past = [];
   }
 
@@ -38,7 +35,7 @@ export class Registry {
     [...(this.past ?? [])].forEach(([what, values]) => /** @type {any} */ (late)[what](...values));
   }
 
-  /** All features are there: nothing need be kept for another. */
+  /** All features are set up. */
   complete() {
     this.past = null;
   }

@@ -19,9 +19,9 @@ export const createScheduler = ({ store, emit, connection, driving, video }) => 
     const now = unixNow();
     guarded(driving.sendVelocity); // first: no feature can delay it
     emit("tick", now);
-    // The robot takes no command before it has three echoes to judge its age by: the first come
-    // quickly. And it sends less when frames wait before a place that has become narrow, which it
-    // learns from the heartbeats alone.
+    // Heartbeats are more frequent at first, as the robot accepts no command before it has three
+    // echoes to judge its age by; and while frames queue at a bottleneck, as the robot lowers its
+    // bitrate by the heartbeats alone.
     const isHasty = ageTrend.isRising(video.frameAge(now)) || now < connection.grantedAt() + HURRY;
     if (now - polledAt >= (isHasty ? HASTY_SECONDS : BEAT_SECONDS) - TICK_SECONDS / 2) {
       polledAt = now;

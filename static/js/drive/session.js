@@ -1,6 +1,6 @@
 /**
  * The session on the drive page: carries out what protocol/session.js decides, and keeps what is
- * known of the robot and of who else is here.
+ * known of the robot and of other visitors.
  */
 
 import { backToDriving } from "../lib/dom.js";
@@ -11,13 +11,13 @@ import { watchActivity } from "./activity.js";
 import { newOwnTabs } from "./own_tabs.js";
 import { forget, remember, rememberLeaving } from "../lib/storage.js";
 
-const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
+const ANSWER_PATIENCE = 3; // s until a request that the server has not answered is repeated
 
 const newSlice = () => ({
-  /** what this page is to the robot: protocol/session.js */
+  /** the page's relation to the robot: protocol/session.js */
   visit: newVisit(),
   /**
-   * who else is here; without a `driver`, `pause` is why the robot is not ready
+   * the other visitors; without a `driver`, `pause` is why the robot is not ready
    * (view/hud/pause.js); a `private` drive is not shown to this page
    */
   room: {
@@ -30,15 +30,15 @@ const newSlice = () => ({
   },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
-  /** when it came, Unix time */
+  /** when it was received, Unix time */
   robotAt: 0,
   /** when the robot's emergency stop was released, Unix time */
   releasedAt: -Infinity,
   /** whether the visitor operates the robot, and so may release its emergency stop */
   operates: false,
-  /** the release of its emergency stop that was asked of the robot */
+  /** the requested release of its emergency stop */
   release: /** @type {import("../protocol/estop_release.js").Release | null} */ (null),
-  /** whether the robot drives back to its station after a visit */
+  /** whether the robot returns to its dock after a session */
   returnsHome: false,
   /** whether the robot is a simulated one, and the visitor has an account */
   practising: false,
@@ -48,13 +48,13 @@ const newSlice = () => ({
   factsheet: /** @type {any} */ (null),
   /** when this page began to drive, and where the robot's odometer began then; null before */
   began: /** @type {{at: number, distance: number} | null} */ (null),
-  /** what was driven in the visit that is over, null without one: waiting/souvenir.js */
+  /** the drive of the session that has ended, null without one: waiting/souvenir.js */
   trip: /** @type {import("../waiting/souvenir.js").Trip | null} */ (null),
-  /** the operator's last sentence */
+  /** the operator's last message */
   notice: "",
-  /** whether the visitor is being asked if they mean to leave */
+  /** whether the visitor is asked to confirm that they leave */
   leaving: false,
-  /** whether the visitor is being asked if the drive on another page of theirs is to end */
+  /** whether the visitor is asked to confirm that the drive on their other page ends */
   takingOver: false,
   /** where that page is; empty where the browser cannot say: own_tabs.js */
   elsewhere: /** @type {"" | "browser" | "device"} */ (""),
@@ -64,7 +64,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, config, element, keys } = page;
   const control = newControl(page);
@@ -72,7 +72,7 @@ const setUp = (page) => {
   const tabs = newOwnTabs(config.robot);
   let askedSince = 0;
 
-  /** Report activity: a visitor who only looks or writes is present too. */
+  /** Reports activity: a visitor who only looks or writes is present too. */
   const giveSign = () => {
     if (store.get().visit.phase === "driving") {
       page.connection.report("here");
@@ -93,10 +93,7 @@ const setUp = (page) => {
   return {
     api: {
       dispatch,
-      /**
-       * @param {{session: string | null, takeover: boolean, go: boolean}} loaded how the page was
-       *   loaded
-       */
+      /** @type {Page["session"]["begin"]} */
       begin: (loaded) => {
         control.sessionBefore = loaded.session ?? "";
         dispatch({ type: "loaded", ...loaded });
@@ -105,38 +102,38 @@ const setUp = (page) => {
     handlers: newHandlers(page),
     actions: { ...newActions(page), here: giveSign },
     on: {
-      focusLost: (/** @type {string} */ why) => {
+      focusLost: (why) => {
         if (why === "pagehide") {
           config.practising ? dispatch({ type: "leave" }) : rememberLeaving(config.robot);
         }
       },
       freed: () => dispatch({ type: "freed" }),
-      phase: (/** @type {string} */ phase) => {
+      phase: (phase) => {
         store.update({ takingOver: false });
         tabs.mark(phase === "driving");
         if (phase !== "driving") {
           void tabs.find().then((elsewhere) => store.update({ elsewhere }));
         }
       },
-      second: (/** @type {number} */ now) => {
+      second: (now) => {
         askedSince = awaitsAnswer(store.get().visit) ? askedSince || now : 0;
         if (askedSince && now - askedSince > ANSWER_PATIENCE) {
           askedSince = now;
           dispatch({ type: "no_answer" });
         }
-        lookAtTimes(page, now);
+        checkDeadlines(page, now);
       },
     },
   };
 };
 
-/** The lease comes and goes. @param {Page} page */
+/** Takes and releases the lease. @param {Page} page */
 const newControl = (page) => {
   const { store, element, keys, emit } = page;
   let driven = ""; // the session that this tab drives
   const control = {
-    sessionBefore: "", // that it was in when it was loaded
-    /** @param {any} lease null when it is over */
+    sessionBefore: "", // the session when the page was loaded
+    /** @param {any} lease null when it has ended */
     take: (lease) => {
       if (!lease) {
         store.update({
@@ -161,7 +158,7 @@ const newControl = (page) => {
 };
 
 /**
- * What was driven by now. A visit that lost its connection on the way goes on.
+ * The drive so far. A session that lost its connection in between continues.
  * @param {State} state @param {string} session @param {Point[][]} trail
  */
 const tripOf = ({ began, robot, trip }, session, trail) => {
@@ -203,7 +200,8 @@ const newDispatch = (page, control) => {
 };
 
 /**
- * The tab's name, which calls as well; said at once, because a page out of sight draws nothing.
+ * The title of the tab, which also calls the visitor. It is not rendered with the rest, as a hidden
+ * page draws nothing.
  * @param {Visit} visit @param {Words} words @param {string} title
  */
 const titleOf = ({ phase, askedUntil }, words, title) => {
@@ -212,19 +210,19 @@ const titleOf = ({ phase, askedUntil }, words, title) => {
 };
 
 /** @param {Page} page @param {number} now */
-const lookAtTimes = ({ store, session, connection }, now) => {
+const checkDeadlines = ({ store, session, connection }, now) => {
   const { visit } = store.get();
   if (visit.phase === "turn" && visit.startBy !== null && now > visit.startBy) {
     session.dispatch({ type: "turn_missed" });
   }
   if (isSigning(visit, now)) {
-    // until the server says that it has one: its own connections may be broken for a moment
+    // until the server confirms it: its own connections may be broken for a moment
     connection.report("here");
   }
 };
 
 /**
- * What protocol/session.js wants to be done.
+ * The effects of protocol/session.js, by type.
  * @param {Page} page @returns {Record<string, (effect: any) => void>}
  */
 const newEffects = (page) => ({
@@ -238,7 +236,7 @@ const newEffects = (page) => ({
   },
   remember: ({ session }) => remember(page.config.robot, session),
   forget: () => forget(page.config.robot),
-  call: ({ word }) => page.waiting.lazyPanels((/** @type {any} */ { call }) => call(word)),
+  call: ({ word }) => page.waiting.lazyPanels(({ call }) => call(word)),
   close_socket: () => page.connection.socket.close(),
 });
 
@@ -253,9 +251,9 @@ export const odometerAt = (began, known, { boot, distance }) =>
     ? { ...began, distance: began.distance + distance - known.distance }
     : began;
 
-/** @param {Page} page */
+/** @param {Page} page @returns {Handlers} */
 const newHandlers = ({ store, emit, words }) => ({
-  state: (/** @type {any} */ message) => {
+  state: (message) => {
     const { robot: known, visit, began } = store.get();
     if (!known || known.boot !== message.boot || known.seq < message.seq) {
       const isReleased = known?.safety.estop && !message.safety.estop;
@@ -273,22 +271,22 @@ const newHandlers = ({ store, emit, words }) => ({
       store.update({ began: { at: unixNow(), distance: message.distance } });
     }
   },
-  action: (/** @type {{actionId: string, status: string}} */ message) => {
+  action: (message) => {
     const { release } = store.get();
     if (release && isRefusal(release, message)) {
       store.update({ release: { ...release, refused: true } });
     }
   },
-  denied: (/** @type {{suffix: string}} */ { suffix }) => {
+  denied: ({ suffix }) => {
     if (suffix === "command/action") {
-      store.update({ release: null }); // the robot was not asked: it is offered again
+      store.update({ release: null }); // the robot did not get it: it is offered again
     }
   },
-  factsheet: (/** @type {any} */ factsheet) => {
+  factsheet: (factsheet) => {
     store.update({ factsheet });
     emit("factsheet", factsheet);
   },
-  room: (/** @type {any} */ room) => {
+  room: (room) => {
     const isFreed = store.get().room.driver !== null && room.driver === null;
     store.update({
       room: { ...room, driver: words.nameOf(room.driver) },
@@ -298,11 +296,10 @@ const newHandlers = ({ store, emit, words }) => ({
       emit("freed");
     }
   },
-  "session/operator_message": (/** @type {{text: string}} */ { text }) =>
-    store.update({ notice: text }),
+  "session/operator_message": ({ text }) => store.update({ notice: text }),
 });
 
-/** @param {Page} page @returns {Record<string, () => void>} */
+/** @param {Page} page @returns {Actions} */
 const newActions = (page) => ({
   home: () =>
     page.config.practising && parent !== window
@@ -313,7 +310,7 @@ const newActions = (page) => ({
       ? location.assign(page.config.again)
       : parent.postMessage("practise_again", location.origin),
   sign_up: () => location.assign(page.config.signUp),
-  sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
+  sign_in: () => location.reload(), // the page's address asks for it, and returns here
   reload: () => location.reload(),
   stay: () => {
     page.store.update({ leaving: false, takingOver: false });

@@ -28,7 +28,7 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
         frame(publish);
       }
     },
-    /** Show now what has changed: what a visitor opens is open before their next key. */
+    /** Renders changes now: what a visitor opens is open before their next key. */
     flush: publish,
     /** @param {(state: State) => void} subscriber */
     subscribe: (subscriber) => {

@@ -1,4 +1,4 @@
-/** Driving by hand: the controllers, the velocities that they ask for, and what stops the robot. */
+/** Driving by hand: the controllers, their velocities, and stops. */
 
 import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
@@ -9,28 +9,28 @@ import { messageOf } from "../protocol/robot_action.js";
 import { onFocusLoss } from "./focus_loss.js";
 import { Steering } from "./steering.js";
 
-const STOP_PATIENCE = 3; // s a stop is repeated after the session is over
+const STOP_PATIENCE = 3; // s that a stop is repeated after the session
 
 const newSlice = () => ({
   /** index into input/speeds.js STEPS */
   speedStep: 1,
-  /** a controller that the visitor tried though the study keeps it off, and when; null for none */
+  /** a controller that was tried although the study excludes it, and when; null for none */
   barred: /** @type {{method: string, at: number} | null} */ (null),
-  /** whether a stop is on its way and not yet echoed */
+  /** whether a stop was sent and not yet echoed */
   stopping: false,
-  /** whether the robot has not echoed a stop that was pressed for longer than it should */
+  /** whether the echo of a stop that was pressed is overdue */
   stopUnconfirmed: false,
 });
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, element, emit } = page;
   const { commands, router } = page.connection;
   const sendVelocity = () => router.sendVelocity(unixNow(), page.video.frameStamp());
 
-  /** Everything counts as lifted, and the robot stops. */
+  /** Releases all controllers and stops the robot. */
   const halt = (/** @type {boolean} */ isAsked) => {
     steering.letGo();
     if (roleOf(store.get().visit)) {
@@ -70,19 +70,23 @@ const setUp = (page) => {
       steering,
       brake,
       sendVelocity,
-      standStill: newStandStill(store, halt),
+      /** Without video the robot stops, and the page says so. */
+      standStill: () => {
+        store.update({ playing: false });
+        halt(false);
+      },
       ...senders(page),
     },
     handlers: {
-      state: (/** @type {any} */ message) => commands.heardState(message),
-      action: (/** @type {any} */ message) => commands.heardAction(message),
+      state: (message) => commands.heardState(message),
+      action: (message) => commands.heardAction(message),
     },
-    actions: { stop: brake, speed: (/** @type {string} */ step) => steering.setStep(Number(step)) },
+    actions: { stop: brake, speed: (step) => steering.setStep(Number(step)) },
     on: newListeners(page, steering),
   };
 };
 
-/** The list of keys is fetched when it is first opened. @param {Page} page */
+/** The list of keys, fetched when it is first opened. @param {Page} page */
 const setUpOwnKeys = (page) => {
   const button = page.element("own-keys-open");
   const fetchList = lazy(async () => (await import("./own_keys.js")).createOwnKeys(page));
@@ -95,15 +99,6 @@ const setUpOwnKeys = (page) => {
   );
 };
 
-/**
- * Without video the robot stops: the page tells the driver that it has.
- * @param {Store} store @param {(isAsked: boolean) => void} halt
- */
-const newStandStill = (store, halt) => () => {
-  store.update({ playing: false });
-  halt(false);
-};
-
 /** @param {Page} page */
 const senders = ({ store, connection: { commands, router, send } }) => ({
   /** @param {RobotAction} action */
@@ -112,10 +107,8 @@ const senders = ({ store, connection: { commands, router, send } }) => ({
       send("command/action", messageOf(action, {}, unixNow()));
     } else if (commands.binding) {
       const now = unixNow();
-      router.sendAction(
-        messageOf(action, commands.binding, now),
-        now - action.askedAt > TICK_SECONDS,
-      );
+      const isRepeated = now - action.askedAt > TICK_SECONDS;
+      router.sendAction(messageOf(action, commands.binding, now), isRepeated);
     }
   },
   /** @param {{stamp: number, at: Point | null}} pointer */
@@ -123,9 +116,9 @@ const senders = ({ store, connection: { commands, router, send } }) => ({
     commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
 });
 
-/** @param {Page} page @param {Steering} steering */
+/** @param {Page} page @param {Steering} steering @returns {Listeners} */
 const newListeners = ({ store, connection: { commands, router } }, steering) => ({
-  granted: (/** @type {any} */ lease) => {
+  granted: (lease) => {
     commands.bind(lease);
     steering.leaseLimits = lease.limits;
     steering.allow(controllersOf(store.get()));
@@ -136,15 +129,10 @@ const newListeners = ({ store, connection: { commands, router } }, steering) => 
     steering.disable();
     commands.unbind();
   },
-  factsheet: (/** @type {any} */ { limits }) => {
-    steering.robotLimits = limits;
-  },
-  poll: (/** @type {number} */ now) => {
-    if (
-      commands.pending &&
-      !roleOf(store.get().visit) &&
-      now - commands.pending.since > STOP_PATIENCE
-    ) {
+  factsheet: ({ limits }) => (steering.robotLimits = limits),
+  poll: (now) => {
+    const since = commands.pending?.since ?? now;
+    if (!roleOf(store.get().visit) && now - since > STOP_PATIENCE) {
       commands.giveUp();
     }
     store.update({

@@ -1,8 +1,8 @@
 /**
  * Steering with a gamepad of the standard mapping (w3.org/TR/gamepad). One stick drives: the left
  * one, until the visitor presses the right one down. The lower and the right button stop the robot,
- * the shoulder buttons choose the speed. Pads tell nothing by themselves: they are asked once a
- * frame, for as long as there is one.
+ * the shoulder buttons choose the speed. Gamepads send no events, so they are polled once a frame
+ * while one is connected.
  */
 
 import { sharesOf } from "./stick.js";

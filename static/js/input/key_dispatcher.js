@@ -1,10 +1,10 @@
 /**
- * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes
- * anything while a text field, a dialog or a menu is open. All key listeners are added here, and
- * `keyUse` alone has the rule.
+ * The keys of the pages that drive or replay, and the one rule about them: no key drives, tilts,
+ * talks or changes anything while a text field, a dialog or a menu is open. All key listeners are
+ * added here, and `keyUse` alone has the rule.
  *
- * - Keys that type belong to the field, keys with Ctrl, Alt or Meta to the browser, and keys of a
- *   letter that is being composed to the input method.
+ * - Keys that type belong to the field, keys with Ctrl, Alt or Meta to the browser, and keys that
+ *   compose a character to the input method.
  * - When a holder (a dialog, a menu) opens, pressed keys count as released, so the robot stops.
  *   After it closes, a key must be released and pressed again.
  * - The key that stops the robot (the space bar) always does, unless it types or ticks.
@@ -17,7 +17,7 @@ import { guarded } from "../lib/errors.js";
 import { Keymap } from "./keymap.js";
 
 const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
-// sliders, boxes and the map: what they do with a key is not driving
+// sliders, boxes and the map use keys themselves
 const OWN = "input, [data-own-keys]";
 const TICKED = "input[type='checkbox'], input[type='radio']";
 const USUAL = new Keymap();
@@ -29,8 +29,8 @@ const TYPED = [
 ].join();
 
 /**
- * Whether a key is combined with Ctrl, Alt or Meta, or part of a letter that is being composed
- * (229: browsers that do not report it).
+ * Whether a key is combined with Ctrl, Alt or Meta, or composes a character (229: in browsers that
+ * do not report it).
  * @param {any} event
  */
 export const isShortcut = (event) =>
@@ -70,6 +70,19 @@ export const keyUse = (event, holder, keymap = USUAL) => {
 };
 
 /**
+ * The keys of a page that drives nothing, by the same rule.
+ * @param {(event: KeyboardEvent) => boolean} down whether the key has an effect
+ */
+export const onPageKey = (down) =>
+  document.addEventListener("keydown", (event) => {
+    const holder = openHolder(document);
+    const isOther = ["text", "shortcut"].includes(keyUse(event, holder));
+    if (!holder && !isOther && down(event)) {
+      event.preventDefault();
+    }
+  });
+
+/**
  * @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void,
  *   letGo?: () => void}} KeyHandler
  */
@@ -77,7 +90,7 @@ export const keyUse = (event, holder, keymap = USUAL) => {
 export class KeyDispatcher {
   /**
    * @param {object} [options] @param {Keymap} [options.keymap]
-   * @param {EventTarget} [options.target] where keys are heard
+   * @param {EventTarget} [options.target] of the key events
    * @param {any} [options.root] the document
    * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is
    *   shown or hidden
@@ -97,13 +110,9 @@ export class KeyDispatcher {
     /** @type {Set<string>} codes of the keys that went to the users and are down */
     this.down = new Set();
     this.wasOpen = false;
-    target.addEventListener("keydown", (event) =>
-      this.#press(/** @type {KeyboardEvent} */ (event)),
-    );
-    target.addEventListener("keyup", (event) =>
-      this.#release(/** @type {KeyboardEvent} */ (event)),
-    );
-    // a release that is not seen would drive, or leave the microphone open
+    target.addEventListener("keydown", (/** @type {any} */ event) => this.#press(event));
+    target.addEventListener("keyup", (/** @type {any} */ event) => this.#release(event));
+    // without it, a missed release would go on driving, or leave the microphone open
     target.addEventListener("blur", () => this.letGo());
     target.addEventListener("focusin", (event) => keyUse(event, null) === "text" && this.letGo());
     target.addEventListener("pointerdown", (event) => this.#pressBeside(event), { capture: true });
@@ -115,7 +124,7 @@ export class KeyDispatcher {
     this.users.add(user);
   }
 
-  /** Hear of keys by what they mean. @param {Record<string, KeyHandler>} commands */
+  /** @param {Record<string, KeyHandler>} commands handlers by the command of the key */
   addCommands(commands) {
     const handlerOf = (/** @type {KeyboardEvent} */ event) =>
       commands[this.keymap.commandOf(event)];
@@ -143,7 +152,7 @@ export class KeyDispatcher {
     this.closers.set(holder, { close, beside });
   }
 
-  /** Whether the page's keys belong to something that is open, or to a field that is written in. */
+  /** Whether a holder is open or a text field has the focus. */
   get taken() {
     return (
       openHolder(this.root) !== null || keyUse({ target: this.root.activeElement }, null) === "text"
@@ -165,7 +174,7 @@ export class KeyDispatcher {
     }
     const use = keyUse(event, holder, this.keymap);
     if (use === "shortcut") {
-      this.letGo(); // it may hide the others' release
+      this.letGo(); // the release of other keys may be missed
     }
     if ((use === "free" || use === "stop") && (!event.repeat || this.down.has(event.code))) {
       this.down.add(event.code);

@@ -1,10 +1,4 @@
-/**
- * Steering with arrow keys and W A S D. Keys are taken by their place on the keyboard, so that it
- * works on every layout.
- *
- * Which keys come here, and when all of them count as released, is decided in
- * input/key_dispatcher.js.
- */
+/** Steering with keys. key_dispatcher.js decides which keys count, and when all are released. */
 
 import { ramp } from "./speeds.js";
 
@@ -23,8 +17,7 @@ export class Keyboard {
    * @param {(shares: {ahead: number, left: number}) => void} options.emit -1 to 1 each
    * @param {() => void} options.stop brake: its key, and every disable
    * @param {(change: number) => void} options.step a speed step up or down
-   * @param {() => void} [options.barred] a key was pressed that would steer, if keys were allowed
-   *   to
+   * @param {() => void} [options.barred] a key was pressed that may not steer
    * @param {(callback: (ms: number) => void) => unknown} [options.frame]
    * @param {() => number} [options.now] ms
    */
@@ -71,7 +64,7 @@ export class Keyboard {
     }
   }
 
-  /** Forget which keys are down; they count again when they are pressed again. */
+  /** All keys count as released, until they are pressed again. */
   letGo() {
     this.held.clear();
     this.#move(0);
@@ -93,7 +86,7 @@ export class Keyboard {
         this.barred();
         return;
       }
-      // A key that was released by the page must not count again by the browser's repetition.
+      // The browser's repetition must not press a key that the page has released.
       if (!event.repeat && !this.held.has(event.code)) {
         this.held.set(event.code, command);
         this.at = this.now();
@@ -143,10 +136,7 @@ export class Keyboard {
   }
 }
 
-/**
- * What the held keys say together: opposite ones cancel out.
- * @param {Iterable<string>} held commands
- */
+/** The sum of the held keys: opposite ones cancel out. @param {Iterable<string>} held commands */
 export const direction = (held) => {
   const sum = { ahead: 0, left: 0 };
   for (const command of held) {

@@ -1,14 +1,12 @@
 /**
- * The keys of the drive page: which command each one gives. This list is what drives, what the
- * hints on the page are written from, and what a visitor's own keys take the place of. A key is a
- * place on the keyboard (KeyboardEvent.code), so that it works on every layout, or, where it has to
- * be what is printed on it, a character (KeyboardEvent.key).
+ * The keys of the drive page by command: for driving, and for the hints on the page. Keys that the
+ * visitor has chosen replace them. A key is a place on the keyboard (KeyboardEvent.code), which
+ * works on every layout, or a character (KeyboardEvent.key).
  */
 
-/**
- * @type {Readonly<Record<string, readonly string[]>>} a line a command; the hints show the first
- *   key
- */
+import { make } from "../lib/dom.js";
+
+/** @type {Readonly<Record<string, readonly string[]>>} the hints show the first key of a line */
 export const DEFAULTS = Object.freeze({
   forward: ["ArrowUp", "KeyW"],
   left: ["ArrowLeft", "KeyA"],
@@ -34,40 +32,19 @@ export const MAP_DEFAULTS = Object.freeze({
   map_all: ["0"],
 });
 
+// prettier-ignore
 const SIGNS = /** @type {Record<string, string>} */ ({
-  ...{
-    ArrowUp: "↑",
-    ArrowLeft: "←",
-    ArrowDown: "↓",
-    ArrowRight: "→",
-    Space: "␣",
-    Equal: "+",
-    Minus: "−",
-  },
-  ...{
-    NumpadAdd: "+",
-    NumpadSubtract: "−",
-    NumpadMultiply: "×",
-    NumpadDivide: "÷",
-    NumpadDecimal: ".",
-  },
-  ...{
-    BracketLeft: "[",
-    BracketRight: "]",
-    Slash: "/",
-    Backslash: "\\",
-    Semicolon: ";",
-    Quote: "'",
-    Comma: ",",
-    Period: ".",
-    Backquote: "`",
-  },
+  ArrowUp: "↑", ArrowLeft: "←", ArrowDown: "↓", ArrowRight: "→",
+  Space: "␣", Equal: "+", Minus: "−",
+  NumpadAdd: "+", NumpadSubtract: "−", NumpadMultiply: "×", NumpadDivide: "÷", NumpadDecimal: ".",
+  BracketLeft: "[", BracketRight: "]", Slash: "/", Backslash: "\\", Semicolon: ";", Quote: "'",
+  Comma: ",", Period: ".", Backquote: "`",
 });
 
-/** What is printed on a key, as far as that is the same everywhere. @param {string} key */
+/** The label of a key, as far as it is the same on all keyboards. @param {string} key */
 export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)/, "");
 
-/** What the browser and the page itself need, and what goes with other keys. */
+/** Keys that the browser or the page needs, and those that combine with others. */
 const NEVER = [
   /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock)$/,
   /^(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio)/,
@@ -86,9 +63,9 @@ export class Keymap {
   }
 
   /**
-   * Take a visitor's keys.
-   * @param {Record<string, string[]>} own by command; the rest keep theirs, unless they were taken.
-   *   Something always stops the robot.
+   * Uses a visitor's keys.
+   * @param {Record<string, string[]>} own by command; other commands keep keys that are not taken.
+   *   There is always a key that stops the robot.
    */
   use(own) {
     const taken = new Set(Object.keys(DEFAULTS).flatMap((command) => own[command] ?? []));
@@ -106,8 +83,8 @@ export class Keymap {
   }
 
   /**
-   * Why a key may not be a command's: "never" is it anybody's, or it is the only one that stops the
-   * robot.
+   * Why a key may not be chosen for a command: "never" for any, or because it is the only one that
+   * stops the robot.
    * @param {string} command @param {string} key
    */
   refuses(command, key) {
@@ -131,10 +108,7 @@ export class Keymap {
     });
   }
 
-  /**
-   * @param {{code: string, key?: string}} event
-   * @returns {string} nothing for a key of no command
-   */
+  /** @param {{code: string, key?: string}} event @returns {string} empty for a key of no command */
   commandOf({ code, key = "" }) {
     return this.commands.get(code) ?? this.commands.get(key) ?? "";
   }
@@ -155,33 +129,23 @@ export class Keymap {
   }
 
   /**
-   * Write the keys into the page: `data-keys` names commands, `data-keys-title` is a title with
+   * Writes the keys into the page: `data-keys` names commands, `data-keys-title` is a title with
    * `{key_…}` in it.
    * @param {ParentNode} root
    */
   writeHints(root) {
     const labels = this.labels();
-    for (const hint of /** @type {NodeListOf<HTMLElement>} */ (
-      root.querySelectorAll("[data-keys]")
-    )) {
-      const keys = (hint.dataset.keys ?? "")
-        .split(" ")
-        .map((command) => this.keys[command][0] ?? "");
-      hint.replaceChildren(
-        ...keys.map((key) =>
-          Object.assign(document.createElement("kbd"), {
-            textContent: (key === "Space" && hint.dataset.space) || labelOf(key),
-          }),
-        ),
-      );
+    const all = (/** @type {string} */ selector) =>
+      /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll(selector));
+    for (const hint of all("[data-keys]")) {
+      const { keys = "", space } = hint.dataset;
+      const first = keys.split(" ").map((command) => this.keys[command][0] ?? "");
+      const signs = first.map((key) => (key === "Space" && space) || labelOf(key));
+      hint.replaceChildren(...signs.map((sign) => make("kbd", "", sign)));
     }
-    for (const titled of /** @type {NodeListOf<HTMLElement>} */ (
-      root.querySelectorAll("[data-keys-title]")
-    )) {
-      titled.title = (titled.dataset.keysTitle ?? "").replace(
-        /\{(\w+)\}/g,
-        (whole, name) => labels[name] ?? whole,
-      );
+    for (const titled of all("[data-keys-title]")) {
+      const title = titled.dataset.keysTitle ?? "";
+      titled.title = title.replace(/\{(\w+)\}/g, (whole, name) => labels[name] ?? whole);
     }
   }
 }

@@ -1,23 +1,22 @@
 /**
- * The page drives the robot to a point, turns it, or drives it out of its dock, for a visitor who
- * pressed once: the same velocities as from any other controller, by the same arbiter, and under
- * the same name as the hand that pressed. It ends by itself, and at everything else that the
- * visitor does.
+ * After one press, the page drives the robot to a point, turns it, or drives it out of its dock: by
+ * velocities as from any other controller, through the same arbiter, and under the name of the
+ * controller that was pressed. It ends by itself, and at any other input of the visitor.
  */
 
 import { wrap } from "../lib/transforms.js";
 import { sweep } from "../lib/swept_path.js";
 import { backOut, towards, turnTo, arcTo } from "./pure_pursuit.js";
 
-const STALE = 0.7; // s without news of where the robot is
-const JUMP = 0.6; // m between two looks: it found itself somewhere else
-const PATIENCE = 3; // s without getting on
-const PROGRESS = 0.03; // m
-const LOOK_AHEAD = 0.35; // m beyond the way of braking: what stands there ends it
+const STALE = 0.7; // s without a pose of the robot
+const JUMP = 0.6; // m between two poses: it was localized somewhere else
+const PATIENCE = 3; // s without progress
+const PROGRESS = 0.03; // m and rad
+const LOOK_AHEAD = 0.35; // m beyond the braking distance: an obstacle there ends it
 
-/** @typedef {"goal" | "turn" | "back"} Kind */
-/** @typedef {"there" | "blocked" | "stuck" | "lost" | "taken"} End */
 /**
+ * @typedef {"goal" | "turn" | "back"} Kind
+ * @typedef {"there" | "blocked" | "stuck" | "lost" | "taken"} End
  * @typedef {{moment: Moment | null, age: number,
  *   full: import("./pure_pursuit.js").Full, limits: any, footprint: Point[],
  *   seen: Point[]}} World
@@ -30,12 +29,13 @@ export class Maneuver {
    * @param {object} options
    * @param {(method: string, velocity: {linear: number, angular: number}) => boolean} options.offer
    *   false when something newer steers
-   * @param {(end: End, kind: string) => void} options.onEnd not told when the visitor let go
+   * @param {(end: End, kind: string) => void} options.onEnd not called when the visitor ends it
    */
   constructor({ offer, onEnd }) {
     this.offer = offer;
     this.onEnd = onEnd;
     this.methods = ["mouse", "touch", "keyboard"];
+    this.yields = true;
     /**
      * @type {{kind: Kind, point: Point, method: string, at: Point,
      *   turned: number, movedAt: number} | null}
@@ -50,11 +50,10 @@ export class Maneuver {
   }
 
   /**
-   * Drive there from now on; another maneuver is over.
+   * Starts a maneuver in place of another.
    * @param {Kind} kind
-   * @param {Point} point of the map: the goal, what to look at, or where the robot stands
-   * @param {string} method
-   * @param {number} now s
+   * @param {Point} point of the map: the goal, the point to look at, or the robot's position
+   * @param {string} method @param {number} now s
    */
   start(kind, point, method, now) {
     if (this.now && this.now.method !== method) {
@@ -71,17 +70,13 @@ export class Maneuver {
     };
   }
 
-  /** The visitor does not want it any more. */
+  /** Ends the maneuver without `onEnd`. */
   letGo() {
     if (this.now) {
       const { method } = this.now;
       this.now = null;
       this.offer(method, { linear: 0, angular: 0 });
     }
-  }
-
-  outdone() {
-    this.letGo();
   }
 
   /** @param {World} world @param {number} now s */
@@ -95,19 +90,15 @@ export class Maneuver {
       return;
     }
     this.#watch(moment, now);
-    const velocity = VELOCITIES[this.now.kind](
-      moment,
-      this.now.point,
-      world.full,
-      world.limits.linearBraking / 2,
-    );
+    const { kind, point, method, movedAt } = this.now;
+    const velocity = VELOCITIES[kind](moment, point, world.full, world.limits.linearBraking / 2);
     if (!velocity) {
       this.#end("there");
-    } else if (this.now.kind === "goal" && isBlocked(moment, this.now.point, world)) {
+    } else if (kind === "goal" && isBlocked(moment, point, world)) {
       this.#end("blocked");
-    } else if (now - this.now.movedAt > PATIENCE) {
+    } else if (now - movedAt > PATIENCE) {
       this.#end("stuck");
-    } else if (!this.offer(this.now.method, velocity)) {
+    } else if (!this.offer(method, velocity)) {
       this.#end("taken");
     }
   }
@@ -125,7 +116,7 @@ export class Maneuver {
     return at !== undefined && Math.hypot(x - at[0], y - at[1]) > JUMP;
   }
 
-  /** Whether it gets on. @param {Moment} moment @param {number} now */
+  /** Notes progress. @param {Moment} moment @param {number} now */
   #watch({ x, y, theta }, now) {
     if (
       this.now &&

@@ -1,11 +1,11 @@
 /**
- * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button
- * takes the next key. Nothing here drives: the panel around it holds the keys (key_dispatcher.js),
- * and the key that is chosen goes no farther.
+ * The list in which a visitor chooses keys: for each command a button with its keys. Once pressed,
+ * it takes the next key. No key drives meanwhile: the panel holds the keys (key_dispatcher.js), and
+ * the event of the chosen key stops here.
  */
 
 import { rememberKeys } from "../lib/storage.js";
-import { write } from "../lib/dom.js";
+import { make, write } from "../lib/dom.js";
 import { labelOf } from "./keymap.js";
 
 /** @param {Page} page */
@@ -77,27 +77,19 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
   return { show };
 };
 
-/**
- * What stands on the button of a command.
- * @param {readonly string[]} own its keys
- * @param {Words} words
- */
+/** The labels of a command's keys. @param {readonly string[]} own @param {Words} words */
 const signsOf = (own, words) =>
   own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"];
 
 /**
- * What is under a pointer that is down must stay, or the browser sees no click.
+ * Shows the keys of a command. Unchanged elements stay: otherwise a press on them is no click.
  * @param {HTMLElement} button @param {string[]} signs
  * @param {boolean} isAsked its next key is awaited
  */
 const writeKeys = (button, signs, isAsked) => {
   const different = Array.from(new Set(signs));
   if (button.textContent !== different.join("")) {
-    button.replaceChildren(
-      ...different.map((sign) =>
-        Object.assign(document.createElement("kbd"), { textContent: sign }),
-      ),
-    );
+    button.replaceChildren(...different.map((sign) => make("kbd", "", sign)));
   }
   button.setAttribute("aria-pressed", String(isAsked));
 };

@@ -1,26 +1,23 @@
 /**
- * Driving by pressing on the picture. Press and the way is shown, release and the robot drives
- * there; drag to correct. Hold still and it drives towards the finger for as long as it is held.
- *
- * Here is only the hand: where it is and what it means. Where that is on the floor others know.
+ * Driving by pressing on the video. A press shows the path, its release makes the robot drive, and
+ * dragging corrects the point. While a press is held still, the robot drives towards it.
+ * floor_press.js works out where on the floor that is.
  */
+
+import { PointerController } from "./pointer_controller.js";
 
 export const HOLD_SECONDS = 0.7;
-const STEADY = 10; // CSS pixels; a hand that moves further is still aiming
+const STEADY = 10; // CSS pixels; a pointer that moves further is still aiming
 
-/**
- * @typedef {{px: number, py: number, method: "mouse" | "touch"}} Press CSS pixels of the picture's
- *   element
- */
+/** @typedef {{px: number, py: number, method: "mouse" | "touch"}} Press CSS pixels of the stage */
 
-export class Pointing {
+export class Pointing extends PointerController {
   /**
    * @param {object} options @param {HTMLElement} options.stage
-   * @param {(press: Press) => void} options.onAim again whenever it changes
+   * @param {(press: Press) => void} options.onAim at the press and with each move
    * @param {(press: Press) => void} options.onGo
-   * @param {(press: Press) => void} options.onHold again and again while it is held; call `tick`
-   *   for that
-   * @param {(wasHeld: boolean) => void} options.onEnd the press is over, without a wish to go
+   * @param {(press: Press) => void} options.onHold repeated by `tick` while it is held
+   * @param {(wasHeld: boolean) => void} options.onEnd the press is over
    * @param {(method: string) => boolean} options.allowed
    * @param {(method: string) => void} options.barred @param {() => void} options.stop
    * @param {() => number} [options.now] ms
@@ -36,7 +33,7 @@ export class Pointing {
     stop,
     now = () => performance.now(),
   }) {
-    this.stage = stage;
+    super(stage);
     this.onAim = onAim;
     this.onGo = onGo;
     this.onHold = onHold;
@@ -46,122 +43,70 @@ export class Pointing {
     this.stop = stop;
     this.now = now;
     this.methods = ["mouse", "touch"];
-    this.enabled = false;
-    /** @type {{pointer: number, press: Press, at: number, from: Point, held: boolean} | null} */
-    this.pressed = null;
-    this.listeners = /** @type {[string, (event: any) => void][]} */ ([
-      ["pointerdown", (event) => this.#down(event)],
-      ["pointermove", (event) => this.#move(event)],
-      ["pointerup", (event) => this.#up(event)],
-      ["pointercancel", (event) => this.#cancel(event)],
-    ]);
-  }
-
-  enable() {
-    if (!this.enabled) {
-      this.enabled = true;
-      this.listeners.forEach(([name, listener]) => this.stage.addEventListener(name, listener));
-    }
+    this.yields = true;
+    this.press = /** @type {Press} */ ({ px: 0, py: 0, method: "mouse" });
+    this.steadyAt = 0; // ms: since when it has not moved away from `from`
+    this.from = this.press;
+    this.held = false;
   }
 
   disable() {
     if (this.enabled) {
-      this.enabled = false;
-      this.listeners.forEach(([name, listener]) => this.stage.removeEventListener(name, listener));
-      this.letGo();
+      super.disable();
       this.stop();
     }
-  }
-
-  letGo() {
-    const { pressed } = this;
-    this.pressed = null;
-    if (pressed) {
-      this.onEnd(pressed.held);
-    }
-  }
-
-  outdone() {
-    this.letGo();
   }
 
   /** Detects a press that is held; call it often. */
   tick() {
-    const { pressed } = this;
-    if (pressed && (pressed.held || this.now() - pressed.at > 1000 * HOLD_SECONDS)) {
-      pressed.held = true;
-      this.onHold(pressed.press);
+    if (this.pointer !== null && (this.held || this.now() - this.steadyAt > 1000 * HOLD_SECONDS)) {
+      this.held = true;
+      this.onHold(this.press);
     }
   }
 
   /** @param {PointerEvent} event */
-  #down(event) {
-    const { target } = event;
-    if (
-      this.pressed ||
-      event.button !== 0 ||
-      !(target === this.stage || /** @type {Element} */ (target).matches("video, canvas"))
-    ) {
-      return;
+  pressed(event) {
+    const target = /** @type {Element} */ (event.target);
+    if (target !== this.target && !target.matches("video, canvas")) {
+      return false;
     }
-    const press = this.#press(event);
+    const press = this.#pressOf(event);
     if (!this.allowed(press.method)) {
       this.barred(press.method);
-      return;
+      return false;
     }
-    this.stage.setPointerCapture(event.pointerId);
-    this.pressed = {
-      pointer: event.pointerId,
-      press,
-      at: this.now(),
-      from: [press.px, press.py],
-      held: false,
-    };
-    this.onAim(press);
+    Object.assign(this, { from: press, steadyAt: this.now(), held: false });
+    return true;
   }
 
   /** @param {PointerEvent} event */
-  #move(event) {
-    const { pressed } = this;
-    if (pressed?.pointer !== event.pointerId) {
-      return;
+  moved(event) {
+    const { from } = this;
+    this.press = this.#pressOf(event);
+    const { px, py } = this.press;
+    if (!this.held && Math.hypot(px - from.px, py - from.py) > STEADY) {
+      Object.assign(this, { from: this.press, steadyAt: this.now() });
     }
-    pressed.press = this.#press(event);
-    const { px, py } = pressed.press;
-    if (!pressed.held && Math.hypot(px - pressed.from[0], py - pressed.from[1]) > STEADY) {
-      pressed.from = [px, py];
-      pressed.at = this.now();
-    }
-    this.onAim(pressed.press);
+    this.onAim(this.press);
   }
 
-  /** @param {PointerEvent} event */
-  #up(event) {
-    const { pressed } = this;
-    if (pressed?.pointer === event.pointerId) {
-      this.pressed = null;
-      this.onEnd(pressed.held);
-      if (!pressed.held) {
-        this.onGo(this.#press(event));
-      }
+  /** @param {PointerEvent | null} event */
+  lifted(event) {
+    this.onEnd(this.held);
+    if (event && !this.held) {
+      this.onGo(this.#pressOf(event));
     }
   }
 
-  /** @param {PointerEvent} event */
-  #cancel(event) {
-    if (this.pressed?.pointer === event.pointerId) {
-      this.letGo();
-      this.stop();
-    }
+  cancelled() {
+    super.cancelled();
+    this.stop();
   }
 
   /** @param {PointerEvent} event @returns {Press} */
-  #press({ clientX, clientY, pointerType }) {
-    const box = this.stage.getBoundingClientRect();
-    return {
-      px: clientX - box.left,
-      py: clientY - box.top,
-      method: pointerType === "mouse" ? "mouse" : "touch",
-    };
+  #pressOf(event) {
+    const [px, py] = this.placeOf(event);
+    return { px, py, method: event.pointerType === "mouse" ? "mouse" : "touch" };
   }
 }

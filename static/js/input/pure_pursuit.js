@@ -1,28 +1,27 @@
 /**
- * Driving to a point of the floor that was pressed, turning to one at a side, and out of the dock
- * backwards: what velocity now. Pure.
+ * The velocity for driving to a point of the floor, turning to one, and backing out of the dock.
+ * Pure.
  *
- * One arc leads from a robot to every point before it: its curvature is 2 y / (x² + y²), as in pure
- * pursuit (Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992). What lies
- * far aside is turned to first.
+ * One arc leads from a robot to each point ahead: its curvature is 2 y / (x² + y²), as in pure
+ * pursuit (Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992). The robot
+ * first turns to a point that is far aside.
  */
 
 import { robotFromMap, mapFromRobot } from "../lib/transforms.js";
 import { arcSteps, sweep } from "../lib/swept_path.js";
 
 const ARRIVED = 0.12; // m
-export const SIDE_TURN = 0.6; // rad that a press at a side of the picture turns
-// rad that "Turn around" turns: nearly half a turn, so that it is clear which way round
-export const ABOUT = 3;
+export const SIDE_TURN = 0.6; // rad that a press at a side of the video turns
+export const ABOUT = 3; // rad of "Turn around": less than half a turn, so that its side is certain
 export const BACK_OUT = 0.55; // m backwards out of the dock: then there is room to turn
 const TURN_FIRST_BEARING = 0.9; // rad; a point further aside is turned to on the spot
 const SHARPEST = 2; // 1/m
 const BACK_SPEED = 0.15; // m/s
-const LEAST_DISTANCE = 0.3; // m; less is not worth driving
-const FARTHEST = 8; // m; what is farther is a thin line under the horizon
+const LEAST_DISTANCE = 0.3; // m; the robot does not drive less
+const FARTHEST = 8; // m; beyond, the floor is a thin line under the horizon
 const BEARING_TOLERANCE = 0.05; // rad
 const LEAST_TURN = 0.15; // rad/s, which every robot can do
-const STAND_OFF = 0.15; // m that are left before what stands in the way
+const STAND_OFF = 0.15; // m between the robot and an obstacle at the end of a path
 
 /** @typedef {{linear: number, reverse: number, angular: number}} Full speeds, m/s and rad/s */
 
@@ -109,7 +108,7 @@ export const backOut = (robot, from, full) =>
 /** @typedef {{goal: Point, sweptPath: SweptPath} | {no: "sky" | "wall" | "close"}} Reach */
 
 /**
- * Where a press on the floor leads: there, or as near as the way is free.
+ * The goal of a press on the floor: that point, or the last one before an obstacle.
  * @param {Place} robot
  * @param {Point} point m, robot's frame
  * @param {Point[]} footprint

@@ -1,7 +1,7 @@
 /**
- * How fast the robot is to go: what "full speed" is, the least of robot and lease, times the step
- * that the visitor chose; and from a held key to a share of it, a gentle start and then more, so
- * that a short press is a small move. Pure.
+ * Full speeds (the lower of the robot's and the lease's limits, times the chosen step), and the
+ * share of them for a held key: it starts low and rises, so that a short press is a small move.
+ * Pure.
  */
 
 export const STEPS = [0.4, 0.7, 1];
@@ -20,7 +20,7 @@ export const fullSpeeds = (robot, lease, step) => {
   return {
     linear: share * Math.min(own.linear, lease.linear ?? Infinity),
     reverse: share * Math.min(own.reverse, lease.linear ?? Infinity),
-    // Turning slowly enough to aim matters at every step, so it shrinks less than the speed ahead.
+    // Turning fast enough matters at every step, so its speed shrinks less than the speed ahead.
     angular: Math.sqrt(share) * Math.min(own.angular, lease.angular ?? Infinity),
   };
 };
@@ -43,9 +43,9 @@ const RISE = 0.9; // shares of full speed a second
 
 /**
  * @param {number} current share of full speed, -1 to 1
- * @param {number} direction -1, 0 or 1: what the keys say
+ * @param {number} direction -1, 0 or 1, of the keys
  * @param {number} dt seconds
- * @returns {number} the next share; letting go and turning round take effect at once
+ * @returns {number} the next share; a release or a reversal takes effect at once
  */
 export const ramp = (current, direction, dt) => {
   if (direction === 0) {

@@ -1,4 +1,4 @@
-/** All controllers of the page, the arbiter between them, and the speed that the visitor chose. */
+/** All controllers of the page, the arbiter between them, and the chosen speed. */
 
 import { Arbiter } from "./arbiter.js";
 import { Keyboard } from "./keyboard.js";
@@ -7,7 +7,7 @@ import { Stick } from "./stick.js";
 
 /**
  * @typedef {{methods: string[], enable: () => void, disable: () => void, letGo: () => void,
- *   outdone?: () => void}} Controller `outdone`: a hand steers
+ *   yields?: boolean}} Controller `yields`: it releases when another one steers
  */
 
 export class Steering {
@@ -26,7 +26,7 @@ export class Steering {
     this.robotLimits = null;
     this.leaseLimits = { linear: null, angular: null };
     this.enabled = false;
-    /** @type {Map<string, {ahead: number, left: number}>} what each controller says now */
+    /** @type {Map<string, {ahead: number, left: number}>} by controller */
     this.shares = new Map();
     this.arbiter = new Arbiter(onIntent);
     this.keyboard = new Keyboard({
@@ -50,7 +50,7 @@ export class Steering {
     this.allowed = null;
   }
 
-  /** One more controller. @param {Controller} controller */
+  /** @param {Controller} controller */
   add(controller) {
     this.known.push(controller);
     this.allow(this.allowed);
@@ -63,7 +63,6 @@ export class Steering {
   allow(methods) {
     this.allowed = methods;
     this.keyboard.steers = this.mayUse("keyboard");
-    // Keys that may not steer still stop the robot.
     this.controllers = this.known.filter(
       (one) => one === this.keyboard || one.methods.some((method) => this.mayUse(method)),
     );
@@ -89,7 +88,7 @@ export class Steering {
     this.controllers.forEach((controller) => controller.disable());
   }
 
-  /** Every key and finger counts as lifted. */
+  /** Every key and pointer counts as released. */
   letGo() {
     this.controllers.forEach((controller) => controller.letGo());
     this.arbiter.release();
@@ -106,13 +105,13 @@ export class Steering {
     }
   }
 
-  /** What "full speed" is now. */
+  /** The full speeds now. */
   get full() {
     return fullSpeeds(this.robotLimits, this.leaseLimits, this.step);
   }
 
   /**
-   * A velocity of a controller that works it out by itself.
+   * A velocity of a controller that has no shares.
    * @param {string} method @param {{linear: number, angular: number}} velocity
    * @returns {boolean} whether it steers now
    */
@@ -127,7 +126,7 @@ export class Steering {
     const moves = shares.ahead !== 0 || shares.left !== 0;
     // A controller that is held but superseded interrupts no other.
     if (moves && !this.arbiter.outdone.has(method)) {
-      this.known.forEach((one) => one.outdone?.());
+      this.known.filter(({ yields }) => yields).forEach((one) => one.letGo());
     }
     this.shares.set(method, shares);
     this.arbiter.offer(method, toVelocity(shares, this.full));

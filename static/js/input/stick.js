@@ -1,7 +1,9 @@
 /**
- * Steering with a finger: a stick on the screen. Which way it is pushed is where the robot goes,
- * how far is how fast.
+ * Steering with a finger: a stick on the screen. Its direction is where the robot goes, its
+ * deflection how fast.
  */
+
+import { PointerController } from "./pointer_controller.js";
 
 const DEAD = 0.14; // of the radius
 const LEAST = 0.12; // the share of full speed at the edge of the dead zone
@@ -23,72 +25,31 @@ export const sharesOf = (x, y) => {
   return { ahead: -snapped(y / length) * size + 0, left: -snapped(x / length) * size + 0 };
 };
 
-export class Stick {
+export class Stick extends PointerController {
   /**
    * @param {object} options @param {HTMLElement} options.pad @param {HTMLElement} options.knob
    * @param {(shares: {ahead: number, left: number}) => void} options.emit
    * @param {() => void} options.stop
    */
   constructor({ pad, knob, emit, stop }) {
-    this.pad = pad;
+    super(pad);
     this.knob = knob;
     this.emit = emit;
     this.stop = stop;
-    /** @type {number | null} the finger that holds it */
-    this.pointer = null;
-    this.enabled = false;
     this.methods = ["stick"];
-    this.listeners = /** @type {[string, (event: any) => void][]} */ ([
-      ["pointerdown", (event) => this.#down(event)],
-      ["pointermove", (event) => this.#move(event)],
-      ["pointerup", (event) => this.#up(event)],
-      ["pointercancel", (event) => this.#cancel(event)],
-      ["lostpointercapture", (event) => this.#up(event)],
-      ["contextmenu", (event) => event.preventDefault()],
-    ]);
-  }
-
-  enable() {
-    if (!this.enabled) {
-      this.enabled = true;
-      this.listeners.forEach(([name, listener]) => this.pad.addEventListener(name, listener));
-    }
+    this.listeners.push(["contextmenu", (event) => event.preventDefault()]);
   }
 
   disable() {
     if (this.enabled) {
-      this.enabled = false;
-      this.listeners.forEach(([name, listener]) => this.pad.removeEventListener(name, listener));
-      this.letGo();
+      super.disable();
       this.stop();
     }
   }
 
-  letGo() {
-    if (this.pointer !== null) {
-      this.pointer = null;
-      this.#show(0, 0);
-      this.emit({ ahead: 0, left: 0 });
-    }
-  }
-
   /** @param {PointerEvent} event */
-  #down(event) {
-    if (this.pointer !== null) {
-      return;
-    }
-    event.preventDefault();
-    this.pointer = event.pointerId;
-    this.pad.setPointerCapture(event.pointerId);
-    this.#move(event);
-  }
-
-  /** @param {PointerEvent} event */
-  #move(event) {
-    if (event.pointerId !== this.pointer) {
-      return;
-    }
-    const box = this.pad.getBoundingClientRect();
+  moved(event) {
+    const box = this.target.getBoundingClientRect();
     const x = (2 * (event.clientX - box.left)) / box.width - 1;
     const y = (2 * (event.clientY - box.top)) / box.height - 1;
     const bound = 1 / Math.max(1, Math.hypot(x, y));
@@ -96,25 +57,20 @@ export class Stick {
     this.emit(sharesOf(x, y));
   }
 
-  /** @param {PointerEvent} event */
-  #up(event) {
-    if (event.pointerId === this.pointer) {
-      this.letGo();
-    }
+  lifted() {
+    this.#show(0, 0);
+    this.emit({ ahead: 0, left: 0 });
   }
 
-  /** @param {PointerEvent} event */
-  #cancel(event) {
-    if (event.pointerId === this.pointer) {
-      this.letGo();
-      this.stop();
-    }
+  cancelled() {
+    super.cancelled();
+    this.stop();
   }
 
   /** @param {number} x @param {number} y */
   #show(x, y) {
     this.knob.style.setProperty("--push-x", String(x));
     this.knob.style.setProperty("--push-y", String(y));
-    this.pad.toggleAttribute("data-held", this.pointer !== null);
+    this.target.toggleAttribute("data-held", this.pointer !== null);
   }
 }

@@ -1,6 +1,6 @@
 /**
- * The pause before attempt n: doubling, bounded, and random, so that a thousand pages do not
- * reconnect at the same moment.
+ * The pause before attempt n: doubled each time, bounded, and random, so that a thousand pages do
+ * not reconnect at the same moment.
  * @param {number} attempt 0 is the first
  * @param {{first?: number, most?: number, random?: () => number}} [options] times in seconds
  * @returns {number} seconds

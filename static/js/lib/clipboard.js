@@ -1,5 +1,5 @@
 /**
- * Copies a text, also in browsers of apps, which often lack the clipboard's own interface.
+ * Copies a text, also in browsers of apps, which often lack the Clipboard API.
  * @param {string} text
  * @returns {Promise<boolean>} whether it was copied
  */

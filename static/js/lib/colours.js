@@ -1,7 +1,6 @@
 /**
- * Returns a reader of the colours that style sheets give an element as custom properties, for its
- * canvas. Asking the browser takes longer than drawing, so they are asked for once, as soon as the
- * style sheets are there.
+ * Returns a reader of the colours that style sheets give a canvas as custom properties. Reading a
+ * style takes longer than drawing, so they are read once, as soon as the style sheets are loaded.
  * @param {Element} element
  * @param {string} prefix of the properties: `--map-`
  * @param {readonly string[]} names behind the prefix

@@ -11,3 +11,15 @@ export const readDecimal = (text, language = globalThis.document?.documentElemen
   const mark = parts.find(({ type }) => type === "decimal")?.value ?? ".";
   return Number(text.trim().replace(mark, ".") || NaN);
 };
+
+/**
+ * Writes numbers with so many decimals.
+ * @param {string} language a BCP 47 tag @param {number} digits @param {boolean} [useGrouping]
+ * @returns {(value: number) => string}
+ */
+export const decimalFormat = (language, digits, useGrouping = true) =>
+  new Intl.NumberFormat(language, {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+    useGrouping,
+  }).format;

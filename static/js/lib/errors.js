@@ -1,6 +1,7 @@
 /**
  * An error in one part of a page, which must not stop the others. All boundaries call this.
- * Browsers show it in the console, and to the window's listeners of "error".
+ * Browsers show it in the console and pass it to the window's "error" listeners, among them
+ * drive/error_reports.js.
  * @param {unknown} error
  */
 export const noteError = (error) => (globalThis.reportError ?? console.error)(error);

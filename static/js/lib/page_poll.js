@@ -3,17 +3,18 @@
 const PATIENCE_MS = 5000;
 
 /**
- * A page's data from the server.
- * @param {string} url
- * @returns {Promise<any>} rejects without an answer in JSON, for instance when signed out
+ * Data from the server.
+ * @param {string} url @param {number} [patience] ms
+ * @returns {Promise<any>} rejects without an answer in JSON, as when signed out; the error has the
+ *   answer's `status`
  */
-export const fetchJson = async (url) => {
+export const fetchJson = async (url, patience = PATIENCE_MS) => {
   const answer = await fetch(url, {
     headers: { Accept: "application/json" },
-    signal: AbortSignal.timeout(PATIENCE_MS),
+    signal: AbortSignal.timeout(patience),
   });
   if (!answer.ok || answer.redirected) {
-    throw new Error(`${url}: ${answer.status}`);
+    throw Object.assign(new Error(`${url}: ${answer.status}`), { status: answer.status });
   }
   return answer.json();
 };

@@ -1,8 +1,8 @@
-/** How long a sentence stays, so that a visitor who looks elsewhere can read it. */
+/** How long a sentence is shown, so that a visitor who looks elsewhere can read it. */
 
 import { unixNow } from "./clock.js";
 
-const SEEN = 4; // s until it is noticed
+const NOTICED = 4; // s
 const WORD = 0.4; // s a word, for slow readers
 
 /**
@@ -12,5 +12,5 @@ const WORD = 0.4; // s a word, for slow readers
 export const toRead = (words, word, values = {}) => {
   const at = unixNow();
   const length = words.say(word, values).split(" ").length;
-  return { word, values, at, until: at + SEEN + WORD * length };
+  return { word, values, at, until: at + NOTICED + WORD * length };
 };

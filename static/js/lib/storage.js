@@ -1,20 +1,17 @@
 /**
- * What a browser remembers: of a tab its session, over a reload, and of a person the profile, the
- * keys and a used hint of the page. Another tab of the same visitor does not see the session; a
- * duplicated tab gets a copy, but never one that says "this very page has just been left", which is
- * what allows to take the session back without asking.
+ * What a browser stores: for a tab its session, over a reload; for each person the profile, the
+ * keys and whether a hint was used. Another tab of the same visitor does not see the session. A
+ * duplicated tab gets a copy, but without the note that this very page has just been left, which
+ * allows the page to take the session back without asking.
  */
-
-/** @param {string} robot */
-const keyOf = (robot) => `visit:${robot}`;
 
 /** @param {string} robot @param {string} session */
 export const remember = (robot, session) => write(robot, { session });
 
 /** @param {string} robot */
-export const forget = (robot) => write(robot, null);
+export const forget = (robot) => attempt(() => sessionStorage.removeItem(`visit:${robot}`));
 
-/** The page is being left; a reload will find this. @param {string} robot */
+/** Notes for a reload that the page was left. @param {string} robot */
 export const rememberLeaving = (robot) => {
   const { session } = read(robot);
   if (session) {
@@ -23,7 +20,7 @@ export const rememberLeaving = (robot) => {
 };
 
 /**
- * What there is, and forget that the page was left: that is true for one load only.
+ * Returns what is stored, and deletes the note that the page was left, which holds for one load.
  * @param {string} robot @returns {{session: string | null, left: boolean}}
  */
 export const recall = (robot) => {
@@ -71,26 +68,22 @@ export const rememberAimed = (who) => attempt(() => localStorage.setItem(`aimed:
 /** @param {string} robot @returns {{session: string | null, left: boolean}} */
 const read = (robot) => {
   const { session, left } =
-    attempt(() => JSON.parse(sessionStorage.getItem(keyOf(robot)) ?? "{}")) ?? {};
+    attempt(() => JSON.parse(sessionStorage.getItem(`visit:${robot}`) ?? "{}")) ?? {};
   return typeof session === "string"
     ? { session, left: left === true }
     : { session: null, left: false };
 };
 
-/** @param {string} robot @param {object | null} value */
+/** @param {string} robot @param {object} value */
 const write = (robot, value) =>
-  attempt(() =>
-    value === null
-      ? sessionStorage.removeItem(keyOf(robot))
-      : sessionStorage.setItem(keyOf(robot), JSON.stringify(value)),
-  );
+  attempt(() => sessionStorage.setItem(`visit:${robot}`, JSON.stringify(value)));
 
 /**
- * Storage may be forbidden, full or corrupt; then a reload starts afresh.
+ * Uses the browser's storage, which may be forbidden, full or corrupt.
  * @template T
- * @param {() => T} what @returns {T | undefined}
+ * @param {() => T} what @returns {T | undefined} undefined where that failed
  */
-const attempt = (what) => {
+export const attempt = (what) => {
   try {
     return what();
   } catch (error) {

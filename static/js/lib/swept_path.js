@@ -1,20 +1,18 @@
 /**
- * The floor that the robot will sweep: its footprint moved from place to place, cut where something
- * stands in it. Pure.
+ * The floor that the robot will sweep: its footprint moved from place to place, cut at the first
+ * obstacle. Pure.
  *
  * On a stretch of curvature k the robot turns about the point (0, 1/k) of its own frame. Every
- * point of the footprint keeps its distance from there, so what is swept is the ring between the
+ * point of the footprint keeps its distance from there, so the robot sweeps the ring between the
  * least and the greatest of these distances: exact, however sharp the turn.
  */
 
 import { along, mapFromRobot } from "./transforms.js";
 
-/** @typedef {Place & {curvature: number}} Step a place of the robot's centre, and 1/m */
 /**
- * @typedef {{left: Point, right: Point, clearance: number}} Slice across the way: its ends in m,
- *   and the room beside it
- */
-/**
+ * @typedef {Place & {curvature: number}} Step a place of the robot's centre, and 1/m
+ * @typedef {{left: Point, right: Point, clearance: number}} Slice across the path: its ends and the
+ *   room beside it, m
  * @typedef {{slices: Slice[], blocked: boolean, end: Step, length: number}} SweptPath where the
  *   robot's centre gets to, and after how many m
  */
@@ -22,14 +20,14 @@ import { along, mapFromRobot } from "./transforms.js";
 export const CLOSE = 0.2; // m beside the robot: a touch is near
 export const NEAR = 0.5; // m beside the robot
 const STRAIGHT = 1e-3; // 1/m
-const FREE = 2; // m beside the way: nothing is near
+const FREE = 2; // m beside the path: no obstacle is near
 const PIECE = 0.1; // m from one place to the next
 const TICK = 0.02; // s; every fifth is drawn
-const LEAST = 0.05; // m; less is no way
-const CREEP = 0.03; // m/s; slower is standing, or turning on the spot, which sweeps no way
+const LEAST = 0.05; // m; less is no path
+const CREEP = 0.03; // m/s; slower is standing, or turning on the spot, which sweeps no path
 
 /**
- * How far the footprint reaches to the left and to the right of the way of the robot's centre.
+ * How far the footprint reaches to the left and to the right of the path of the robot's centre.
  * @param {Point[]} footprint m, robot's frame, convex
  * @param {number} curvature 1/m, positive turns left
  * @returns {Point} m, both positive
@@ -57,7 +55,7 @@ export const reachOf = (footprint, curvature) => {
 };
 
 /** From a point to a segment, in m. @param {Point} point @param {Point} start @param {Point} end */
-const distanceTo = ([x, y], [ax, ay], [bx, by]) => {
+export const distanceTo = ([x, y], [ax, ay], [bx, by]) => {
   const [dx, dy] = [bx - ax, by - ay];
   const share = Math.max(
     0,
@@ -93,25 +91,11 @@ export const heldSteps = (start, command, limits, seconds) => {
   let { linear, angular } = start;
   const steps = /** @type {Step[]} */ ([]);
   for (let tick = 0; tick * TICK < seconds; tick += 1) {
-    linear = approach(
-      linear,
-      command.linear,
-      TICK * limits.linearAcceleration,
-      TICK * limits.linearBraking,
-    );
-    angular = approach(
-      angular,
-      command.angular,
-      TICK * limits.angularAcceleration,
-      TICK * limits.angularBraking,
-    );
+    linear = approach(linear, command.linear, limits.linearAcceleration, limits.linearBraking);
+    angular = approach(angular, command.angular, limits.angularAcceleration, limits.angularBraking);
+    const { x, y, theta } = place;
     if (tick % 5 === 0) {
-      steps.push({
-        x: place.x,
-        y: place.y,
-        theta: place.theta,
-        curvature: Math.abs(linear) < CREEP ? 0 : angular / linear,
-      });
+      steps.push({ x, y, theta, curvature: Math.abs(linear) < CREEP ? 0 : angular / linear });
     }
     place = along(place, linear, angular, TICK);
   }
@@ -125,13 +109,13 @@ export const heldSteps = (start, command, limits, seconds) => {
 };
 
 /**
- * Round a change of sign the speed comes to zero first.
- * @param {number} now @param {number} wanted @param {number} rise
- * @param {number} fall the most that it may change
+ * The speed after a tick. Where its sign changes, it is zero first.
+ * @param {number} now @param {number} wanted
+ * @param {number} rise @param {number} fall m/s² or rad/s²
  */
 const approach = (now, wanted, rise, fall) => {
   const aim = wanted * now < 0 ? 0 : wanted;
-  const most = Math.abs(aim) < Math.abs(now) ? fall : rise;
+  const most = TICK * (Math.abs(aim) < Math.abs(now) ? fall : rise);
   return now + Math.max(-most, Math.min(most, aim - now));
 };
 
@@ -149,11 +133,11 @@ export const lineSteps = (robot, points) => {
 };
 
 /**
- * @param {Step[]} steps of one way, forwards or backwards
+ * @param {Step[]} steps of one path, forwards or backwards
  * @param {Point[]} footprint
- * @param {Point[]} seen what the laser saw, in the frame of the steps
- * @param {number} sign -1 for a way backwards
- * @returns {SweptPath | null} null without a way; it ends before what stands in it
+ * @param {Point[]} seen by the laser, in the frame of the steps
+ * @param {number} sign -1 for a path backwards
+ * @returns {SweptPath | null} null without a path; it ends before an obstacle
  */
 export const sweep = (steps, footprint, seen, sign = 1) => {
   const nose = Math.max(...footprint.map(([x]) => sign * x));

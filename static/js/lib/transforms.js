@@ -1,24 +1,22 @@
 /**
- * Points of the map in the frame of a robot that stands in it, and back; and where the robot was at
- * a moment that is past: when the picture on the screen was taken, or a sweep of its laser. Pure.
+ * Points of the map in the robot's frame, and back; and the robot's pose at a past moment: when the
+ * frame on the screen was taken, or a sweep of its laser. Pure.
  */
 
 const KEPT = 90; // poses: three seconds of the quickest
 const CLOCK_STEP = 5; // s; much older means that the robot's clock was set
 const AHEAD = 0.25; // s that a pose may be carried on by its velocity
-// s between two poses, beyond which nothing is known of the way from one to the other
-const GAP = 0.6;
+const GAP = 0.6; // s between two poses, beyond which the path between them is unknown
 
 /**
- * `aimed` is false while nobody knows the tilt.
+ * `aimed` is false while the tilt is unknown.
  * @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number,
  *   localized: boolean}} Moment
  */
 
 /**
- * @param {Place} place
- * @param {Point} point m, in its frame
- * @returns {Point} m, in the frame that it stands in
+ * From the frame of a place to the map, m.
+ * @param {Place} place @param {Point} point @returns {Point}
  */
 export const mapFromRobot = ({ x, y, theta }, [u, v]) => [
   x + u * Math.cos(theta) - v * Math.sin(theta),
@@ -26,9 +24,8 @@ export const mapFromRobot = ({ x, y, theta }, [u, v]) => [
 ];
 
 /**
- * @param {Place} place
- * @param {Point} point m, in the frame that it stands in
- * @returns {Point} m, in its own
+ * From the map to the frame of a place, m.
+ * @param {Place} place @param {Point} point @returns {Point}
  */
 export const robotFromMap = ({ x, y, theta }, [px, py]) => {
   const [dx, dy] = [px - x, py - y];
@@ -70,7 +67,7 @@ export class Track {
     const last = this.newest;
     if (last && stamp <= last.stamp) {
       if (last.stamp - stamp < CLOCK_STEP) {
-        return; // two ways bring the same
+        return; // the other transport was faster
       }
       this.moments = [];
     }

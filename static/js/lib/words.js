@@ -1,7 +1,9 @@
 /**
- * The sentences of the page, in the visitor's language, from sessions/_words.html: an element for
- * each key, with `{name}` to be filled in. A key may have the forms `.one` and `.other` for counts.
+ * The sentences of a page, in the visitor's language: the template #words has an element for each
+ * key, with `{name}` to be filled in. A key may have the forms `.one` and `.other` for counts.
  */
+
+import { element } from "./dom.js";
 
 /**
  * @param {Map<string, string>} sentences
@@ -29,15 +31,12 @@ export const createWords = (sentences, language, always = {}) => {
 
 /** @typedef {ReturnType<typeof createWords>} Words */
 
-/**
- * @param {HTMLTemplateElement} template @param {string} language
- * @param {Record<string, string>} [always]
- */
-export const readWords = (template, language, always) => {
-  const elements = template.content.querySelectorAll("[data-word]");
-  const sentences = Array.from(elements, (element) => [
-    element.getAttribute("data-word") ?? "",
-    (element.textContent ?? "").trim(),
-  ]);
-  return createWords(new Map(/** @type {[string, string][]} */ (sentences)), language, always);
+/** The words of this page. @param {Record<string, string>} [always] */
+export const readWords = (always) => {
+  /** @type {NodeListOf<HTMLElement>} */
+  const elements = element("words").content.querySelectorAll("[data-word]");
+  const sentences = Array.from(elements, ({ dataset, textContent }) => {
+    return /** @type {[string, string]} */ ([dataset.word, textContent?.trim()]);
+  });
+  return createWords(new Map(sentences), document.documentElement.lang, always);
 };

@@ -1,18 +1,17 @@
-/** What the visitor sends to the robot and what the page says about it: decisions only. */
+/** The visitor's call: what is sent to the robot, and the page's note about it. Pure. */
 
-/** s until a wish that the robot's state does not show is said again */
-export const AGAIN_SECONDS = 1;
+export const AGAIN_SECONDS = 1; // until a call that the robot's state does not show is repeated
 
 /**
  * @typedef {object} Own
  * @property {"off" | "asking" | "muted" | "on"} mic
  * @property {"off" | "asking" | "on"} camera
- * @property {boolean} shares whether a screen goes out in place of the camera's picture
+ * @property {boolean} shares whether a screen is sent in place of the camera's video
  * @property {boolean} talking the key of push to talk is down
- * @property {number} volume how loud the visitor wants to be there, 0 to 1
+ * @property {number} volume of the visitor at the robot, 0 to 1
  * @property {{kind: import("./devices.js").Kind, why: import("./devices.js").Trouble} | null}
  *   trouble
- * @property {boolean} turnedAway whether the people there have declined
+ * @property {boolean} turnedAway whether the people at the robot have declined
  */
 
 /** @returns {Own} */
@@ -26,10 +25,10 @@ export const newOwn = () => ({
   turnedAway: false,
 });
 
-/** Whether the voice goes out at this moment. @param {Own} own */
+/** Whether the voice is sent now. @param {Own} own */
 export const isHeard = ({ mic, talking }) => mic === "on" || (mic === "muted" && talking);
 
-/** What the robot is to know: the fields of a call, null for none. @param {Own} own */
+/** The fields of the call to request, null for none. @param {Own} own */
 export const callOf = ({ mic, camera, shares, volume }) => {
   const audio = mic === "on" || mic === "muted";
   const video = camera === "on";
@@ -37,11 +36,10 @@ export const callOf = ({ mic, camera, shares, volume }) => {
 };
 
 /**
- * Whether the robot must be told again: it lets through something else than what is sent.
+ * Whether to send the request again: the robot's state differs from it.
  * @param {Own} own
- * @param {any} known the call as the robot's state says it, null for none
- * @param {boolean} points whether this robot takes pointers, and so tells a screen from a face; an
- *   older one never says that it knows
+ * @param {any} known the call in the robot's state, null for none
+ * @param {boolean} points whether this robot takes pointers, and therefore reports `shares`
  */
 export const mustSay = (own, known, points) => {
   const wanted = callOf(own);
@@ -56,10 +54,10 @@ export const mustSay = (own, known, points) => {
 };
 
 /**
- * What of a screen that is shared the people there see, and whether a dot on it reaches them.
+ * Whether the people at the robot see the shared screen, and whether pointers on it reach them.
  * @param {Own} own
- * @param {any} known the call as the robot says it
- * @param {number} screens the robot's displays that are connected
+ * @param {any} known the call in the robot's state
+ * @param {number} screens connected displays of the robot
  */
 export const previewOf = (own, known, screens) => {
   const seen = own.shares && known?.status === "accepted" && known.video === true;
@@ -67,10 +65,10 @@ export const previewOf = (own, known, screens) => {
 };
 
 /**
- * The line beside the buttons: a sentence's key, empty for none.
+ * The note beside the buttons: the key of a sentence, empty for none.
  * @param {Own} own
- * @param {any} known the call as the robot says it
- * @param {number} screens the robot's displays that are connected
+ * @param {any} known the call in the robot's state
+ * @param {number} screens connected displays of the robot
  */
 export const noteOf = (own, known, screens) => {
   if (own.trouble) {

@@ -1,7 +1,4 @@
-/**
- * The visitor's voice and video: the devices that give them, the lines of the connection that take
- * them, and the call that the robot is told of.
- */
+/** The visitor's voice and video: devices, transceivers of the connection, and the request. */
 
 import { isOffered } from "../protocol/capabilities.js";
 import { ask } from "../protocol/robot_action.js";
@@ -24,15 +21,11 @@ export class CallMedia {
     this.saidAt = -Infinity;
     /** @type {Peer | null} */
     this.peer = null;
-    /**
-     * @type {ReturnType<typeof import("./screen_preview.js").createPreview> | null} of the screen
-     *   that is shown; without it it is shown all the same
-     */
-    this.preview = null;
     this.devices = new Devices({ onLost: (kind) => this.#lost(kind) });
     this.talkKey = new PushToTalk((down) => this.#talk(down));
     const { element, driving } = page;
-    this.fetchPreview = lazy(async () =>
+    /** of the screen that is shown, which does not need it */
+    this.preview = lazy(async () =>
       (await import("./screen_preview.js")).createPreview({
         element,
         sendPointer: driving.sendPointer,
@@ -47,7 +40,7 @@ export class CallMedia {
     return /** @type {import("./call.js").Own} */ (this.store.get().own);
   }
 
-  /** What its buttons do, by their ids. @returns {Record<string, () => void>} */
+  /** By the id of the button. @returns {Record<string, () => void>} */
   get clicks() {
     return {
       "presence-mic": () =>
@@ -87,7 +80,7 @@ export class CallMedia {
     this.#attach();
   }
 
-  /** Tell the robot of the call, until it knows. @param {number} now */
+  /** Requests the call until the robot's state has it. @param {number} now */
   poll(now) {
     const state = this.store.get();
     const known = state.robot?.call ?? null;
@@ -108,7 +101,7 @@ export class CallMedia {
     }
   }
 
-  /** Give the connection what there is to send; it has had the lines for it since its offer. */
+  /** Sends the tracks; the connection has had their transceivers since its offer. */
   #attach() {
     if (this.peer?.role === "driver" && !this.peer.isClosed) {
       for (const kind of /** @type {const} */ (["audio", "video"])) {
@@ -129,7 +122,7 @@ export class CallMedia {
     if (why !== null) {
       this.change({ [name]: "off", talking: false, trouble: { kind, why } });
     } else if (roleOf(this.store.get().visit) !== "driver") {
-      this.devices.close(kind); // the session has ended while the browser asked
+      this.devices.close(kind); // the session has ended while the browser asked for permission
       this.change({ [name]: "off" });
     } else {
       this.change({
@@ -148,20 +141,17 @@ export class CallMedia {
     this.page.connection.report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   }
 
-  /** Show them a screen, a window or a tab. Cancelling changes nothing. */
+  /** Shares a screen, a window or a tab. Cancelling changes nothing. */
   async #share() {
     if (!(await this.devices.share())) {
       return;
     }
-    this.fetchPreview((preview) => {
-      this.preview = preview;
-      this.store.update({});
-    });
+    this.preview(() => this.store.update({}));
     this.page.connection.report("screen_shared", { on: true });
     if (roleOf(this.store.get().visit) === "driver") {
       this.change({ camera: "on", shares: true, trouble: null, turnedAway: false });
     } else {
-      this.devices.close("video"); // the session has ended while they chose
+      this.devices.close("video"); // the session has ended
     }
   }
 
@@ -178,7 +168,7 @@ export class CallMedia {
   }
 
   /**
-   * A device was unplugged. Nothing is lost when sharing is ended by the browser's own button.
+   * A device was unplugged, or the browser's own button has ended sharing, which is no trouble.
    * @param {"audio" | "video"} kind
    */
   #lost(kind) {
@@ -207,7 +197,7 @@ const replace = async (sender, track) => {
       await sender.setParameters(parameters);
     }
   } catch (error) {
-    // a DOMException says that this connection is over: the next one is given the track again
+    // a DOMException means that this connection has closed: the next one gets the track again
     if (!(error instanceof DOMException)) {
       throw error;
     }

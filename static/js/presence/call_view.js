@@ -1,7 +1,4 @@
-/**
- * Shows the call: its buttons, the line beside them, the visitor's own video, and the screen that
- * they show.
- */
+/** Shows the call: its buttons and note, the visitor's own video, and the shared screen. */
 
 import { isOffered } from "../protocol/capabilities.js";
 import { setPressed, write } from "../lib/dom.js";
@@ -51,7 +48,7 @@ export const createCallView = ({ element, words }, media) => {
       renderNote(own, offered ? noteOf(own, robot?.call ?? null, robot?.screens ?? 0) : "");
       renderSelf(media.devices.tracks.video, own.shares);
       const { seen, points } = previewOf(own, offered ? robot?.call : null, robot?.screens ?? 0);
-      media.preview?.show({
+      media.preview.now?.show({
         track: seen ? media.devices.tracks.video : null,
         points: points && takesPointers(state),
         name: state.room.driver ?? "",
@@ -61,7 +58,7 @@ export const createCallView = ({ element, words }, media) => {
   };
 };
 
-/** What the button of the microphone does. @param {import("./call.js").Own} own */
+/** The label of the microphone's button. @param {import("./call.js").Own} own */
 const micWord = ({ mic }) => {
   if (mic === "off" || mic === "asking") {
     return "presence.let_hear";
@@ -69,7 +66,7 @@ const micWord = ({ mic }) => {
   return mic === "on" ? "presence.mute" : "presence.unmute";
 };
 
-/** What the button of the camera does. @param {import("./call.js").Own} own */
+/** The label of the camera's button. @param {import("./call.js").Own} own */
 const cameraWord = ({ camera, shares }) => {
   if (shares) {
     return "presence.share_off";
@@ -77,7 +74,7 @@ const cameraWord = ({ camera, shares }) => {
   return camera === "on" ? "presence.camera_off" : "presence.let_see";
 };
 
-/** The visitor as they see them, small. @param {HTMLVideoElement} self */
+/** The visitor's own video. @param {HTMLVideoElement} self */
 const createSelfView = (self) => {
   /** @type {MediaStreamTrack | null} */
   let shown = null;

@@ -1,7 +1,6 @@
 /**
- * What visitor and people at the robot have written to each other, on the drive page: a list in
- * which every sentence of the visitor says how far it has come. Fetched when the chat is first
- * opened, or the people there write.
+ * The messages between the visitor and the people at the robot, with the delivery state of the
+ * visitor's own. Fetched when the chat is first opened, or a message arrives.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -11,15 +10,14 @@ import { lineOf } from "./message_line.js";
 
 const MOST_LINES = 50;
 
+/** @typedef {import("./delivery.js").Delivery} Delivery */
+
 export class Conversation {
   /** @param {Page} page */
   constructor(page) {
     this.page = page;
     this.list = page.element("talk-list");
-    /**
-     * @type {Map<string, {delivery: import("./delivery.js").Delivery, line: HTMLElement}>} the
-     *   visitor's own, by the id of their `say`
-     */
+    /** @type {Map<string, {delivery: Delivery, line: HTMLElement}>} own messages by their id */
     this.own = new Map();
   }
 
@@ -28,13 +26,10 @@ export class Conversation {
     this.list.replaceChildren();
   }
 
-  /** The visitor's sentence leaves the page. @param {RobotAction} action */
+  /** @param {RobotAction} action */
   sent(action) {
-    const line = lineOf({
-      who: this.page.words.say("presence.you"),
-      text: action.fields.text,
-      own: true,
-    });
+    const who = this.page.words.say("presence.you");
+    const line = lineOf({ who, text: action.fields.text, own: true });
     line.append(this.#stateOf(action.id));
     this.own.set(action.id, { delivery: newDelivery(action), line });
     this.#append(line, true);
@@ -50,19 +45,13 @@ export class Conversation {
     if (this.own.has(actionId)) {
       this.#change(actionId, (delivery) => onWords(delivery, message, unixNow()));
     } else {
-      const mine = by === "driver"; // written on this page before it was loaded anew
-      this.#append(
-        lineOf({
-          who: mine ? words.say("presence.you") : words.nameOf(who) || words.say("presence.they"),
-          text,
-          own: mine,
-        }),
-        mine,
-      );
+      const own = by === "driver"; // written on this page before a reload
+      const other = words.nameOf(who) || words.say("presence.they");
+      this.#append(lineOf({ who: own ? words.say("presence.you") : other, text, own }), own);
     }
   }
 
-  /** @param {any} status of an action, the visitor's sentences among them */
+  /** @param {any} status of an action, which may be a message */
   answered(status) {
     this.#change(status.actionId, (delivery) => onAnswer(delivery, status, unixNow()));
   }
@@ -83,11 +72,7 @@ export class Conversation {
     }
   }
 
-  /**
-   * @param {string} id
-   * @param {(delivery: import("./delivery.js").Delivery) => import("./delivery.js").Delivery}
-   *   change
-   */
+  /** @param {string} id @param {(delivery: Delivery) => Delivery} change */
   #change(id, change) {
     const entry = this.own.get(id);
     if (entry) {
@@ -97,7 +82,7 @@ export class Conversation {
   }
 
   /**
-   * How far a sentence has come, and a button for one that was not sent.
+   * The delivery state of a message, with a button to send it again.
    * @param {string} id @returns {HTMLElement}
    */
   #stateOf(id) {
@@ -117,28 +102,21 @@ export class Conversation {
 
   /** @param {string} id */
   #render(id) {
-    const { delivery, line } =
-      /** @type {{delivery: import("./delivery.js").Delivery, line: HTMLElement}} */ (
-        this.own.get(id)
-      );
-    const state = /** @type {HTMLElement} */ (line.querySelector(".line__state"));
+    const { delivery, line } = /** @type {any} */ (this.own.get(id));
+    const state = line.querySelector(".line__state");
     if (state.dataset.stage !== delivery.stage) {
       state.dataset.stage = delivery.stage;
     }
-    const [words, again] = /** @type {HTMLElement[]} */ (Array.from(state.children));
+    const [words, again] = state.children;
     again.hidden = delivery.stage !== "failed";
-    write(
-      words,
-      this.page.words.say(lineFor(delivery, this.page.store.get().robot?.screens ?? 0, unixNow())),
-    );
+    const screens = this.page.store.get().robot?.screens ?? 0;
+    write(words, this.page.words.say(lineFor(delivery, screens, unixNow())));
   }
 
   /** @param {HTMLElement} line @param {boolean} mine */
   #append(line, mine) {
-    const {
-      list,
-      page: { store },
-    } = this;
+    const { list } = this;
+    const { store } = this.page;
     list.append(line);
     while (list.children.length > MOST_LINES) {
       const first = list.firstElementChild;
@@ -150,11 +128,10 @@ export class Conversation {
       }
     }
     const { panel, unread } = store.get();
-    // What somebody says there is worth seeing at once; the keys go on driving, or stay with the
-    // menu that has them.
+    // A message from the robot's side opens the panel, unless another one is open.
     const next = mine ? panel : panel || "talk";
     store.update({ panel: next, unread: next === "talk" ? 0 : unread + (mine ? 0 : 1) });
-    store.flush(); // what is hidden cannot be scrolled
+    store.flush(); // a hidden list cannot be scrolled
     list.scrollTop = list.scrollHeight;
   }
 }

@@ -1,18 +1,14 @@
 /**
- * A sentence on its way from the chat's field to the people at the robot: sent, shown, read aloud.
- * Decisions only. Every stage is what somebody has confirmed: the robot that it has the sentence,
- * and a page of the robot's screen that it was visible and read to its end.
+ * The delivery of a message to the people at the robot: sent, shown, read aloud. Pure. Each stage
+ * is confirmed: the first by the robot, the others by its display, when the message was visible and
+ * was read to its end.
  */
 
 import { ask, heard, pass, wishOf } from "../protocol/robot_action.js";
 
-/**
- * s after a sentence was sent when the robot is asked what became of it: its receipt may have been
- * lost with the connection
- */
+/** s after which a missing receipt, which a lost connection may have lost, is requested */
 export const ASKED_AGAIN = [5, 15, 45];
-/** s until a sentence that no screen has shown says so */
-export const DOUBT = 8;
+export const DOUBT = 8; // s until the page says that no display has shown a message
 
 const RANK = { sending: 0, failed: 0, sent: 0, shown: 1, not_spoken: 2, spoken: 3 };
 
@@ -20,10 +16,9 @@ const RANK = { sending: 0, failed: 0, sent: 0, shown: 1, not_spoken: 2, spoken: 
  * @typedef {object} Delivery
  * @property {RobotAction} action the `say`
  * @property {"sending" | "failed" | "sent" | "shown" | "not_spoken" | "spoken"} stage
- * @property {boolean} receipts whether this robot will tell what became of it; an older one never
- *   gets past "sent"
+ * @property {boolean} receipts whether this robot sends receipts; an older one does not
  * @property {number} sentAt when the robot confirmed it, Unix seconds
- * @property {number} asks how often the robot was asked what became of it
+ * @property {number} asks how often its receipt was requested
  */
 
 /** @param {RobotAction} action @returns {Delivery} */
@@ -61,7 +56,7 @@ export const onAnswer = (delivery, news, now) => {
 };
 
 /**
- * The robot passes the sentence on to its screens.
+ * The robot passes the message on to its displays.
  * @param {Delivery} delivery @param {{receipts: boolean}} words @param {number} now
  * @returns {Delivery}
  */
@@ -76,26 +71,23 @@ export const onReceipt = (delivery, state, now) => {
   return RANK[state] > RANK[next.stage] ? { ...next, stage: state } : next;
 };
 
-/** Whether something may still become of it. @param {Delivery} delivery */
+/** Whether another receipt may follow. @param {Delivery} delivery */
 const isOpen = ({ stage, receipts, action }) =>
   receipts && (stage === "sent" || (stage === "shown" && action.fields.aloud === true));
 
 /**
- * What time does to it: one without an answer is due again, or was not sent; one without a receipt
- * is asked about.
+ * The delivery after a time: without an answer the request is repeated, or has failed; a missing
+ * receipt is requested.
  * @param {Delivery} delivery @param {number} now @returns {{delivery: Delivery, send: boolean}}
  */
 export const onTime = (delivery, now) => {
   if (delivery.stage === "sending") {
     const { action, send } = pass(delivery.action, now);
-    const failed = action?.status === "FAILED";
-    return {
-      delivery:
-        action === delivery.action || !action
-          ? delivery
-          : { ...delivery, action, stage: failed ? "failed" : "sending" },
-      send,
-    };
+    if (!action || action === delivery.action) {
+      return { delivery, send };
+    }
+    const stage = action.status === "FAILED" ? "failed" : "sending";
+    return { delivery: { ...delivery, action, stage }, send };
   }
   if (isOpen(delivery) && now - delivery.sentAt > (ASKED_AGAIN[delivery.asks] ?? Infinity)) {
     return { delivery: { ...delivery, asks: delivery.asks + 1 }, send: true };
@@ -104,8 +96,7 @@ export const onTime = (delivery, now) => {
 };
 
 /**
- * One that was not sent, once more: under its id, so that it is said only once if the robot has it
- * after all.
+ * Sends a failed one again: under its id, so that it is said only once if the robot has it.
  * @param {Delivery} delivery @param {number} now @returns {Delivery}
  */
 export const retry = ({ action, ...delivery }, now) => ({
@@ -115,9 +106,9 @@ export const retry = ({ action, ...delivery }, now) => ({
 });
 
 /**
- * The key of its line.
+ * The key of its sentence.
  * @param {Delivery} delivery
- * @param {number} screens the robot's displays that are connected
+ * @param {number} screens connected displays of the robot
  * @param {number} now
  */
 export const lineFor = (delivery, screens, now) => {

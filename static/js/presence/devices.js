@@ -1,45 +1,33 @@
 /**
- * Microphone, camera and screen of the visitor: asked for one at a time and only on a click, given
- * back when they are not wanted.
+ * The visitor's microphone, camera and screen: requested one at a time and only on a click, and
+ * released when they are not used.
  */
 
+const [width, height] = [{ ideal: 640 }, { ideal: 480 }];
+const frameRate = { ideal: 24, max: 30 };
 const WANTED = {
   audio: { audio: { echoCancellation: true, noiseSuppression: true, autoGainControl: true } },
-  video: {
-    video: {
-      width: { ideal: 640 },
-      height: { ideal: 480 },
-      frameRate: { ideal: 24, max: 30 },
-      facingMode: "user",
-    },
-  },
+  video: { video: { width, height, frameRate, facingMode: "user" } },
 };
+// sharp rather than smooth
+const SHARP = { width: { max: 1280 }, height: { max: 720 }, frameRate: { max: 10 } };
 
-const SCREEN = {
-  video: { width: { max: 1280 }, height: { max: 720 }, frameRate: { max: 10 } },
-  audio: false,
-}; // sharp rather than smooth
+/** By the name of the browser's error. @type {Record<string, Trouble>} */
+const TROUBLES = {
+  NotAllowedError: "refused",
+  SecurityError: "refused",
+  PermissionDeniedError: "refused",
+  NotFoundError: "missing",
+  OverconstrainedError: "missing",
+  DevicesNotFoundError: "missing",
+  TypeError: "unsupported",
+};
 
 /** @typedef {"audio" | "video"} Kind */
 /** @typedef {"refused" | "missing" | "busy" | "unsupported"} Trouble */
 
-/**
- * Why a browser did not give a device, by the name of its error.
- * @param {string} name @returns {Trouble}
- */
-export const troubleOf = (name) => {
-  if (name === "NotAllowedError" || name === "SecurityError" || name === "PermissionDeniedError") {
-    return "refused";
-  }
-  if (
-    name === "NotFoundError" ||
-    name === "OverconstrainedError" ||
-    name === "DevicesNotFoundError"
-  ) {
-    return "missing";
-  }
-  return name === "TypeError" ? "unsupported" : "busy";
-};
+/** Why a browser did not give a device. @param {string} name of its error @returns {Trouble} */
+export const troubleOf = (name) => TROUBLES[name] ?? "busy";
 
 export class Devices {
   /**
@@ -55,10 +43,10 @@ export class Devices {
     this.tracks = { audio: null, video: null };
   }
 
-  /** @param {Kind} kind @returns {Promise<Trouble | null>} null when it is there */
+  /** @param {Kind} kind @returns {Promise<Trouble | null>} null when it is open */
   async open(kind) {
     if (!this.media?.getUserMedia) {
-      return "unsupported"; // browsers give devices to safe (https) pages only
+      return "unsupported"; // browsers give devices to secure (https) pages only
     }
     if (this.tracks[kind]) {
       return null;
@@ -74,18 +62,18 @@ export class Devices {
     }
   }
 
-  /** Whether this browser can show others a screen, a window or a tab; those of phones cannot. */
+  /** Whether this browser can share a screen, which phones cannot. */
   get canShare() {
     return Boolean(this.media?.getDisplayMedia);
   }
 
-  /**
-   * Have the visitor choose what to show, in place of the camera.
-   * @returns {Promise<boolean>} false when they would rather not
-   */
+  /** Has the visitor choose a screen, in place of the camera. @returns {Promise<boolean>} */
   async share() {
     try {
-      const stream = await /** @type {MediaDevices} */ (this.media).getDisplayMedia(SCREEN);
+      const stream = await /** @type {MediaDevices} */ (this.media).getDisplayMedia({
+        video: SHARP,
+        audio: false,
+      });
       this.close("video");
       this.#take("video", stream);
       /** @type {MediaStreamTrack} */ (this.tracks.video).contentHint = "text";

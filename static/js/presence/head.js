@@ -14,9 +14,9 @@ const showAngle = (slider, angle, words) => {
   }
   const degrees = Math.round((Math.abs(angle) * 180) / Math.PI);
   const word = degrees === 0 ? "tilt.level" : angle > 0 ? "tilt.down" : "tilt.up";
-  const said = words.say(word, { degrees });
-  if (slider.getAttribute("aria-valuetext") !== said) {
-    slider.setAttribute("aria-valuetext", said);
+  const text = words.say(word, { degrees });
+  if (slider.getAttribute("aria-valuetext") !== text) {
+    slider.setAttribute("aria-valuetext", text);
   }
 };
 
@@ -42,7 +42,7 @@ export const createHead = ({ store, element, driving, words }) => {
   for (const end of ["pointerup", "pointercancel"]) {
     slider.addEventListener(end, () => {
       tilting.letGo();
-      backToDriving(element); // the arrows are to drive again, and not to nod
+      backToDriving(element); // the arrow keys drive again
     });
   }
 
@@ -68,7 +68,7 @@ export const createHead = ({ store, element, driving, words }) => {
     /** @param {State} state */
     changed: (state) => {
       if (!rangeOf(state)) {
-        tilting.letGo(); // no pointer is lifted from a slider that is hidden
+        tilting.letGo(); // a hidden slider gets no pointerup
       }
     },
     /** @param {State} state */
@@ -76,11 +76,7 @@ export const createHead = ({ store, element, driving, words }) => {
       const range = rangeOf(state);
       element("tilt").hidden = !range;
       if (range) {
-        Object.assign(slider, {
-          min: String(range.minimum),
-          max: String(range.maximum),
-          step: "0.01",
-        });
+        Object.assign(slider, { min: range.minimum, max: range.maximum, step: "0.01" });
         const shown = tilting.shown(state.robot?.tilt ?? null, unixNow());
         if (shown !== null) {
           showAngle(slider, shown, words);

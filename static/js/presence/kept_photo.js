@@ -1,9 +1,6 @@
-/**
- * A photo that the visitor takes for themselves: asked for, waited for, shown, and offered for
- * download.
- */
+/** A photo that the visitor takes to keep: requested, shown, and offered for download. */
 
-import { ask, heard, pass } from "../protocol/robot_action.js";
+import { ask, heard, pursue } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
@@ -35,7 +32,7 @@ export class KeptPhoto {
   }
 
   /** @param {Parameters<typeof heard>[1]} message */
-  heard(message) {
+  received(message) {
     const { keptPhoto } = this.page.store.get();
     if (keptPhoto?.id === message.actionId) {
       const action = heard(keptPhoto, message, unixNow());
@@ -51,12 +48,9 @@ export class KeptPhoto {
     const { store, driving } = this.page;
     const { keptPhoto } = store.get();
     if (keptPhoto?.status === "ASKED") {
-      const { action, send } = pass(keptPhoto, now);
-      if (action !== keptPhoto) {
-        store.update({ keptPhoto: action });
-      }
-      if (send && action) {
-        driving.sendAction(action);
+      const next = pursue(keptPhoto, now, driving.sendAction);
+      if (next !== keptPhoto) {
+        store.update({ keptPhoto: next });
       }
     }
   }

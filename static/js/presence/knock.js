@@ -1,25 +1,25 @@
 /**
- * Knocking at the robot, so that a person there comes to its screen. Fetched with the first knock.
- * What becomes of it is read in the robot's state; the line about it goes away when it was read.
+ * Knocking at the robot, so that a person there comes to its display. Fetched with the first knock.
+ * The robot's state has its outcome; the note about it is shown for a moment.
  */
 
-import { ask, heard, pass } from "../protocol/robot_action.js";
+import { ask, heard, pursue } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 
 const READ_SECONDS = 8;
-const ASKED_IN_VAIN = {
+/** @type {Record<string, string>} by the robot's reason */
+const FAILURES = {
   too_soon: "knock.too_soon",
   declined: "knock.declined",
   nobody_there: "knock.nobody_there",
 };
 
 /**
- * The key of the line about a knock, and whether that is its end. Pure.
+ * The key of the note about a knock, and whether it has ended. Pure.
  * @param {RobotAction | null} action the newest knock
- * @param {{actionId: string, status: string} | null | undefined} known the knock as the robot's
- *   state has it
+ * @param {{actionId: string, status: string} | null | undefined} known in the robot's state
  * @returns {{word: string, ended: boolean}}
  */
 export const lineOfKnock = (action, known) => {
@@ -27,14 +27,10 @@ export const lineOfKnock = (action, known) => {
     return { word: "", ended: true };
   }
   if (action.status === "FAILED") {
-    return {
-      word:
-        ASKED_IN_VAIN[/** @type {keyof typeof ASKED_IN_VAIN} */ (action.reason)] ?? "knock.failed",
-      ended: true,
-    };
+    return { word: FAILURES[action.reason] ?? "knock.failed", ended: true };
   }
   if (action.status === "ASKED" || known?.actionId !== action.id) {
-    // the robot has taken it; a state that does not say so is old, or the last
+    // a state without it is an old one, or the last
     return { word: "knock.asked", ended: action.status !== "ASKED" };
   }
   return { word: `knock.${known.status}`, ended: known.status !== "ringing" };
@@ -78,11 +74,7 @@ export const createKnock = ({ store, driving, element, words }) => {
     /** @param {number} now */
     poll: (now) => {
       if (action?.status === "ASKED") {
-        const next = pass(action, now);
-        action = next.action;
-        if (next.send && action) {
-          driving.sendAction(action);
-        }
+        action = pursue(action, now, driving.sendAction);
       }
       show(now);
     },

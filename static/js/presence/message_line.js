@@ -1,4 +1,4 @@
-/** A line of a conversation, for the list of messages on either side. */
+/** A line of the conversation, on the drive page and on the robot's display. */
 
 import { make } from "../lib/dom.js";
 

@@ -1,6 +1,6 @@
 /**
- * Messages to the people there and from them: the panel that lists them, and its field. The list
- * itself is conversation.js, fetched when it is needed.
+ * Messages to the people at the robot and from them: the panel and its field. The list itself is
+ * conversation.js, fetched when it is needed.
  */
 
 import { isOffered, mayWriteWaiting } from "../protocol/capabilities.js";
@@ -14,10 +14,10 @@ import { lazy } from "../lib/lazy.js";
 export const createMessages = (page) => {
   const { store, element, keys } = page;
   let session = "";
-  const { tell, fetched, poll } = newConversation(page);
+  const { tell, conversation, poll } = newConversation(page);
 
   /**
-   * Open a panel, at once: the visitor's next key goes to what they have opened.
+   * Opens a panel at once, for the visitor's next key.
    * @param {"" | "talk" | "volumes"} panel @param {boolean} [writing]
    */
   const show = (panel, writing = false) => {
@@ -33,14 +33,14 @@ export const createMessages = (page) => {
     if (action) {
       tell((it) => it.sent(action));
     }
-    show("talk"); // what was said, and what is answered, stays in sight
+    show("talk"); // the messages stay visible
   };
   setUpForm(page, onSent);
 
   const toggleWriting = () => {
     const { writing } = store.get();
     show(writing ? "" : "talk", !writing);
-    tell(); // there before the connection can be lost
+    tell(); // fetched before the connection can be lost
     if (writing) {
       backToDriving(element);
     } else {
@@ -53,13 +53,13 @@ export const createMessages = (page) => {
     closePanel,
     clicks: { "presence-talk": toggleWriting },
     received: (/** @type {any} */ message) => tell((it) => it.received(message)),
-    answered: (/** @type {any} */ status) => fetched()?.answered(status),
-    confirmed: (/** @type {any} */ receipt) => fetched()?.confirmed(receipt),
+    answered: (/** @type {any} */ status) => conversation.now?.answered(status),
+    confirmed: (/** @type {any} */ receipt) => conversation.now?.confirmed(receipt),
     poll,
     changed: (/** @type {State} */ state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
-        fetched()?.clear();
+        conversation.now?.clear();
       }
       if (state.panel === "talk" && !mayTalk(state)) {
         store.update({ panel: "", writing: false });
@@ -72,30 +72,20 @@ export const createMessages = (page) => {
 /** @param {State} state */
 const mayTalk = (state) => isOffered(state, "say") || mayWriteWaiting(state);
 
-/** The conversation, fetched once there is something to tell it. @param {Page} page */
+/** The conversation, fetched with its first message. @param {Page} page */
 const newConversation = (page) => {
   /** @typedef {import("./conversation.js").Conversation} Conversation */
-  const fetchConversation = lazy(
-    async () => new (await import("./conversation.js")).Conversation(page),
-  );
-  /** @type {Conversation | null} */
-  let conversation = null;
-  /**
-   * @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be
-   *   fetched
-   */
+  const conversation = lazy(async () => new (await import("./conversation.js")).Conversation(page));
+  /** @type {((it: Conversation) => void)[]} calls in order, while it cannot be fetched */
   const waiting = [];
-  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
-    waiting.push(...what);
-    fetchConversation((it) => {
-      conversation = it;
-      waiting.splice(0).forEach((one) => one(it));
-    });
+  const tell = (/** @type {((it: Conversation) => void)[]} */ ...calls) => {
+    waiting.push(...calls);
+    conversation((it) => waiting.splice(0).forEach((call) => call(it)));
   };
   return {
     tell,
-    fetched: () => conversation,
-    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
+    conversation,
+    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation.now?.poll(now)),
   };
 };
 
@@ -122,18 +112,9 @@ const setUpForm = ({ element, driving }, onSent) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);
-    const action = text
-      ? ask(
-          {
-            type: "say",
-            text,
-            aloud: input("talk-aloud").checked,
-            language: document.documentElement.lang,
-          },
-          freshId("say-"),
-          unixNow(),
-        )
-      : null;
+    const [aloud, language] = [input("talk-aloud").checked, document.documentElement.lang];
+    const wish = { type: "say", text, aloud, language };
+    const action = text ? ask(wish, freshId("say-"), unixNow()) : null;
     if (action) {
       driving.sendAction(action);
       field.value = "";

@@ -1,25 +1,21 @@
 /**
- * Pointing on a picture that stands in two places: where a hand is on it, when to say so, and how
- * long a dot stays. Pure, and the same on both sides. A spot is in shares of the picture's width
- * from its left and of its height from its top, so that it is the same one however large the
- * picture is shown.
+ * Pointing on a video that is shown in two places: the spot of a pointer, when to send it, and how
+ * long the other side's dot is shown. Pure, and the same on both sides. A spot is in shares of the
+ * video's width from its left and of its height from its top, at any size of the video.
  */
 
 import { boxOf } from "../view/overlay/camera_model.js";
 
-// s between two pointers that are sent; the robot takes twenty a second
-export const EVERY = 1 / 15;
-// s after which a hand that is pressed and rests is told again, before its dot fades
-const AGAIN = 0.8;
-export const STAYS = 2; // s without another until a dot goes away
-// s that a dot is shown at least: a finger that only taps is gone before anybody has looked
-const LEAST = 0.8;
+export const EVERY = 1 / 15; // s between two messages; the robot takes twenty a second
+const AGAIN = 0.8; // s after which a pressed pointer at rest is sent again, before its dot fades
+export const STAYS = 2; // s that a dot is shown without another message
+const LEAST = 0.8; // s that a dot is shown at least, for a tap to be seen
 
 /** @typedef {Point} Spot */
 /** @typedef {{left: number, top: number, width: number, height: number}} Frame CSS pixels */
 
 /**
- * Where a picture lies in the element that shows it by `object-fit`, without the bars beside it.
+ * The frame of a picture in an element that shows it by `object-fit`, without the bars beside it.
  * @param {{width: number, height: number}} picture
  * @param {number} width CSS pixels of the element
  * @param {number} height @param {string} fit @returns {Frame}
@@ -33,41 +29,39 @@ export const frameOf = (picture, width, height, fit) => {
 const share = (value) => Math.round(1e4 * Math.min(1, Math.max(0, value))) / 1e4;
 
 /**
- * The spot of a hand, or the nearest one when it has left the picture.
- * @param {Frame} frame @param {{clientX: number, clientY: number}} hand in the same pixels
- * @returns {Spot}
+ * The spot of a pointer, or the nearest one outside of the picture.
+ * @param {Frame} frame @param {{clientX: number, clientY: number}} pointer @returns {Spot}
  */
 export const spotIn = ({ left, top, width, height }, { clientX, clientY }) => [
   share((clientX - left) / width),
   share((clientY - top) / height),
 ];
 
-/** What there is to say of a hand, and when. */
+/** The messages of our own pointer. */
 export class Hand {
   constructor() {
     /** @type {Spot | null} */
     this.spot = null;
     this.pressed = false;
-    /** @type {Spot | null} what was said last */
+    /** @type {Spot | null} the last one that was sent */
     this.said = null;
     this.saidAt = -Infinity;
   }
 
-  /** @param {Spot | null} spot where it is, null when it is gone @param {boolean} [pressed] */
+  /** @param {Spot | null} spot null when it has left @param {boolean} [pressed] */
   is(spot, pressed = false) {
     this.spot = spot;
     this.pressed = pressed;
   }
 
   /**
-   * What to say now: a spot, null that it is gone, undefined for nothing.
+   * What to send now: a spot, null when it has left, undefined for nothing.
    * @param {number} now s
    * @returns {Spot | null | undefined}
    */
   take(now) {
     const { spot, said } = this;
     const isNews = spot?.[0] !== said?.[0] || spot?.[1] !== said?.[1];
-    // that it is gone is told at once, and counts
     const pause = spot === null ? 0 : !isNews ? AGAIN : said === null ? 2 * EVERY : EVERY;
     if ((!isNews && !this.pressed) || now - this.saidAt < pause) {
       return undefined;
@@ -78,7 +72,7 @@ export class Hand {
   }
 }
 
-/** One side's dot, as it is told: in any order, by one way or two. */
+/** The dot of one side; its messages arrive in any order, by one transport or two. */
 export class RemotePointer {
   constructor() {
     /** @type {Spot | null} */
@@ -96,7 +90,7 @@ export class RemotePointer {
    */
   told({ stamp, at }, now) {
     if (stamp < this.stamp && now - this.heardAt < STAYS) {
-      return; // overtaken; after a while of silence the sender's clock may have been set
+      return; // overtaken; after a silence, the sender's clock may have been set
     }
     this.stamp = stamp;
     this.heardAt = now;
@@ -110,7 +104,7 @@ export class RemotePointer {
     this.lifted = at === null;
   }
 
-  /** Where it is to be seen. @param {number} now s @returns {Spot | null} */
+  /** The dot to show. @param {number} now s @returns {Spot | null} */
   at(now) {
     return now < this.until ? this.spot : null;
   }

@@ -1,4 +1,4 @@
-/** Push to talk: the visitor is heard while its key is down. */
+/** Push to talk: the microphone is on while the key is down. */
 
 export class PushToTalk {
   /** @param {(down: boolean) => void} onTalk */

@@ -1,14 +1,13 @@
 /**
  * Two pointers over a video, one for each side, on the drive page and on the robot's display. The
- * layer covers exactly the image, without the bars beside it, so that shares of the layer are
- * shares of the image. It takes presses and no keys.
+ * layer covers exactly the image, without the bars beside it. It takes presses and no keys.
  */
 
 import { write } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
 import { RemotePointer, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
 
-const POLL_MS = 100; // between two looks at whether a pointer is to go
+const POLL_MS = 100; // between two checks whether to remove a pointer
 
 /** @typedef {"driver" | "screen"} Side */
 
@@ -16,11 +15,11 @@ const POLL_MS = 100; // between two looks at whether a pointer is to go
  * @typedef {object} Options
  * @property {HTMLVideoElement} video
  * @property {HTMLElement} layer with a .remote-pointer of each side in it
- * @property {Side} own whose hand this is
+ * @property {Side} own the side of this page
  * @property {boolean} hovers whether a mouse points without being pressed
  * @property {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} say
- *   tell the other side
- * @property {() => void} [onLift] a press is over
+ *   sends it to the other side
+ * @property {() => void} [onLift] after a press
  */
 
 export class RemotePointers {
@@ -41,7 +40,7 @@ export class RemotePointers {
     this.open = false;
     /** @type {number | null} the pointer device that is pressed */
     this.pressed = null;
-    /** @type {ReturnType<typeof setInterval> | undefined} while a hand is on the video */
+    /** @type {ReturnType<typeof setInterval> | undefined} while our pointer is on the video */
     this.telling = undefined;
     /** @type {ReturnType<typeof setTimeout> | undefined} while a pointer is shown */
     this.polling = undefined;
@@ -50,34 +49,26 @@ export class RemotePointers {
     this.#listen();
   }
 
-  /** The video lies elsewhere in its element, for a reason that is no size. */
+  /** Covers the image; also called when the video moves within its element. */
   place() {
     const { video, layer } = this;
     const size = { width: video.videoWidth, height: video.videoHeight };
-    const [box, around] = [video, /** @type {Element} */ (layer.parentElement)].map((element) =>
-      element.getBoundingClientRect(),
-    );
+    const box = video.getBoundingClientRect();
+    const around = /** @type {Element} */ (layer.parentElement).getBoundingClientRect();
     if (size.width && size.height && box.width) {
-      const { left, top, width, height } = frameOf(
-        size,
-        box.width,
-        box.height,
-        getComputedStyle(video).objectFit,
-      );
-      const from = { left: box.left - around.left + left, top: box.top - around.top + top };
-      Object.assign(layer.style, {
-        left: `${from.left}px`,
-        top: `${from.top}px`,
-        width: `${width}px`,
-        height: `${height}px`,
-      });
+      const fit = getComputedStyle(video).objectFit;
+      const frame = frameOf(size, box.width, box.height, fit);
+      frame.left += box.left - around.left;
+      frame.top += box.top - around.top;
+      for (const [name, value] of Object.entries(frame)) {
+        layer.style.setProperty(name, `${value}px`);
+      }
     }
   }
 
   /**
-   * Whether pointers are shown and the hand is heard from now on.
-   * @param {boolean} may
-   * @param {string} name of the visitor, whose initial their pointer bears
+   * Whether pointers are shown and sent from now on.
+   * @param {boolean} may @param {string} name of the visitor, whose pointer has the initial
    */
   allow(may, name) {
     write(this.sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
@@ -148,7 +139,7 @@ export class RemotePointers {
     }
   }
 
-  /** Whatever there is to say of the hand. */
+  /** Sends our pointer, if there is news. */
   #tell() {
     const now = unixNow();
     const at = this.hand.take(now);
@@ -165,7 +156,7 @@ export class RemotePointers {
     this.hand.is(at, this.pressed !== null);
     this.telling ??= setInterval(() => this.#tell(), 1000 * EVERY);
     this.#tell();
-    // under one's own hand at once, not fifteen times a second
+    // our own dot follows at once, not fifteen times a second
     this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow());
     this.#render();
   }

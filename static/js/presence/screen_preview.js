@@ -1,6 +1,6 @@
 /**
- * What the visitor shows of their screen, small on the drive page, as the people at the robot see
- * it: to see what one shows, and to point on it. Fetched when a screen is shown for the first time.
+ * A small preview of the shared screen on the drive page, to check it and to point on it. Fetched
+ * when a screen is first shared.
  */
 
 import { RemotePointers } from "./remote_pointers.js";
@@ -25,14 +25,14 @@ export const createPreview = ({ element, sendPointer, backToDriving }) => {
   /** @type {MediaStreamTrack | null} */
   let shown = null;
 
-  // a press on the stage beneath would drive there
+  // otherwise a press would reach the video below, and drive there
   box.addEventListener("pointerdown", (event) => event.stopPropagation());
 
   return {
     pointed: (/** @type {any} */ message) => pointers.told(message),
     /**
-     * @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the screen that
-     *   they see, null for none; whether pointers reach them; the visitor's name
+     * @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the visible
+     *   screen, null for none; whether pointers reach the robot; the visitor's name
      */
     show: ({ track, points, name }) => {
       box.hidden = track === null;

@@ -1,4 +1,4 @@
-/** The slice of the page's state about being there. */
+/** The presence slice of the page's state. */
 
 import { newOwn } from "./call.js";
 
@@ -7,14 +7,14 @@ export const newSlice = () => ({
   own: newOwn(),
   /** the panel that is open */
   panel: /** @type {"" | "talk" | "volumes"} */ (""),
-  /** whether the field of the talk panel is open, which takes the keys */
+  /** whether the field of the talk panel is open and takes the keys */
   writing: false,
-  /** messages from the robot's side that have not been shown */
+  /** number of messages from the robot's side that have not been shown */
   unread: 0,
   /** the photo that the visitor takes for themselves, and its address once it is there */
   keptPhoto: /** @type {RobotAction | null} */ (null),
   keptPhotoUrl: "",
-  /** hands and questions of those who watch: audience/panel.js */
+  /** hands and questions of viewers: audience/panel.js */
   audience: /** @type {import("../audience/panel.js").Audience | null} */ (null),
 });
 

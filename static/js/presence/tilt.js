@@ -1,22 +1,19 @@
-/**
- * The robot's head by a slider and by keys: what angle to ask for, and when. Pure but for the clock
- * that it is given.
- */
+/** The angle of the robot's head to request, by a slider and by keys, and when. Pure. */
 
 export const STEP = 0.1; // rad a press of a key
-const PAUSE = 0.15; // s between two actions while the slider is drawn
-const PATIENCE = 4; // s that a head has to get where it was asked to
-const ON_ITS_WAY = 0.5; // s in which what it reports may be from before it was asked
-const THERE = 0.02; // rad; nearer than that it is there
+const PAUSE = 0.15; // s between two actions while the slider is dragged
+const PATIENCE = 4; // s that a head has to reach the requested angle
+const ON_ITS_WAY = 0.5; // s in which a reported angle may be older than the request
+const THERE = 0.02; // rad; the tolerance of an angle that is reached
 
 export class Tilting {
   constructor() {
-    /** @type {number | null} what the visitor wants and the robot has not been asked for */
+    /** @type {number | null} the angle to request */
     this.wanted = null;
-    /** @type {number | null} what it was asked for last */
+    /** @type {number | null} the last request */
     this.asked = null;
     this.askedAt = -Infinity;
-    /** @type {number | null} where a hand holds the slider */
+    /** @type {number | null} while the slider is pressed */
     this.held = null;
   }
 
@@ -27,7 +24,7 @@ export class Tilting {
     return this.wanted;
   }
 
-  /** The angle to ask for now, null for none. @param {number} now */
+  /** The angle to request now, null for none. @param {number} now */
   take(now) {
     if (this.wanted === null || now - this.askedAt < PAUSE) {
       return null;
@@ -42,7 +39,7 @@ export class Tilting {
     return angle;
   }
 
-  /** A hand is on the slider, which shows this. @param {number} angle rad */
+  /** The slider is pressed and shows this. @param {number} angle rad */
   hold(angle) {
     this.held = angle;
   }
@@ -52,8 +49,8 @@ export class Tilting {
   }
 
   /**
-   * What the slider shows: the visitor's hand goes before what the robot reports, and so does what
-   * the hand has asked for until the head is there, or has had the time for it.
+   * The angle of the slider: that of the visitor's hand; else the requested one, until the head has
+   * reached it or had the time to; else the reported one.
    * @param {number | null} measured @param {number} now
    */
   shown(measured, now) {

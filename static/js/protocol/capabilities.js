@@ -1,26 +1,23 @@
 /**
- * What this visitor may ask the robot for: what it can do, without what a study fixes. Pure. The
- * terms of the session arrive with the grant; until then the page's configuration of the study
- * applies (experiments/participation/drive_config.py). Without a study everything is open.
+ * What this visitor may request of the robot: its capabilities, within the limits of a study. Pure.
+ * The terms of the session arrive with the grant; until then the page's configuration of the study
+ * applies (experiments/participation/drive_config.py).
  */
 
 import { roleOf } from "./session.js";
 
-/** What may steer, null when everything may. @param {State} state @returns {string[] | null} */
+/** The allowed controllers, null for all. @param {State} state @returns {string[] | null} */
 export const controllersOf = ({ visit, study }) => (visit.terms ?? study)?.controllers ?? null;
 
 /** @param {State} state @param {string} method */
 export const maySteer = (state, method) => controllersOf(state)?.includes(method) ?? true;
 
-/**
- * Whether the robot may be asked for this type of action.
- * @param {State} state @param {string} type
- */
+/** Whether this type of action may be requested. @param {State} state @param {string} type */
 export const mayAsk = ({ visit, study }, type) =>
   (visit.terms ?? study)?.actions?.includes(type) ?? true;
 
 /**
- * Whether the robot is sent by places, or by a point of the map: to the robot both are the same.
+ * Whether a `goto` may be requested by a place, or by a point of the map.
  * @param {State} state @param {"places" | "map"} by
  */
 export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true;
@@ -43,18 +40,18 @@ export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
   Boolean(factsheet?.capabilities?.includes("say"));
 
 /**
- * Whether the robot says it can do something, and the visitor may ask for it.
+ * Whether the robot has a capability, and the visitor may request it.
  * @param {State} state @param {string} capability
  */
 export const can = (state, capability) =>
   Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
 
 /**
- * Whether it is offered to this visitor now: only the driver can ask for it.
+ * Whether it is offered now: to the driver only.
  * @param {State} state @param {string} capability
  */
 export const isOffered = (state, capability) =>
   roleOf(state.visit) === "driver" && can(state, capability);
 
-/** Whether the robot has levels of assistance to choose from. @param {any} factsheet */
+/** Whether the robot has levels of assistance. @param {any} factsheet */
 export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));

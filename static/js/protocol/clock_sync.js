@@ -1,22 +1,22 @@
 /**
- * Heartbeats: five a second on each transport, with echoes. They say how far the robot's clock is
- * from the page's, how long a round trip takes, and which transport is alive. Pure: times are Unix
- * seconds of the page, given by the caller.
+ * Heartbeats: five a second on each transport, with echoes. They measure the offset of the robot's
+ * clock and the round trip, and show which transport is alive. Pure: times are Unix seconds of the
+ * page, given by the caller.
  *
- * The two transports share the robot's echo, so a beat's number says on which transport it left:
- * even on the data channel, odd on the WebSocket.
+ * The two transports share the robot's echo, so a heartbeat's number tells its transport: even on
+ * the data channel, odd on the WebSocket.
  */
 
-/** @typedef {"datachannel" | "mqtt"} Transport */
 /**
+ * @typedef {"datachannel" | "mqtt"} Transport
  * @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number,
  *   received: number}[]}} RobotHeartbeat
  */
 
 export const BEAT_SECONDS = 0.2;
-export const HASTY_SECONDS = BEAT_SECONDS / 2; // while they say what cannot wait
-const LATE_SECONDS = 0.1; // by which a picture is older than at its best
-const FORGOTTEN = 0.0005; // s by which the best may be worse at the next look
+export const HASTY_SECONDS = BEAT_SECONDS / 2;
+const LATE_SECONDS = 0.1; // by which a frame is older than the best
+const FORGOTTEN = 0.0005; // s by which the best age grows with each call
 const FRESH_SECONDS = 0.5;
 const PAST_SECONDS = 3;
 const SAMPLES = 10;
@@ -26,13 +26,13 @@ const PARITY = { datachannel: 0, mqtt: 1 };
 /** @param {number} n @returns {Transport} */
 const transportOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
 
-/** Whether pictures have become older of late; look often. */
+/** Whether frames have recently become older; call it often. */
 export class AgeTrend {
   constructor() {
     this.best = Infinity;
   }
 
-  /** @param {number | null} age seconds since the picture on the screen was taken */
+  /** @param {number | null} age seconds since the frame on the screen was taken */
   isRising(age) {
     this.best = age === null ? this.best : Math.min(this.best + FORGOTTEN, age);
     return age !== null && age - this.best > LATE_SECONDS;
@@ -41,9 +41,9 @@ export class AgeTrend {
 
 const newTransport = () => ({
   beats: 0,
-  heardAt: -Infinity, // when the last heartbeat of the robot arrived on this transport
-  echoedAt: -Infinity, // when the robot last proved that it hears us on this transport
-  echoed: -1, // the newest of our beats that it proved it with
+  heardAt: -Infinity, // when the last heartbeat of the robot arrived
+  echoedAt: -Infinity, // when the last echo arrived: the robot receives our heartbeats
+  echoed: -1, // the newest of our heartbeats that was echoed
   roundTrips: /** @type {number[]} */ ([]),
   last: /** @type {{n: number, stamp: number, received: number} | null} */ (null),
 });
@@ -56,7 +56,7 @@ export class ClockSync {
     this.samples = [];
   }
 
-  /** Forget what arrived: the data channel is a new one. @param {Transport} transport */
+  /** The data channel is a new one. @param {Transport} transport */
   reset(transport) {
     this.transports[transport] = {
       ...newTransport(),
@@ -66,9 +66,9 @@ export class ClockSync {
   }
 
   /**
-   * The next beat to send on a transport.
+   * The next heartbeat to send on a transport.
    * @param {Transport} transport @param {number} now
-   * @param {number | null} frameAge seconds since the picture on the screen was taken
+   * @param {number | null} frameAge seconds since the frame on the screen was taken
    */
   beat(transport, now, frameAge = null) {
     const { last } = this.transports[transport];
@@ -83,10 +83,9 @@ export class ClockSync {
   }
 
   /**
-   * A heartbeat of the robot has arrived on a transport.
+   * Takes a heartbeat of the robot.
    * @param {Transport} transport @param {RobotHeartbeat} beat
-   * @param {string | null} peer this page's id
-   * @param {number} now
+   * @param {string | null} peer this page's id @param {number} now
    */
   heard(transport, beat, peer, now) {
     const heard = this.transports[transport];
@@ -125,37 +124,27 @@ export class ClockSync {
   }
 
   /**
-   * Robot's clock minus the page's, in seconds, by the least round trip of the last ten; null while
-   * unknown.
+   * Robot's clock minus the page's, in seconds, by the shortest round trip of the last ten; null
+   * while unknown.
    */
   get offset() {
-    const best = this.samples.reduce(
-      (least, one) => (least && least.roundTrip <= one.roundTrip ? least : one),
-      /** @type {any} */ (null),
-    );
-    return best ? /** @type {number} */ (best.offset) : null;
+    const [best] = [...this.samples].sort((one, other) => one.roundTrip - other.roundTrip);
+    return best?.offset ?? null;
   }
 
-  /**
-   * Whether the robot has just proved that it hears us on this transport.
-   * @param {Transport} transport @param {number} now
-   */
+  /** Whether an echo has just arrived. @param {Transport} transport @param {number} now */
   isFresh(transport, now) {
     return now - this.transports[transport].echoedAt < FRESH_SECONDS;
   }
 
-  /**
-   * Seconds since the last heartbeat of the robot on a transport.
-   * @param {Transport} transport @param {number} now
-   */
+  /** Seconds since the robot's last heartbeat. @param {Transport} transport @param {number} now */
   silence(transport, now) {
     return now - this.transports[transport].heardAt;
   }
 
   /**
    * Median of the last round trips on a transport, in seconds; null while unknown.
-   * @param {Transport} transport
-   * @param {number} [least] how many are enough to tell
+   * @param {Transport} transport @param {number} [least] how many are needed
    */
   roundTrip(transport, least = 1) {
     const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
@@ -163,7 +152,7 @@ export class ClockSync {
   }
 
   /**
-   * The same, while it is of the present: null when nothing was echoed for some seconds.
+   * The same, but null when no echo has arrived for some seconds.
    * @param {Transport} transport @param {number} now @param {number} [least]
    */
   roundTripNow(transport, now, least) {

@@ -10,15 +10,14 @@
 export const TICK_SECONDS = 0.05;
 const ZEROS = 3;
 const UNCONFIRMED_SECONDS = 1;
-// a stop is repeated with every tick for so long, then once a second
-const EAGER_SECONDS = 10;
-const PATIENT_SECONDS = 1;
+const EAGER_SECONDS = 10; // in which a stop is repeated with every tick
+const PATIENT_SECONDS = 1; // between two repetitions after that
 
 /**
  * @typedef {{linear: number, angular: number, method: string}} Intent m/s, rad/s, and the
  *   controller's name
+ * @typedef {{session: string, epoch: number}} Binding
  */
-/** @typedef {{session: string, epoch: number}} Binding */
 
 const NONE = Object.freeze({ linear: 0, angular: 0, method: "keyboard" });
 
@@ -38,10 +37,7 @@ export class CommandStream {
     this.pending = null;
   }
 
-  /**
-   * Take up a lease; its numbers begin at 1, and go on when it is the same as before.
-   * @param {Binding} binding
-   */
+  /** Takes a lease. Its numbers start at 1, unless it is the same one. @param {Binding} binding */
   bind(binding) {
     if (binding.epoch !== this.binding?.epoch || binding.session !== this.binding?.session) {
       this.seq = 0;
@@ -55,11 +51,7 @@ export class CommandStream {
     this.#rest();
   }
 
-  /**
-   * The visitor wants this now.
-   * @param {Intent} intent
-   * @returns {boolean} whether it should be sent at once instead of with the next tick
-   */
+  /** @param {Intent} intent @returns {boolean} whether to send it now, not with the next tick */
   intend(intent) {
     if (!this.binding || this.pending) {
       return false;
@@ -79,7 +71,7 @@ export class CommandStream {
   }
 
   /**
-   * The velocity to send now, or null for silence.
+   * The velocity to send now, or null.
    * @param {number} now @param {number | null} frame capture stamp of the picture on the screen
    */
   velocity(now, frame) {
@@ -89,16 +81,8 @@ export class CommandStream {
     if (isZero(this.intent)) {
       this.zeros -= 1;
     }
-    const { linear, angular, method } = this.intent;
-    return {
-      ...this.binding,
-      seq: this.#next(),
-      stamp: now,
-      linear,
-      angular,
-      method,
-      frame: frame ?? undefined,
-    };
+    const seq = this.#next();
+    return { ...this.binding, ...this.intent, seq, stamp: now, frame: frame ?? undefined };
   }
 
   /**
@@ -124,7 +108,7 @@ export class CommandStream {
     return this.#copy(now);
   }
 
-  /** The stop to send again now, or null when none is pending. @param {number} now */
+  /** The stop to repeat now, or null. @param {number} now */
   repeat(now) {
     if (
       !this.pending ||
@@ -136,21 +120,18 @@ export class CommandStream {
     return this.#copy(now);
   }
 
-  /** Stop repeating: no robot is left that could confirm. */
+  /** Stops repeating. */
   giveUp() {
     this.pending = null;
   }
 
-  /**
-   * Whether the robot has not confirmed a stop that the driver pressed in time.
-   * @param {number} now
-   */
+  /** Whether the echo of a stop that the driver pressed is overdue. @param {number} now */
   isUnconfirmed(now) {
     return this.pending !== null && now - this.pending.askedAt > UNCONFIRMED_SECONDS;
   }
 
   /**
-   * A state of the robot: does it echo the stop?
+   * Takes a state of the robot, which may echo the stop.
    * @param {{epoch: number, safety: {estop: boolean, stopId: string | null,
    *   stopSeq: number | null}}} state
    */

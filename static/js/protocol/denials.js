@@ -1,8 +1,6 @@
 /**
- * What the visitor reads when the server denies something that the page asked for. Pure.
- *
- * Requests that are repeated until the server answers say so. Commands that the robot must confirm
- * (a velocity, a stop, a signal) have their own line when it does not: view/hud/alert.js.
+ * The words for requests that the server denies. Pure. Commands that the robot must confirm (a
+ * velocity, a stop, a signal) have alerts of their own: view/hud/alert.js.
  */
 
 /** @type {Record<string, string>} by the suffix of the request */
@@ -17,12 +15,11 @@ const WORDS = {
   "audience/lower": "denied.request",
 };
 
-/** The server did nothing; the same request may succeed later. */
+/** The same request may succeed later. */
 const PASSING = new Set(["unavailable", "busy", "rate"]);
 
 /**
- * The word of the line that the page shows; empty for none, as where a right ended with the drive,
- * which the page shows anyway.
+ * The word of the alert; empty for none, as when the drive has ended, which the page shows anyway.
  * @param {{suffix: string, reason: string}} denied
  */
 export const wordOfDenial = ({ suffix, reason }) => {
@@ -39,9 +36,8 @@ export const wordOfDenial = ({ suffix, reason }) => {
 export const isPassing = ({ reason }) => PASSING.has(reason);
 
 /**
- * Whether what was denied still waits for an answer, so that it is worth a line.
- * @param {string} word of the denial
- * @param {Visit} visit
+ * Whether the denied request still waits for an answer.
+ * @param {string} word of the denial @param {Visit} visit
  */
 export const isUnsettled = (word, { phase, unsaid, observesAgain }) =>
   ({

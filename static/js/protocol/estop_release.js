@@ -1,29 +1,28 @@
 /**
- * Asking a robot to release its emergency stop, or a stop between visits: on its own display, and
- * on the drive page of its operators.
+ * The release of a robot's emergency stop, or of a stop between visits: requested on its own
+ * display, or on the drive page by its operators.
  */
 
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 
-const PATIENCE = 4; // s in which a robot answers
+const PATIENCE = 4; // s until a release without an answer has failed
 
-/** @typedef {{id: string, since: number, refused: boolean}} Release what was asked, and when */
+/** @typedef {{id: string, since: number, refused: boolean}} Release */
 
-/** @param {string} page where it is asked @returns {Release} */
+/** @param {string} page prefix of its id @returns {Release} */
 export const newRelease = (page) => ({ id: freshId(page), since: unixNow(), refused: false });
 
 /**
  * Whether a stop holds a robot between visits. A new driver, an operator or a person beside the
  * robot releases it.
- * @param {any} robot its last state, null before one came
- * @param {string | null | undefined} driver
+ * @param {any} robot its last state, or null @param {string | null | undefined} driver
  */
 export const isHeld = (robot, driver) =>
   !driver && !robot?.safety.estop && robot?.safety.inhibited === "stopped";
 
 /**
- * The robot refuses by the action's status, and releases without a word of its own: its state says.
+ * Whether the robot refuses, by the action's status. It confirms a release by its state only.
  * @param {Release | null} release @param {{actionId: string, status: string}} action
  */
 export const isRefusal = (release, action) =>

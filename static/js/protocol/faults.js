@@ -1,7 +1,6 @@
-/** What a page says when a part of the server, or the robot's computer, does not work. Pure. */
+/** The alert when a part of the server, or the robot's computer, does not work. Pure. */
 
-/** s without any packet on a WebSocket, which brings one a second, after which the page says so */
-export const SERVER_SILENCE = 1.5;
+export const SERVER_SILENCE = 1.5; // s without a packet; an open WebSocket brings one a second
 
 /**
  * @typedef {object} ShownFault
@@ -11,15 +10,12 @@ export const SERVER_SILENCE = 1.5;
  */
 
 /**
- * @param {{part: string, then: any, seconds: number | null}[]} faults as the server says:
- *   sessions/protocol.py Fault
- * @param {number} now Unix time
- * @returns {ShownFault[]}
+ * @param {{part: string, then: any, seconds: number | null}[]} faults sessions/protocol.py Fault
+ * @param {number} now Unix time @returns {ShownFault[]}
  */
 export const shownFaults = (faults, now) =>
-  faults.map(({ part, then, seconds }) => ({
-    part,
-    then,
+  faults.map(({ seconds, ...fault }) => ({
+    ...fault,
     at: seconds === null ? null : now + seconds,
   }));
 
@@ -38,21 +34,15 @@ export const faultAlert = ({ visit, faults, serverSilent, now }) => {
     return null;
   }
   // Commands through the broker stop with it; those on the data channel end with the lease.
-  const left =
-    fault.at === null || (fault.part === "broker" && visit.link !== "live")
-      ? 0
-      : Math.ceil(fault.at - now);
+  const isOver = fault.at === null || (fault.part === "broker" && visit.link !== "live");
+  const left = isOver ? 0 : Math.ceil(Number(fault.at) - now);
   const hasStopped = fault.part === "robot" || (fault.then === "stops" && left <= 0);
-  const driven = hasStopped ? "stopped" : fault.then;
   // A driver reads about the drive, a waiting visitor about the queue, a viewer about the robot.
-  const then =
-    visit.phase === "driving"
-      ? driven
-      : visit.phase === "watching"
-        ? fault.part === "robot"
-          ? "stopped"
-          : "watched"
-        : "waits";
+  const thens = /** @type {Record<string, string>} */ ({
+    driving: hasStopped ? "stopped" : fault.then,
+    watching: fault.part === "robot" ? "stopped" : "watched",
+  });
+  const then = thens[visit.phase] ?? "waits";
   return {
     word: `fault.${fault.part}.${then}`,
     tone: then === "waits" || then === "watched" ? "busy" : "danger",

@@ -1,5 +1,5 @@
 /**
- * The media link to the robot: prepared early, opened after a growing pause, judged twenty times a
+ * The media link to the robot: prepared early, opened after a growing pause, checked twenty times a
  * second, and closed when it is silent.
  */
 
@@ -8,9 +8,11 @@ import { unixNow } from "../lib/clock.js";
 import { isStuck, judge } from "./link_health.js";
 import { isRelay } from "./peer.js";
 
-/** @typedef {Peer | import("./sfu_peer.js").SfuPeer} AnyPeer */
-/** @typedef {import("./relay_regions.js").createRelayRegions} CreateRelayRegions */
-/** @typedef {"driver" | "observer" | "sfu"} LinkRole `sfu` watches through the server's SFU */
+/**
+ * @typedef {Peer | import("./sfu_peer.js").SfuPeer} AnyPeer
+ * @typedef {import("./relay_regions.js").createRelayRegions} CreateRelayRegions
+ * @typedef {"driver" | "observer" | "sfu"} LinkRole `sfu` watches through the server's SFU
+ */
 
 export class Link {
   /**
@@ -30,24 +32,21 @@ export class Link {
     /** @type {AnyPeer | null} made but not yet offered */
     this.prepared = null;
     this.live = false;
-    /**
-     * @type {Promise<ReturnType<CreateRelayRegions>> | null} fetched where there are several
-     *   regions
-     */
+    /** @type {Promise<ReturnType<CreateRelayRegions>> | null} only where there are several */
     this.regions = null;
-    /** @type {number | null} Unix seconds since which a link is wanted and not there */
+    /** @type {number | null} Unix seconds since which a link is wanted and not live */
     this.lookingSince = null;
-    /** whether the last peer that got so far had nothing to connect */
+    /** whether the last peer had no addresses to connect */
     this.barren = false;
-    /** whether the page shows video by another path, so that attempts may be rarer */
+    /** whether video comes through the server, so that attempts may be rarer */
     this.patient = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
-    /** @type {(() => void) | undefined} the attempt of now, or the one to come */
+    /** @type {(() => void) | undefined} the present attempt, or the next one */
     this.next = undefined;
   }
 
-  /** Spend the time until the server's answer on making an offer. @param {LinkRole} role */
+  /** Makes an offer in the time until the server answers. @param {LinkRole} role */
   prepare(role) {
     if (isSupported() && this.prepared?.role !== role) {
       this.prepared?.close();
@@ -75,7 +74,7 @@ export class Link {
     }
   }
 
-  /** The network has changed: try at once what waits, or has started before the change. */
+  /** The network has changed: starts the next attempt now, or the present one again. */
   hurry() {
     if (this.lookingSince !== null && this.patient && this.next) {
       clearTimeout(this.timer);
@@ -83,7 +82,7 @@ export class Link {
     }
   }
 
-  /** Whether it is time to ask for pictures through the server. @param {number} now */
+  /** Whether to request frames through the server. @param {number} now */
   isStuck(now) {
     this.barren = this.peer?.isBarren(now) ?? this.barren;
     return isStuck(this, now);
@@ -122,7 +121,7 @@ export class Link {
     }
   }
 
-  /** Note a message of the robot on the data channel. @param {number} now */
+  /** A packet of the robot has arrived on the data channel. @param {number} now */
   heard(now) {
     if (this.peer) {
       /** @type {Peer} */ (this.peer).heardAt = now;
@@ -134,7 +133,7 @@ export class Link {
     return this.peer?.send(packet) ?? false;
   }
 
-  /** Look after the link; call often. @param {number} now */
+  /** Checks the link; call it often. @param {number} now */
   watch(now) {
     if (!this.peer) {
       return;
@@ -201,7 +200,7 @@ export class Link {
   }
 }
 
-/** Whether this browser can carry a picture at all. */
+/** Whether this browser has live video. */
 export const isSupported = () => typeof RTCPeerConnection === "function";
 
 const fetchRegions = async () => (await import("./relay_regions.js")).createRelayRegions();

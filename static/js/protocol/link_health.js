@@ -1,25 +1,21 @@
 /**
- * When to close a media link and open another. WebRTC notices a dead peer after half a minute, the
- * robot's heartbeat on the data channel shows it after 1.5 s.
+ * When to close a media link and open another. WebRTC notices a dead peer after half a minute,
+ * missing heartbeats on the data channel show it after 1.5 s.
  */
 
 const SILENCE_SECONDS = 1.5;
 const ANSWER_SECONDS = 5;
 const CONNECT_SECONDS = 10;
 const FIRST_BEAT_SECONDS = 3;
-/**
- * How long a direct way is looked for before pictures are asked for through the server; with no
- * address to try, that is known at once.
- */
-const LOOKING_SECONDS = 7;
-const BARREN_SECONDS = 1;
+const LOOKING_SECONDS = 7; // for a direct connection, until frames come through the server
+const BARREN_SECONDS = 1; // the same without any address to try
 
 /**
  * @param {object} link times in Unix seconds, null for what has not happened
  * @param {string} link.state of the RTCPeerConnection
  * @param {number | null} link.offeredAt @param {number | null} link.answeredAt
  * @param {number | null} link.openedAt when the data channel opened
- * @param {number} link.heardAt when its last message arrived
+ * @param {number} link.heardAt when its last packet arrived
  * @param {number} now @returns {"live" | "waiting" | "failed" | "no_answer" | "no_way" | "silent"}
  */
 export const judge = (link, now) => {
@@ -39,26 +35,18 @@ export const judge = (link, now) => {
 };
 
 /**
- * Whether to stop waiting for a direct way to the robot, though not to stop looking for one.
- *
- * @param {object} link
- * @param {number | null} link.lookingSince when the page began to want a link that it does not
- *   have, Unix seconds
- * @param {boolean} link.barren there is nothing to connect; a browser without candidates may still
- *   reach a robot, which then is quick
- * @param {number} now
+ * Whether to stop waiting for a direct connection. Attempts continue: even without addresses a
+ * browser may reach a robot.
+ * @param {{lookingSince: number | null, barren: boolean}} link protocol/link.js @param {number} now
  */
 export const isStuck = ({ lookingSince, barren }, now) =>
   lookingSince !== null && now - lookingSince > (barren ? BARREN_SECONDS : LOOKING_SECONDS);
 
-/**
- * s after which a link that is lost may need new credentials for the relay; half of their life, as
- * on the robot's side (robots/ice.py).
- */
+/** s until a lost link requests new credentials: half of their life, as in robots/ice.py */
 const ICE_SECONDS = 3 * 3600;
 
 /**
- * Whether a relay may no longer take the credentials of these servers. Pure.
+ * Whether a relay may no longer accept the credentials of these servers.
  * @param {{iceServers: RTCIceServer[], iceAt: number}} received with the Unix time when they came
  * @param {number} now Unix time
  */

@@ -1,7 +1,4 @@
-/**
- * The connection as the browser measures it, once a second: what `page/network` records and the HUD
- * shows.
- */
+/** The connection as the browser measures it: for `page/network` and for the page's figures. */
 
 /**
  * @typedef {object} Sample
@@ -16,7 +13,7 @@
  */
 
 /**
- * Pick what matters out of a getStats() report.
+ * The relevant values of a getStats() report.
  * @param {Iterable<any>} report @returns {Sample | null}
  */
 export const pick = (report) => {

@@ -1,7 +1,4 @@
-/**
- * How the network did in the last second: for the page's own figures, and for the record of the
- * session.
- */
+/** The network in the last second: for the page's figures, and for the record of the session. */
 
 import { encodePacket } from "./robot_api.js";
 import { between, pick } from "./link_stats.js";
@@ -17,48 +14,36 @@ export const createNetworkReport = ({ store, socket, link, video }) => {
   let before = null;
 
   /** @param {number} now @param {Partial<NonNullable<ReturnType<typeof between>>>} second */
-  const tell = (now, second) => {
+  const report = (now, second) => {
     store.update({ network: second });
-    const { visit, transport, roundTrip } = store.get();
+    const { visit, transport: way, roundTrip } = store.get();
     if (visit.phase === "driving") {
-      const age = video().frameAge(now);
-      const message = {
-        stamp: now,
-        way: transport,
-        roundTrip: roundTrip ?? undefined,
-        frameAge: age ?? undefined,
-        ...second,
-      };
+      const [trip, age] = [roundTrip ?? undefined, video().frameAge(now) ?? undefined];
+      const message = { stamp: now, way, roundTrip: trip, frameAge: age, ...second };
       socket.send(encodePacket("page/network", message), { droppable: true });
     }
   };
 
-  /** A second of pictures through the server, in the same words. @param {number} now */
-  const tellSlow = (now) => {
-    const { fallback } = video();
-    const second = { fps: fallback.frames, bitrate: fallback.bytes * 8, path: "server/jpeg" };
-    fallback.frames = 0;
-    fallback.bytes = 0;
-    tell(now, second);
-  };
-
   return {
-    /** A link that begins has nothing to be compared with. */
+    /** A new link starts. */
     begin: () => {
       before = null;
     },
-    /** To be called once a second. @param {number} now Unix time */
+    /** Call it once a second. @param {number} now Unix time */
     second: async (now) => {
       const { peer } = link;
-      if (video().fallback.on) {
-        tellSlow(now);
+      const { fallback } = video();
+      if (fallback.on) {
+        const { frames, bytes } = fallback;
+        Object.assign(fallback, { frames: 0, bytes: 0 });
+        report(now, { fps: frames, bitrate: bytes * 8, path: "server/jpeg" });
       } else if (peer) {
         const sample = pick((await peer.connection.getStats()).values());
         if (peer === link.peer) {
           const second = sample && before && between(before, sample);
           before = sample;
           if (second) {
-            tell(now, second);
+            report(now, second);
           }
         }
       }

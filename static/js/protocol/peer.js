@@ -1,7 +1,7 @@
 /**
  * One media link to the robot: one RTCPeerConnection from its offer to its end. It is never
- * renegotiated and never repaired: every track that a visit may ever need is in the first offer,
- * and recovery is a new Peer.
+ * renegotiated: every track that a session may need is in the first offer, and recovery is a new
+ * Peer.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -12,10 +12,9 @@ const SEARCH_SECONDS = 1;
 export class Peer {
   /**
    * @param {object} options @param {"driver" | "observer"} options.role
-   * @param {(message: object) => void} options.onSignal what to tell the robot through the server
+   * @param {(message: object) => void} options.onSignal a signal to the robot
    * @param {(packet: unknown) => void} options.onPacket from the data channel
-   * @param {boolean} [options.gives] whether this page has sound and picture of its own, if they
-   *   are wanted
+   * @param {boolean} [options.gives] whether this page may send sound and video
    */
   constructor({ role, onSignal, onPacket, gives = role === "driver" }) {
     this.role = role;
@@ -30,26 +29,19 @@ export class Peer {
     this.candidates = 0;
     this.answerHasCandidates = true;
     this.connection = new RTCPeerConnection({ bundlePolicy: "max-bundle" });
-    // In this order for good: the robot's sound and, later, the visitor's voice; the robot's
-    // picture; the visitor's camera; a screen.
-    const lines = [
-      this.connection.addTransceiver("audio", { direction: gives ? "sendrecv" : "recvonly" }),
-    ];
-    lines.push(this.connection.addTransceiver("video", { direction: "recvonly" }));
+    // The order is fixed: the robot's sound and, later, the visitor's voice; the robot's video; the
+    // visitor's camera; a screen.
+    const add = (/** @type {string} */ kind, /** @type {RTCRtpTransceiverDirection} */ direction) =>
+      this.connection.addTransceiver(kind, { direction });
+    this.lines = [add("audio", gives ? "sendrecv" : "recvonly"), add("video", "recvonly")];
     if (gives) {
-      lines.push(
-        this.connection.addTransceiver("video", { direction: "sendonly" }),
-        this.connection.addTransceiver("video", { direction: "sendonly" }),
-      );
+      this.lines.push(add("video", "sendonly"), add("video", "sendonly"));
     }
-    this.lines = lines;
-    this.audio = lines[0].receiver;
-    this.video = lines[1].receiver;
+    this.audio = this.lines[0].receiver;
+    this.video = this.lines[1].receiver;
     const label = role === "driver" ? "control" : "telemetry";
     this.channel = this.connection.createDataChannel(label, { ordered: false, maxRetransmits: 0 });
-    this.channel.onopen = () => {
-      this.openedAt = unixNow();
-    };
+    this.channel.onopen = () => (this.openedAt = unixNow());
     this.channel.onmessage = (event) => onPacket(event.data);
     this.connection.onicecandidate = ({ candidate }) => this.#trickle(candidate);
     /** @type {RTCIceCandidate[]} */
@@ -59,11 +51,11 @@ export class Peer {
   }
 
   /**
-   * Offer, with the servers that the server named.
+   * Offers, with these ICE servers.
    * @param {RTCIceServer[] | Promise<RTCIceServer[]>} servers
    */
   async start(servers) {
-    const iceServers = servers instanceof Promise ? await servers : servers;
+    const iceServers = servers instanceof Promise ? await servers : servers; // at once, if known
     if (this.isClosed) {
       return;
     }
@@ -90,17 +82,13 @@ export class Peer {
       return "bye";
     }
     if (message.type === "candidate") {
-      if (this.connection.remoteDescription && message.candidate) {
-        await this.connection.addIceCandidate({
-          candidate: message.candidate,
-          sdpMid: message.sdpMid,
-          sdpMLineIndex: message.sdpMLineIndex,
-        });
+      const { candidate, sdpMid, sdpMLineIndex } = message;
+      if (this.connection.remoteDescription && candidate) {
+        await this.connection.addIceCandidate({ candidate, sdpMid, sdpMLineIndex });
       }
       return "taken";
     }
-    // An answer when none is awaited belongs to another offer: the one taken before it was not ours
-    // either.
+    // An unexpected answer belongs to another offer, and so did the answer before it.
     if (this.answeredAt !== null || this.connection.signalingState !== "have-local-offer") {
       return "unexpected";
     }
@@ -119,9 +107,8 @@ export class Peer {
   }
 
   /**
-   * Whether there is nothing to connect: this side, or the robot's, has found no address of its
-   * own. A computer finds its own addresses in an instant; without any network Chromium goes on
-   * looking for ever.
+   * Whether this side, or the robot's, has no address to connect. A computer finds its addresses in
+   * an instant; without any network Chromium never stops gathering.
    * @param {number} now
    */
   isBarren(now) {
@@ -159,17 +146,14 @@ export class Peer {
   }
 }
 
-/**
- * The signal for a candidate, or for the end of the candidates.
- * @param {RTCIceCandidate | null} candidate
- */
+/** The signal for a candidate, or for their end. @param {RTCIceCandidate | null} candidate */
 export const messageOf = (candidate) => {
   const { candidate: line = "", sdpMid = null, sdpMLineIndex = null } = candidate ?? {};
   return { type: "candidate", candidate: line, sdpMid, sdpMLineIndex };
 };
 
 /**
- * Have a connection that was made before ask the servers that the server named.
+ * Sets the ICE servers of an existing connection.
  * @param {RTCPeerConnection} connection @param {RTCIceServer[]} iceServers
  */
 export const useServers = (connection, iceServers) => {
@@ -181,14 +165,11 @@ export const useServers = (connection, iceServers) => {
   }
 };
 
-/**
- * Whether a server of a list relays, for which there is one entry a region.
- * @param {RTCIceServer} server
- */
+/** Whether this is a relay; each region has one entry. @param {RTCIceServer} server */
 export const isRelay = ({ urls }) => [urls].flat().some((url) => /^turns?:/.test(url));
 
 /**
- * An empty user name is not the same as none.
+ * An empty user name would not count as none.
  * @param {RTCIceServer} server @returns {RTCIceServer}
  */
 export const forBrowser = ({ urls, username, credential }) =>

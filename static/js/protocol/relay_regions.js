@@ -1,7 +1,7 @@
 /**
- * Which region's relays a page uses. The server names the relays of each region as one entry; the
- * page measures the round trip to each, once, and takes the nearest. The robot does the same for
- * its side, so that a path over relays is never much longer than a direct one.
+ * Which region's relays a page uses. Each region is one entry of the ICE servers; the page measures
+ * the round trip to each, once, and takes the nearest. The robot does the same for its side, so
+ * that a path over relays is never much longer than a direct one.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -9,22 +9,16 @@ import { isRelay } from "./peer.js";
 
 const PATIENCE_S = 0.4; // a relay that answers later than this is far, or behind a firewall
 
-/** @param {RTCIceServer} server @returns {string[]} */
-const urlsOf = (server) => [server.urls].flat();
-
 /**
- * A relay answers the question for one's address, too, without credentials, where datagrams pass.
+ * The STUN address of a relay, which answers binding requests without credentials; null over TCP.
  * @param {RTCIceServer} server @returns {string | null}
  */
-export const questionFor = (server) => {
-  const url = urlsOf(server).find((one) => /^turn:/.test(one) && !/transport=tcp/.test(one));
+export const questionFor = ({ urls }) => {
+  const url = [urls].flat().find((one) => /^turn:/.test(one) && !/transport=tcp/.test(one));
   return url ? `stun:${url.slice("turn:".length).split("?")[0]}` : null;
 };
 
-/**
- * @param {string} url of an address server
- * @returns {Promise<number>} s, infinite where none answers
- */
+/** @param {string} url of a STUN server @returns {Promise<number>} s, infinite without an answer */
 const roundTrip = (url) =>
   new Promise((resolve) => {
     const connection = new RTCPeerConnection({ iceServers: [{ urls: url }] });
@@ -39,8 +33,7 @@ const roundTrip = (url) =>
       .createOffer()
       .then((offer) => {
         const began = unixNow();
-        // Where one's own address is a public one, the answer brings no new candidate, but ends the
-        // search.
+        // For a public address, the answer adds no candidate, but ends the gathering.
         connection.onicecandidate = ({ candidate }) =>
           (!candidate || candidate.type === "srflx") && end(unixNow() - began);
         return connection.setLocalDescription(offer);
@@ -55,13 +48,9 @@ export const createRelayRegions = (measure = roundTrip) => {
   /** @param {RTCIceServer} server */
   const secondsTo = (server) => {
     const url = questionFor(server);
-    if (!url) {
-      return Promise.resolve(Infinity);
-    }
-    if (!known.has(url)) {
-      known.set(url, measure(url));
-    }
-    return /** @type {Promise<number>} */ (known.get(url));
+    const seconds = url ? (known.get(url) ?? measure(url)) : Promise.resolve(Infinity);
+    known.set(url ?? "", seconds);
+    return seconds;
   };
   return {
     /**

@@ -1,15 +1,15 @@
 /**
- * An action of the robot, from the request to its end. Pure: it makes messages and reads answers.
+ * An action of the robot, from the request to its end. Pure.
  *
  * A request is repeated under the same id until the robot answers; without an answer it has failed.
- * An end is shown for a moment, a failure until the visitor does something.
+ * Its end is shown for a moment, a failure until the visitor does something.
  */
 
 export const AGAIN_SECONDS = 0.7;
-export const PATIENCE_SECONDS = 3; // the robot refuses an older request
+export const PATIENCE_SECONDS = 3; // the robot refuses older requests
 export const READING_SECONDS = 5;
 
-/** Refusals just after a visit or a connection has started: worth a repetition. */
+/** Refusals just after a session or a connection has started: the request is repeated. */
 const TOO_EARLY = new Set(["clock_unknown", "stale"]);
 const MOVES = new Set(["goto", "follow", "dock", "undock"]);
 const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
@@ -19,10 +19,10 @@ const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
  * @property {string} id
  * @property {string} type goto, follow, dock, undock or relocalize
  * @property {Record<string, any>} fields of the action, by name
- * @property {string} title of the place it goes to, or nothing
+ * @property {string} title of the place it goes to, or empty
  * @property {"ASKED" | "WAITING" | "RUNNING" | "FINISHED" | "FAILED" | "CANCELLED"} status ASKED:
  *   not answered yet
- * @property {string} reason the robot's own words
+ * @property {string} reason as the robot reports it
  * @property {number | null} progress 0 to 1, null while unknown
  * @property {number} askedAt Unix seconds
  * @property {number} sentAt
@@ -47,7 +47,7 @@ export const ask = ({ type, title = "", ...fields }, id, now) => ({
   endedAt: null,
 });
 
-/** The wish that an action came from, to have it once more. @param {RobotAction} action */
+/** The request for the same action once more. @param {RobotAction} action */
 export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
 
 /**
@@ -66,12 +66,12 @@ export const messageOf = ({ id, type, fields }, binding, now) => ({
 /** @param {RobotAction | null} action */
 export const isUnderWay = (action) => action !== null && !ENDED.has(action.status);
 
-/** Whether the robot moves by itself for it. @param {RobotAction | null} action */
+/** Whether the robot drives by itself for it. @param {RobotAction | null} action */
 export const isMoving = (action) =>
   isUnderWay(action) && MOVES.has(/** @type {RobotAction} */ (action).type);
 
 /**
- * News of an action. One that runs, from before a reload of the page, becomes the page's.
+ * Takes a status. An action that runs since before a reload of the page becomes the page's.
  * @param {RobotAction | null} action
  * @param {ToPage["action"]} news
  * @param {number} now @returns {RobotAction | null}
@@ -103,8 +103,21 @@ export const heard = (action, news, now) => {
 };
 
 /**
- * What time does to an action: one without an answer is due again, or has failed; what was
- * read goes away.
+ * The action after a time, and repeats its request when due: call it often.
+ * @param {RobotAction | null} action @param {number} now
+ * @param {(action: RobotAction) => void} send
+ */
+export const pursue = (action, now, send) => {
+  const next = pass(action, now);
+  if (next.send && next.action) {
+    send(next.action);
+  }
+  return next.action;
+};
+
+/**
+ * The action after a time: without an answer its request is repeated, or has failed; one that has
+ * ended is removed.
  * @param {RobotAction | null} action @param {number} now
  * @returns {{action: RobotAction | null, send: boolean}}
  */

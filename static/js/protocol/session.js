@@ -1,6 +1,6 @@
 /**
- * The visit: the page's relation to the robot. Pure: `reduce` takes a visit and an event, and
- * returns the next visit and the effects, which drive/session.js carries out.
+ * The page's relation to the robot, a visit. Pure: `reduce` takes a visit and an event, and returns
+ * the next visit and the effects, which drive/session.js carries out.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗
@@ -17,91 +17,85 @@ import { areCredentialsOld } from "./link_health.js";
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
  *   | "elsewhere" | "refused" | "ended" | "closed"} Phase
- *
- * @typedef {object} Visit
- * @property {Phase} phase
- * @property {"connecting" | "open" | "lost"} socket
- * @property {"none" | "connecting" | "live" | "lost"} link the media link to the robot
- * @property {"nothing" | "drive" | "watch"} wanted requested again with a new WebSocket
- * @property {boolean} online whether the robot is connected, as far as the server knows
- * @property {boolean} serverBlind the server has no state of any robot
- * @property {boolean} mayDrive
- * @property {boolean} mayObserve
- * @property {boolean} liveElsewhere the visitor drives this robot on another page
- * @property {number | null} liveSince Unix time; without `liveElsewhere` that page is closed
- * @property {string | null} session the visit's id at the server
- * @property {string | null} peer this page's id while it drives; secret
- * @property {number} epoch of the lease
- * @property {boolean} returning the visitor drove before: on another page, or before a reload
- * @property {boolean} takeover this tab has just left the session, and may take it back
- * @property {boolean} fresh start again without a session when the remembered one is over
- * @property {RTCIceServer[]} iceServers
- * @property {number} iceAt when they arrived, Unix time; they are valid for six hours
- * @property {boolean} sfu whether the page watches through the server's SFU
- * @property {boolean} sfuLost the SFU does not work at the moment
- * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of
- *   the lease
- * @property {any} terms of the visit: sessions/protocol.py GrantedTerms; or null
- * @property {number} attempt how many links in a row have failed
- * @property {number} place in the queue, 1 is next
- * @property {number} minutes estimated until the turn
- * @property {string} pause why a free robot is not ready: `returning`, `charging`, `paused` or
- *   `start` (of a study), a colon, and its reason
- * @property {number | null} pressedAt Unix time at which the visitor requested the robot
- * @property {number | null} startBy Unix time until which an offered turn can be accepted
- * @property {number | null} askedUntil Unix time until which the visitor must show activity
- * @property {number | null} signingUntil Unix time until which the page repeats a sign of activity;
- *   null once the server has it
- * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
- * @property {{session: string, peer?: string} | null} unsaid a visit that was left without the
- *   server's confirmation
- * @property {boolean} observesAgain whether to request the denied video again during the wait
- * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
-/** @typedef {{type: string} & Record<string, any>} Happening */
-/** @typedef {{type: string} & Record<string, any>} Effect */
+const number = /** @type {number | null} */ (null);
+const text = /** @type {string | null} */ (null);
 
-/** @returns {Visit} */
 export const newVisit = () => ({
-  phase: "connecting",
-  socket: "connecting",
-  link: "none",
-  wanted: "nothing",
+  phase: /** @type {Phase} */ ("connecting"),
+  socket: /** @type {"connecting" | "open" | "lost"} */ ("connecting"),
+  /** the media link to the robot */
+  link: /** @type {"none" | "connecting" | "live" | "lost"} */ ("none"),
+  /** requested again with a new WebSocket */
+  wanted: /** @type {"nothing" | "drive" | "watch"} */ ("nothing"),
+  /** whether the robot is connected, as far as the server knows */
   online: false,
+  /** the server has no state of any robot */
   serverBlind: false,
   mayDrive: false,
   mayObserve: false,
+  /** the visitor drives this robot on another page */
   liveElsewhere: false,
-  liveSince: null,
-  session: null,
-  peer: null,
+  /** Unix time; without `liveElsewhere` that page is closed */
+  liveSince: number,
+  /** the session's id at the server */
+  session: text,
+  /** this page's id while it drives; secret */
+  peer: text,
+  /** of the lease */
   epoch: 0,
+  /** the visitor drove before: on another page, or before a reload */
   returning: false,
+  /** this tab has just left the session, and may take it back */
   takeover: false,
+  /** start again without a session when the stored one has ended */
   fresh: false,
-  iceServers: [],
+  iceServers: /** @type {RTCIceServer[]} */ ([]),
+  /** when they arrived, Unix time; they are valid for six hours */
   iceAt: 0,
+  /** whether the page watches through the server's SFU */
   sfu: false,
+  /** the SFU does not work at the moment */
   sfuLost: false,
-  limits: { linear: null, angular: null, frameAge: null },
-  terms: null,
+  /** of the lease */
+  limits: { linear: number, angular: number, frameAge: number },
+  /** of the session: sessions/protocol.py GrantedTerms; or null */
+  terms: /** @type {any} */ (null),
+  /** how many links in a row have failed */
   attempt: 0,
+  /** in the queue, 1 is next */
   place: 0,
+  /** estimated until the turn */
   minutes: 0,
+  /** why a free robot is not ready: view/hud/pause.js */
   pause: "",
-  pressedAt: null,
-  startBy: null,
-  askedUntil: null,
-  signingUntil: null,
-  turnEnds: null,
-  unsaid: null,
+  /** Unix time at which the visitor requested the robot */
+  pressedAt: number,
+  /** Unix time until which an offered turn can be accepted */
+  startBy: number,
+  /** Unix time until which the visitor must show activity */
+  askedUntil: number,
+  /** Unix time until which a sign of activity is repeated; null once the server has it */
+  signingUntil: number,
+  /** Unix time at which the turn ends, once the server has warned */
+  turnEnds: number,
+  /** a session that was left without the server's confirmation */
+  unsaid: /** @type {{session: string, peer?: string} | null} */ (null),
+  /** whether to request the denied video again during the wait */
   observesAgain: false,
+  /** why it was refused, ended or closed, in one of the server's words */
   reason: "",
 });
 
 /**
- * s after a press on "drive" in which an offered turn needs no other press: the visitor before has
+ * @typedef {ReturnType<typeof newVisit>} Visit
+ * @typedef {{type: string} & Record<string, any>} Happening
+ * @typedef {{type: string} & Record<string, any>} Effect
+ */
+
+/**
+ * s after a press on "drive" in which an offered turn needs no other press: the driver before keeps
  * the robot for a moment longer than the page shows.
  */
 const STILL_PRESSED = 5;
@@ -115,7 +109,7 @@ const FINAL = new Map([
 
 /** @param {string} suffix @param {object} [message] @returns {Effect} */
 const send = (suffix, message = {}) => ({ type: "send", suffix, message });
-const LET_GO = [{ type: "control", lease: null }, { type: "close_link" }];
+const RELEASE = [{ type: "control", lease: null }, { type: "close_link" }];
 
 /**
  * @param {Visit} visit @param {Happening} happening @returns {{visit: Visit, effects: Effect[]}}
@@ -129,23 +123,16 @@ export const reduce = (visit, happening) => {
 /** @param {Pick<Visit, "phase">} visit */
 const waits = ({ phase }) => phase === "queued" || phase === "turn";
 
-/** Whether video was denied to who waits. @param {Visit} visit */
+/** Whether video was denied to a waiting visitor. @param {Visit} visit */
 const isWithoutVideo = (visit) => waits(visit) && visit.observesAgain;
 
 /** @param {Visit} visit @returns {Effect} */
-const take = (visit) => {
-  const message = /** @type {Record<string, unknown>} */ ({});
-  if (visit.session) {
-    message.session = visit.session;
-  }
-  if (visit.peer) {
-    message.peer = visit.peer;
-  }
-  if (visit.takeover) {
-    message.takeover = true;
-  }
-  return send("session/take", message);
-};
+const take = ({ session, peer, takeover }) =>
+  send("session/take", {
+    ...(session && { session }),
+    ...(peer && { peer }),
+    ...(takeover && { takeover }),
+  });
 
 /** @param {Visit} visit @returns {Effect[]} */
 const askAgain = (visit) => {
@@ -202,7 +189,7 @@ const OVER = /** @type {const} */ ({
  */
 const over = (phase, reason, more = []) => [
   { ...OVER, phase, reason },
-  [...LET_GO, { type: "forget" }, ...more],
+  [...RELEASE, { type: "forget" }, ...more],
 ];
 
 /** @type {Record<string, (visit: Visit, happening: any) => [Partial<Visit>, Effect[]?]>} */
@@ -250,39 +237,32 @@ const HANDLERS = {
   ],
 
   "session/granted": (visit, { message, now }) => {
-    const kept = message.resumed && visit.epoch === message.epoch && visit.link === "live";
-    const lease = {
-      session: message.session,
-      epoch: message.epoch,
-      peer: message.peer,
-      limits: message.limits,
-    };
+    const { session, epoch, peer, limits, resumed, iceServers } = message;
+    const kept = resumed && visit.epoch === epoch && visit.link === "live";
+    const lease = { session, epoch, peer, limits };
     return [
       {
+        ...lease,
         phase: "driving",
         wanted: "drive",
-        session: message.session,
-        epoch: message.epoch,
-        peer: message.peer,
-        limits: message.limits,
         terms: message.terms ?? null,
-        iceServers: message.iceServers,
+        iceServers,
         iceAt: now,
         sfu: false,
         sfuLost: false,
         observesAgain: false,
         link: kept ? "live" : "connecting",
-        returning: visit.returning || message.resumed,
+        returning: visit.returning || resumed,
         takeover: false,
         fresh: false,
         startBy: null,
-        askedUntil: message.resumed ? visit.askedUntil : null,
+        askedUntil: resumed ? visit.askedUntil : null,
         reason: "",
       },
       [
-        { type: "remember", session: message.session },
+        { type: "remember", session },
         { type: "control", lease },
-        ...(kept ? [] : [openLink("driver", message.iceServers, 0)]),
+        ...(kept ? [] : [openLink("driver", iceServers, 0)]),
       ],
     ];
   },
@@ -297,9 +277,8 @@ const HANDLERS = {
       startBy: null,
       returning: false,
     };
-    // A waiting visitor may watch.
     const first = [
-      ...LET_GO,
+      ...RELEASE,
       { type: "remember", session: message.session },
       ...(visit.mayObserve ? [send("session/observe")] : []),
     ];
@@ -314,7 +293,7 @@ const HANDLERS = {
     if (!(waits(visit) || visit.phase === "taking") || (visit.session && !known)) {
       return [{}]; // no longer waiting, or an offer to another page
     }
-    // The server repeats an offer that it cannot know to have arrived.
+    // The server repeats an offer, as it does not know whether it has arrived.
     if (known && visit.phase !== "queued") {
       return [turn];
     }
@@ -325,7 +304,7 @@ const HANDLERS = {
   },
   "session/observing": (visit, { message, now }) => {
     if (!waits(visit) && visit.wanted !== "watch") {
-      return [{}]; // asked for in line, where the visitor no longer is
+      return [{}]; // requested in the queue, which the visitor has left
     }
     const { iceServers, sfu } = message;
     const changes = {
@@ -354,11 +333,11 @@ const HANDLERS = {
           link: "none",
           observesAgain: false,
         },
-        LET_GO,
+        RELEASE,
       ];
     }
     if (waits(visit) && ["observers_full", "not_allowed", "private"].includes(message.reason)) {
-      // waiting goes on without a picture
+      // the visitor waits without video
       return [{ link: "none", observesAgain: false }, [{ type: "close_link" }]];
     }
     if (message.reason !== "ended") {
@@ -455,7 +434,7 @@ const HANDLERS = {
     const { session, peer } = visit;
     const unsaid = session ? { session, ...(peer ? { peer } : {}) } : null;
     const [changes, effects = []] = over(drove ? "ended" : "lobby", drove ? "left" : "");
-    // A connection that is lost, or that is dead and does not know it yet, says so when it is back.
+    // Repeated by the next connection: this one may be dead without an event.
     return [
       { ...changes, unsaid },
       visit.socket === "open" ? [...effects, send("session/leave", unsaid ?? {})] : effects,
@@ -481,7 +460,7 @@ const HANDLERS = {
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
 /**
- * Opens the link again, and asks for new credentials where the relay may no longer take the old
+ * Opens the link again, and requests new credentials where the relay may no longer accept the old
  * ones: the answer opens it once more.
  * @param {Visit} visit @param {number} attempt
  * @param {number} now Unix time
@@ -496,21 +475,19 @@ const reopenLink = (visit, attempt, now) => {
   ];
 };
 
-/** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
+/** Whether the page has to repeat a request. @param {Visit} visit */
 export const awaitsAnswer = (visit) =>
   visit.phase === "taking" || visit.unsaid !== null || isWithoutVideo(visit);
 
 /**
- * Whether a sign that was asked for is given again: until the server has it, or has stopped
- * waiting.
- * @param {Visit} visit
- * @param {number} now Unix time
+ * Whether to repeat a sign of activity: until the server has it, or no longer waits for it.
+ * @param {Visit} visit @param {number} now Unix time
  */
 export const isSigning = ({ phase, signingUntil }, now) =>
   phase === "driving" && signingUntil !== null && now < signingUntil;
 
 /**
- * What the page is to the robot: a waiting visitor watches, if the server allows it.
+ * The page's role to the robot: a waiting visitor watches, if the server allows it.
  * @param {Visit} visit @returns {"driver" | "observer" | ""}
  */
 export const roleOf = ({ phase, link }) => {
@@ -520,8 +497,5 @@ export const roleOf = ({ phase, link }) => {
   return phase === "watching" || (waits({ phase }) && link !== "none") ? "observer" : "";
 };
 
-/**
- * Over which link the page does that.
- * @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""}
- */
+/** @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""} */
 const linkRoleOf = (visit) => (roleOf(visit) === "observer" && visit.sfu ? "sfu" : roleOf(visit));

@@ -1,16 +1,14 @@
 /**
- * One media link to the server's SFU, for a page that watches a robot which too many others watch:
- * like a Peer, but the SFU offers and this page answers, and there is no data channel. What the
- * robot says comes through the server.
+ * One media link to the server's SFU, for viewers of a robot with many viewers: like a Peer, but
+ * the SFU offers and this page answers, and there is no data channel: the robot's messages come
+ * through the server.
  */
 
 import { unixNow } from "../lib/clock.js";
 import { messageOf, useServers } from "./peer.js";
 
 export class SfuPeer {
-  /**
-   * @param {{onSignal: (message: object) => void}} options what to tell the SFU through the server
-   */
+  /** @param {{onSignal: (message: object) => void}} options a signal to the SFU */
   constructor({ onSignal }) {
     this.role = /** @type {const} */ ("sfu");
     this.onSignal = onSignal;
@@ -64,10 +62,7 @@ export class SfuPeer {
     return "offered";
   }
 
-  /**
-   * The last moment at which the connection was up; it is updated by being read, twenty times a
-   * second.
-   */
+  /** The last time when it was connected; read twenty times a second by the link. */
   get heardAt() {
     if (this.connection.connectionState === "connected") {
       this.connectedAt = unixNow();
@@ -79,7 +74,7 @@ export class SfuPeer {
     return this.connection.signalingState === "closed";
   }
 
-  /** Whether there is nothing to connect; only a link to the robot has another way. */
+  /** Only for a link to the robot there are frames through the server instead. */
   isBarren() {
     return false;
   }

@@ -1,8 +1,6 @@
 /**
- * Small checks that say what a message must look like; messages.js is written with them.
- *
- * A shape is a function that returns the value, with defaults filled in, or throws a ShapeError.
- * Unknown fields are dropped.
+ * Checks of messages, for messages.js. A shape is a function that returns the value, with defaults
+ * filled in, or throws a ShapeError. Unknown fields are dropped.
  */
 
 export class ShapeError extends Error {}

@@ -1,6 +1,6 @@
 /**
- * The page's WebSocket: reconnects for ever, with back-off and jitter, and at once when the browser
- * reports a network.
+ * The page's WebSocket. It always reconnects: after a growing, random pause, and at once when the
+ * browser reports a network.
  */
 
 import { backoff } from "../lib/backoff.js";
@@ -45,7 +45,7 @@ export class Socket {
     this.socket?.close();
   }
 
-  /** Give up a connection that is suspected to be dead, and dial again. */
+  /** Closes a connection that may be dead, and dials again. */
   redial() {
     const dead = this.socket;
     if (!dead || this.closed) {
@@ -57,8 +57,8 @@ export class Socket {
   }
 
   /**
-   * Dial again when an open connection has been silent for too long: it may die without an event,
-   * and so may the process at its other end.
+   * Dials again when an open connection has been silent for too long: it, or the process at its
+   * other end, may die without an event.
    * @param {number} now Unix time @returns {number} s of silence before
    */
   watch(now) {
@@ -80,7 +80,7 @@ export class Socket {
 
   /**
    * @param {string} packet
-   * @param {{droppable?: boolean}} [options] droppable packets do not wait: they would be too old
+   * @param {{droppable?: boolean}} [options] droppable packets are not queued
    * @returns {boolean} whether it was handed to the network
    */
   send(packet, { droppable = false } = {}) {

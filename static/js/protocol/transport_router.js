@@ -23,9 +23,9 @@ export class TransportRouter {
     this.link = link;
     this.clockSync = clockSync;
     this.commands = commands;
-    /** The last `page/direct` that was sent on this connection to the server. */
+    /** the last `page/direct` on this connection to the server */
     this.direct = false;
-    /** The one transport on which the robot accepts commands, if it is fixed. Stops use both. */
+    /** the one transport on which the robot accepts commands, if it is fixed; stops use both */
     this.only = /** @type {"any" | Transport} */ ("any");
   }
 
@@ -43,23 +43,18 @@ export class TransportRouter {
   }
 
   /**
-   * The velocity of this moment, if there is one.
+   * Sends the velocity of now, if there is one.
    * @param {number} now @param {number | null} frame
    */
   sendVelocity(now, frame) {
     const message = this.commands.velocity(now, frame);
     if (message) {
-      const encoded = encodePacket("command/velocity", message);
-      const sent = this.transport(now) === "datachannel" && this.link.send(encoded);
-      if (!sent && this.allows("mqtt")) {
-        // A command that waits would arrive too late.
-        this.socket.send(encoded, { droppable: true });
-      }
+      this.#sendFast(now, "command/velocity", message);
     }
   }
 
   /**
-   * An action, by the reliable transport; on both, when it is repeated or the server unreachable.
+   * Sends an action by the reliable transport, or by both if it is repeated or the server is away.
    * @param {object} action @param {boolean} again
    */
   sendAction(action, again) {
@@ -72,15 +67,9 @@ export class TransportRouter {
     }
   }
 
-  /**
-   * A pointer on the shared screen, by the present transport or not at all.
-   * @param {number} now @param {object} pointer
-   */
+  /** Sends a pointer on the shared screen. @param {number} now @param {object} pointer */
   sendPointer(now, pointer) {
-    const packet = encodePacket("command/point", pointer);
-    if (!(this.transport(now) === "datachannel" && this.link.send(packet)) && this.allows("mqtt")) {
-      this.socket.send(packet, { droppable: true });
-    }
+    this.#sendFast(now, "command/point", pointer);
   }
 
   /** @param {number} now @param {"stop" | "estop"} type @param {boolean} [isAsked] */
@@ -96,21 +85,15 @@ export class TransportRouter {
     }
   }
 
-  /** One heartbeat on each transport. @param {number} now @param {number | null} frameAge */
+  /** Sends a heartbeat on each transport. @param {number} now @param {number | null} frameAge */
   beat(now, frameAge) {
-    this.link.send(
-      encodePacket("command/heartbeat", this.clockSync.beat("datachannel", now, frameAge)),
-    );
-    this.socket.send(
-      encodePacket("command/heartbeat", this.clockSync.beat("mqtt", now, frameAge)),
-      { droppable: true },
-    );
+    const beatOn = (/** @type {Transport} */ transport) =>
+      encodePacket("command/heartbeat", this.clockSync.beat(transport, now, frameAge));
+    this.link.send(beatOn("datachannel"));
+    this.socket.send(beatOn("mqtt"), { droppable: true });
   }
 
-  /**
-   * Tell the server whether the robot's messages arrive directly, so that it need not send them.
-   * @param {number} now
-   */
+  /** Tells the server whether it need not relay the robot's messages. @param {number} now */
   tellDirect(now) {
     const direct = this.clockSync.silence("datachannel", now) < DIRECT_SILENCE;
     if (
@@ -118,6 +101,17 @@ export class TransportRouter {
       this.socket.send(encodePacket("page/direct", { direct }), { droppable: true })
     ) {
       this.direct = direct;
+    }
+  }
+
+  /**
+   * By the present transport, or not at all: a message that waits would arrive too late.
+   * @param {number} now @param {string} suffix @param {object} message
+   */
+  #sendFast(now, suffix, message) {
+    const packet = encodePacket(suffix, message);
+    if (!(this.transport(now) === "datachannel" && this.link.send(packet)) && this.allows("mqtt")) {
+      this.socket.send(packet, { droppable: true });
     }
   }
 

@@ -1,10 +1,10 @@
 /**
- * Tells screen readers what the task says next, without a stream of words: at most one sentence in
- * a while, and of several that came meanwhile only the last. Pure.
+ * Announces the task to screen readers: at most one sentence every few seconds, and of several only
+ * the last. Pure.
  */
 
 const PAUSE = 4; // s between two sentences
-const TIMES = [120, 60, 30, 10]; // s left that are worth a word
+const TIMES = [120, 60, 30, 10]; // s left that are announced
 
 export class AnnouncerQueue {
   constructor() {
@@ -14,9 +14,8 @@ export class AnnouncerQueue {
   }
 
   /**
-   * @param {string} text what is true now
-   * @param {number} now Unix seconds
-   * @returns {string | null} what to say now, null for nothing new
+   * @param {string} text the present sentence @param {number} now Unix seconds
+   * @returns {string | null} the sentence to announce now, null for none
    */
   hear(text, now) {
     this.wanted = text;
@@ -30,7 +29,7 @@ export class AnnouncerQueue {
 }
 
 /**
- * The time that is left, in few enough steps to be read out.
+ * The time left, in a few steps.
  * @param {number | null} left seconds
  * @returns {number | null}
  */

@@ -1,9 +1,9 @@
 /**
- * The course on the map: zones and the suggested way faintly beneath everything, the checkpoints
- * over the path that was driven. What is next, passed or still to come differs by its shape, and
- * not by its colour alone.
+ * The course on the map: zones and the suggested path below everything, the checkpoints over the
+ * driven path. The next checkpoint, passed ones and later ones differ by shape, not only by colour.
  */
 
+import { disc, fill, label, stroke, trace } from "../lib/canvas.js";
 import { toScreen } from "../view/map/transform.js";
 import { stopsOf } from "./guide.js";
 
@@ -27,40 +27,41 @@ export const marksFor = (study, told) => {
   // The station's docked pose: its checkpoint may lie a little beside it.
   place.set(0, { ...place.get(0), ...study.dock });
   const stops = stopsOf(study, told).map((stop) => ({ ...place.get(stop.number), ...stop }));
-  return {
-    zones: study.zones.map((/** @type {any} */ zone) => zone.polygon),
-    path: study.path,
-    stops,
-  };
+  const zones = study.zones.map((/** @type {any} */ zone) => zone.polygon);
+  return { zones, path: study.path, stops };
 };
 
+/**
+ * What draws a course on a RobotMap.
+ * @param {Marks | null} marks @returns {import("../view/map/robot_map.js").RobotMap["course"]}
+ */
+export const layersOf = (marks) =>
+  marks && {
+    below: (context, view, paint) => drawGround(context, view, marks, paint),
+    above: (context, view, paint) => drawStops(context, view, marks, paint),
+  };
+
 /** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
-export const drawGround = (context, view, { zones, path }, paint) => {
+const drawGround = (context, view, { zones, path }, paint) => {
   context.save();
-  context.lineWidth = 1;
-  context.strokeStyle = paint.zone;
-  context.setLineDash([2, 4]);
+  const points = (/** @type {Point[]} */ line) => line.map(([x, y]) => toScreen(view, x, y));
   for (const zone of zones) {
-    trace(context, view, zone);
+    trace(context, points(zone));
     context.closePath();
-    context.stroke();
+    stroke(context, paint.zone, 1, [2, 4]);
   }
   context.globalAlpha = 0.55;
-  context.lineWidth = 2;
-  context.strokeStyle = paint.route;
-  context.setLineDash([1, 7]);
-  trace(context, view, path);
-  context.stroke();
+  trace(context, points(path));
+  stroke(context, paint.route, 2, [1, 7]);
   context.restore();
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {Marks} marks @param {Paint} paint */
-export const drawStops = (context, view, { stops }, paint) => {
+const drawStops = (context, view, { stops }, paint) => {
   context.save();
-  // What is next is drawn last: nothing lies over it.
-  for (const stop of [...stops].sort(
-    (one, other) => Number(one.status === "next") - Number(other.status === "next"),
-  )) {
+  const isNext = (/** @type {Marks["stops"][number]} */ { status }) => status === "next";
+  // the next one last, so that no other covers it
+  for (const stop of [...stops.filter((one) => !isNext(one)), ...stops.filter(isNext)]) {
     drawStop(context, view, stop, paint);
   }
   context.restore();
@@ -76,40 +77,16 @@ const drawStop = (context, view, { x, y, radius, number, status }, paint) => {
   const size = isNext ? NEXT_SIZE : SIZE;
   if (isNext) {
     disc(context, px, py, Math.max(size + 4, radius * view.scale));
-    context.globalAlpha = 0.22;
-    context.fillStyle = paint.next;
-    context.fill();
-    context.globalAlpha = 1;
-    context.lineWidth = 2;
-    context.strokeStyle = paint.next;
-    context.stroke();
+    fill(context, paint.next, 0.22);
+    stroke(context, paint.next, 2);
   }
   if (number === 0) {
     return; // the plan has its sign
   }
+  const colour = isNext ? paint.edge : status === "passed" ? paint.passed : paint.name;
   disc(context, px, py, size);
-  context.fillStyle = isNext ? paint.next : paint.edge;
-  context.fill();
-  context.lineWidth = 2;
-  context.strokeStyle = isNext ? paint.edge : status === "passed" ? paint.passed : paint.name;
-  context.stroke();
+  fill(context, isNext ? paint.next : paint.edge);
+  stroke(context, colour, 2);
   context.font = `700 ${isNext ? 16 : 12}px ${paint.font.split("px ")[1]}`;
-  context.fillStyle = isNext ? paint.edge : status === "passed" ? paint.passed : paint.name;
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(status === "passed" ? "✓" : String(number), px, py + 0.5);
-};
-
-/** @param {Canvas2D} context @param {number} x @param {number} y @param {number} radius */
-const disc = (context, x, y, radius) => {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-};
-
-/** @param {Canvas2D} context @param {MapView} view @param {Point[]} points */
-const trace = (context, view, points) => {
-  context.beginPath();
-  for (const [x, y] of points) {
-    context.lineTo(...toScreen(view, x, y));
-  }
+  label(context, status === "passed" ? "✓" : String(number), px, py + 0.5, colour);
 };

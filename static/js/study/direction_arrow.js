@@ -1,16 +1,16 @@
 /**
- * The arrow at the upper edge of the picture, or at its side, that points to where the cue leads.
- * It stays clear of the floor ahead.
+ * The arrow at the upper edge of the video, or at its side, that points to the target of the cue.
  */
 
 import { roleOf } from "../protocol/session.js";
+import { decimalFormat } from "../lib/decimal.js";
 import { write } from "../lib/dom.js";
-import { wrap } from "../lib/transforms.js";
+import { robotFromMap } from "../lib/transforms.js";
 import { targetOf } from "./guide.js";
 
-const USUAL_VIEW = 1.0; // rad, for a robot that does not say what its camera sees
+const USUAL_VIEW = 1.0; // rad, for a robot without a field of view in its factsheet
 const BEHIND = 2.4; // rad
-const EDGE = 0.92; // of half a picture: nearer to its edge the arrow points aside
+const EDGE = 0.92; // of half the video: beyond, the arrow points aside
 
 /**
  * @typedef {{side: "ahead" | "left" | "right" | "behind", share: number, distance: number}}
@@ -21,24 +21,19 @@ const EDGE = 0.92; // of half a picture: nearer to its edge the arrow points asi
  * @param {{x: number, y: number, theta: number}} pose of the robot
  * @param {{x: number, y: number}} target m
  * @param {number} hfov of its camera, rad
- * @returns {Pointing} `share` is where in the picture that lies: -1 its left edge, 1 its right one
+ * @returns {Pointing} `share`: from the left edge of the video, -1, to the right one, 1
  */
 export const pointTo = (pose, target, hfov) => {
-  const [dx, dy] = [target.x - pose.x, target.y - pose.y];
-  const bearing = wrap(Math.atan2(dy, dx) - pose.theta);
+  const [x, y] = robotFromMap(pose, [target.x, target.y]);
+  const bearing = Math.atan2(y, x);
   const share =
     Math.abs(bearing) < Math.PI / 2
       ? -Math.tan(bearing) / Math.tan(hfov / 2)
       : -Math.sign(bearing) * Infinity;
-  const side =
-    Math.abs(share) <= EDGE
-      ? "ahead"
-      : Math.abs(bearing) >= BEHIND
-        ? "behind"
-        : bearing > 0
-          ? "left"
-          : "right";
-  return { side, share: Math.max(-1, Math.min(1, share)), distance: Math.hypot(dx, dy) };
+  const aside = bearing > 0 ? "left" : "right";
+  const away = Math.abs(bearing) >= BEHIND ? "behind" : aside;
+  const side = Math.abs(share) <= EDGE ? "ahead" : away;
+  return { side, share: Math.max(-1, Math.min(1, share)), distance: Math.hypot(x, y) };
 };
 
 /**
@@ -49,10 +44,7 @@ export const pointTo = (pose, target, hfov) => {
  */
 export const createDirectionArrow = (element, words, poseNow, language) => {
   const arrow = element("pointer");
-  const metres = new Intl.NumberFormat(language, {
-    minimumFractionDigits: 1,
-    maximumFractionDigits: 1,
-  });
+  const metres = decimalFormat(language, 1);
   return (/** @type {State} */ state) => {
     const target = roleOf(state.visit) === "driver" && state.playing ? targetOf(state) : null;
     const pose = poseNow();
@@ -60,17 +52,11 @@ export const createDirectionArrow = (element, words, poseNow, language) => {
     if (!target || !pose?.localized) {
       return;
     }
-    const { side, share, distance } = pointTo(
-      pose,
-      target,
-      state.factsheet?.camera?.hfov ?? USUAL_VIEW,
-    );
+    const hfov = state.factsheet?.camera?.hfov ?? USUAL_VIEW;
+    const { side, share, distance } = pointTo(pose, target, hfov);
     arrow.dataset.side = side;
     arrow.dataset.half = share < 0 ? "left" : "right";
     arrow.style.setProperty("--share", share.toFixed(3));
-    write(
-      element("pointer-text"),
-      words.say("reading.metres", { metres: metres.format(distance) }),
-    );
+    write(element("pointer-text"), words.say("reading.metres", { metres: metres(distance) }));
   };
 };

@@ -1,11 +1,11 @@
 /**
- * The cards of a visit that belongs to a study: how it ended, what follows, and that leaving is for
- * good. Pure. They take the place of those that would offer another drive or another robot.
+ * The cards of a session of a study: how it ended, what follows, and that leaving is final. Pure.
+ * They replace cards that offer another drive or another robot.
  */
 
 import { stopsOf } from "./guide.js";
 
-export const GO_ON_SECONDS = 10; // until the study goes on by itself
+export const GO_ON_SECONDS = 10; // until the study continues by itself
 
 const GO_ON = { action: "go_on", word: "do.go_on" };
 const TO_STUDY = { action: "go_on", word: "do.to_study" };
@@ -20,7 +20,7 @@ const ENDS = new Set([
   "stopped_by_operator",
 ]);
 const PRACTICE_OVER = new Set(["completed", "timed_out", "cancelled", "left"]);
-/** What leads out of the study leads back to it instead. Watching is no part of it. */
+/** Buttons that would leave the study lead back to it. Watching is no part of it. */
 const INSTEAD = new Map([
   ["home", TO_STUDY],
   ["back", TO_STUDY],
@@ -29,7 +29,7 @@ const INSTEAD = new Map([
 
 /**
  * @param {State} state
- * @param {Card | null} usual what is shown without a study
+ * @param {Card | null} usual the card without a study
  * @returns {Card | null}
  */
 export const studyCard = (state, usual) => {
@@ -47,24 +47,20 @@ export const studyCard = (state, usual) => {
   if (hasEnded(state)) {
     return over(state, endOf(state));
   }
-  return {
-    ...usual,
-    main: inside(usual.main),
-    other: inside(usual.other),
-    extra: inside(usual.extra),
-  };
+  const [main, other, extra] = [usual.main, usual.other, usual.extra].map(inside);
+  return { ...usual, main, other, extra };
 };
 
 /**
- * Whether the drive is over, and not only gone to another tab, or its turn missed.
+ * Whether the drive is over: not moved to another tab, nor its turn missed.
  * @param {State} state
  */
 export const hasEnded = ({ visit }) =>
   visit.phase === "ended" && visit.reason !== "moved" && visit.reason !== "turn_missed";
 
 /**
- * How it ended, in one of the words that have a card. A visit that is left is a completed visit and
- * no completed task.
+ * The outcome, as one of the words that have a card. A visitor who leaves has not completed the
+ * task.
  * @param {State} state @returns {string}
  */
 const endOf = ({ study, visit, told }) => {

@@ -1,21 +1,22 @@
 /**
- * A study on the drive page: what it hears, shows, asks the robot for and writes down. What to do
- * is decided in the pure modules beside it; what only studies show is fetched by their pages alone
- * (panels.js).
+ * A study on the drive page: its task, its photo and the record of the drive. The pure modules
+ * beside it decide; pages of studies fetch what only they show (panels.js).
  */
 
-import { ask, heard, pass } from "../protocol/robot_action.js";
+import { ask, heard, pursue } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { lazy } from "../lib/lazy.js";
 import { GO_ON_SECONDS, hasEnded } from "./end_cards.js";
 import { hear } from "./guide.js";
-import { pursue, windowFor } from "./photo.js";
+import { answerAfter, windowFor } from "./photo.js";
 import { createRecorder } from "./recorder.js";
 
 const AGAIN = 2000; // ms until a part of the page that did not arrive is fetched again
 
-/** @param {Page} page */
+/** @typedef {import("./photo.js").Answer} Answer */
+
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, config, connection } = page;
   const { report } = connection;
@@ -26,15 +27,11 @@ const setUp = (page) => {
     fetchPanels(page, (fetched) => (panels = fetched));
   }
 
-  /** @param {import("./photo.js").Answer} answer */
+  /** Repetitions of an answer have its time. @param {Answer} answer */
   const say = (answer) => {
     store.update({ answer });
-    // The same answer has the same time, however often it is said.
-    connection.report(
-      "photo_answer",
-      { id: answer.id, choice: answer.choice, photo: answer.photo },
-      answer.at,
-    );
+    const { id, choice, photo, at } = answer;
+    connection.report("photo_answer", { id, choice, photo }, at);
   };
   const actions = newActions(page, say);
 
@@ -42,31 +39,30 @@ const setUp = (page) => {
     handlers: newHandlers(store),
     actions,
     on: {
-      changed: (/** @type {State} */ state) => {
+      changed: (state) => {
         recorder.show(state);
         panels?.changed(state);
       },
-      steered: (/** @type {Intent} */ { linear, angular, method }) => {
+      steered: ({ linear, angular, method }) => {
         if (linear !== 0 || angular !== 0) {
           recorder.steered(method);
         }
       },
-      granted: (/** @type {{session: string}} */ { session }) => {
+      granted: ({ session }) => {
         const { told } = store.get();
-        store.update({
-          told: told?.session === session ? told : null,
-          endedAt: null,
-          snap: null,
-          answer: null,
-        });
+        const known = told?.session === session ? told : null;
+        store.update({ told: known, endedAt: null, snap: null, answer: null });
       },
-      poll: (/** @type {number} */ now) => {
-        watchPhoto(page, now);
+      poll: (now) => {
+        const snap = pursue(store.get().snap, now, page.driving.sendAction);
+        if (snap !== store.get().snap) {
+          store.update({ snap });
+        }
         watchAnswer(store, say, now);
         watchEnd(store, actions, now);
       },
     },
-    render: (/** @type {State} */ state) => panels?.render(state),
+    render: (state) => panels?.render(state),
   };
 };
 
@@ -82,12 +78,12 @@ const fetchPanels = ({ store, config, words, element, map, act }, use) => {
         use(createStudyPanels({ snapshots: config.snapshots, words, element, map, act }));
         store.update({});
       },
-      () => setTimeout(begin, AGAIN), // a study without its task is none
+      () => setTimeout(begin, AGAIN),
     );
   begin();
 };
 
-/** @param {Page} page @param {(answer: import("./photo.js").Answer) => void} say */
+/** @param {Page} page @param {(answer: Answer) => void} say */
 const newActions = ({ store, config, driving }, say) => {
   /** @param {"keep" | "again" | "skip"} choice */
   const answerWith = (choice) => () => {
@@ -113,20 +109,20 @@ const newActions = ({ store, config, driving }, say) => {
   };
 };
 
-/** @param {Store} store */
+/** @param {Store} store @returns {Handlers} */
 const newHandlers = (store) => ({
-  "session/task": (/** @type {Omit<import("./guide.js").Told, "endsAt">} */ message) => {
+  "session/task": (message) => {
     const { visit, snap, answer } = store.get();
     if (visit.session === null || visit.session === message.session) {
       const told = hear(message, unixNow());
       store.update({
         told,
         snap: told.window === "open" ? snap : null,
-        answer: pursue(answer, told, -Infinity).answer,
+        answer: answerAfter(answer, told, -Infinity).answer,
       });
     }
   },
-  action: (/** @type {Parameters<typeof heard>[1]} */ message) => {
+  action: (message) => {
     const { snap } = store.get();
     if (snap?.id === message.actionId) {
       store.update({ snap: heard(snap, message, unixNow()) });
@@ -134,25 +130,10 @@ const newHandlers = (store) => ({
   },
 });
 
-/** @param {Page} page @param {number} now */
-const watchPhoto = ({ store, driving }, now) => {
-  const { snap } = store.get();
-  const { action, send } = pass(snap, now);
-  if (action !== snap) {
-    store.update({ snap: action });
-  }
-  if (send && action) {
-    driving.sendAction(action);
-  }
-};
-
-/**
- * @param {Store} store @param {(answer: import("./photo.js").Answer) => void} say
- * @param {number} now
- */
+/** @param {Store} store @param {(answer: Answer) => void} say @param {number} now */
 const watchAnswer = (store, say, now) => {
   const { answer, told } = store.get();
-  const next = pursue(answer, told, now);
+  const next = answerAfter(answer, told, now);
   if (next.say && next.answer) {
     say(next.answer);
   } else if (next.answer !== answer) {
@@ -161,7 +142,7 @@ const watchAnswer = (store, say, now) => {
 };
 
 /**
- * A study goes on by itself after its drive.
+ * A study continues by itself after its drive.
  * @param {Store} store @param {{go_on: () => void}} actions @param {number} now
  */
 const watchEnd = (store, actions, now) => {

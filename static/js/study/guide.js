@@ -1,24 +1,23 @@
 /**
- * What a participant is shown of the task: the sentence of the cue, the checkpoints, the time that
- * is left, and where to go next. Pure. The session manager decides all of it (`session/task`); the
- * sentences stand in the page.
+ * What a participant sees of the task: the sentence of the cue, the checkpoints, the time left, and
+ * the target. Pure. The session manager decides all of it (`session/task`).
  */
 
 import { isUnderWay } from "../protocol/robot_action.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
- * @typedef {object} Told what the session manager said last
+ * @typedef {object} Told the last message of the session manager
  * @property {string} session
  * @property {string} cue
- * @property {number | null} number the checkpoint that the cue speaks of, 0 is the charging station
- * @property {number | null} x where that is, m
+ * @property {number | null} number the checkpoint of the cue, 0 is the dock
+ * @property {number | null} x of that checkpoint, m
  * @property {number | null} y
  * @property {number[]} passed
  * @property {number | null} remaining seconds, in the last minutes alone
  * @property {"shut" | "open" | "review"} window of the photo
- * @property {string} photo the action that took it, or nothing
- * @property {string} outcome nothing while the task goes on
+ * @property {string} photo the action that took it, or empty
+ * @property {string} outcome empty while the task continues
  * @property {string[]} doors
  * @property {number | null} endsAt Unix time by the page's clock, from `remaining`
  *
@@ -27,18 +26,18 @@ import { roleOf } from "../protocol/session.js";
  * @typedef {object} Guide
  * @property {string} cue the word of the sentence
  * @property {number | null} number
- * @property {string} place the name of what it speaks of, or nothing
- * @property {Stop[]} stops in the order in which they are passed; the station, 0, is the last
+ * @property {string} place the title of its checkpoint, or empty
+ * @property {Stop[]} stops in the order in which they are passed; the dock, 0, is the last
  * @property {number | null} left seconds, null while there is plenty
  * @property {number | null} driven seconds since the drive began, null before
  */
 
-/** Cues to drive out of the station, while the robot does so by itself. */
+/** Cues to leave the dock. */
 const LEAVE = new Set(["leave_station", "docked_early"]);
-const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when it is about to end
+const PRACTICE_LAST = 60; // s before its end when a practice drive shows the time left
 
 /**
- * Keep what was said, with the time at which it ends.
+ * A message of the session manager, with the time at which the task ends.
  * @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told}
  */
 export const hear = (message, now) => ({
@@ -82,10 +81,7 @@ const leftOf = ({ told, now }) =>
 /** @param {State} state */
 const drivenIn = ({ began, now }) => (began === null ? null : Math.max(0, now - began.at));
 
-/**
- * A practice drive is over after its minutes, whether or not somebody says so.
- * @param {State} state
- */
+/** The time left of a practice drive. @param {State} state */
 const practiceLeft = ({ study, began, now }) => {
   const left = began === null ? Infinity : Math.max(0, began.at + study.minutes * 60 - now);
   return left <= PRACTICE_LAST ? left : null;
@@ -95,7 +91,7 @@ const practiceLeft = ({ study, began, now }) => {
 export const stopsOf = ({ checkpoints }, told) => {
   const passed = new Set(told?.passed ?? []);
   const [station, ...others] = checkpoints;
-  // While a photo is asked for, the way home has not begun.
+  // the return starts after the photo
   const home = told !== null && told.window !== "shut" ? null : station;
   const next = others.find((/** @type {any} */ { number }) => !passed.has(number)) ?? home;
   return [...others, ...(station ? [station] : [])].map(({ number, title }) => ({
@@ -110,7 +106,7 @@ export const stopsOf = ({ checkpoints }, told) => {
 };
 
 /**
- * Where the cue leads, as far as there is a place to lead to.
+ * The target of the cue, null for a cue without one.
  * @param {State} state @returns {{x: number, y: number, number: number | null} | null}
  */
 export const targetOf = ({ told, study }) => {

@@ -1,14 +1,14 @@
 /**
- * What the page adds to the record of a drive: how it was laid out, what was hidden, which
- * sentences were shown for how long, and which controller was taken up. Pure: it says what to write
- * down, recorder.js sends it. Times are Unix seconds by the page's clock.
+ * Events of the page for the record of a drive: its layout, what was hidden, which sentences were
+ * shown for how long, and which controller was used. Pure; sent by recorder.js. Times are Unix
+ * seconds by the page's clock.
  */
 
-const LEAST_SHOWN = 0.3; // s; what flickers by was not read
+const LEAST_SHOWN = 0.3; // s; a sentence shown for less was not read
 
 /** @typedef {{type: string, data: Record<string, string | number | boolean | null>}} Note */
 
-/** One place of the page where sentences follow each other. */
+/** A place of the page that shows one sentence after another. */
 export class Shown {
   /** @param {string} type of the note */
   constructor(type) {
@@ -19,32 +19,22 @@ export class Shown {
   }
 
   /**
-   * @param {string} word nothing when none is shown
+   * @param {string} word empty when none is shown
    * @param {number | null} number @param {number} now
-   * @returns {Note | null} the sentence that has gone
+   * @returns {Note | null} of the sentence that was removed
    */
   hear(word, number, now) {
     if (word === this.word && number === this.number) {
       return null;
     }
-    const seconds = now - this.since;
-    const gone =
-      this.word && seconds >= LEAST_SHOWN
-        ? {
-            type: this.type,
-            data: {
-              word: this.word,
-              number: this.number,
-              seconds: Math.round(seconds * 1000) / 1000,
-            },
-          }
-        : null;
+    const seconds = Math.round((now - this.since) * 1000) / 1000;
+    const data = { word: this.word, number: this.number, seconds };
     Object.assign(this, { word, number, since: now });
-    return gone;
+    return data.word && seconds >= LEAST_SHOWN ? { type: this.type, data } : null;
   }
 }
 
-/** Something that is written down whenever it changes. */
+/** A value that is recorded whenever it changes. */
 export class Changes {
   /** @param {string} type */
   constructor(type) {
@@ -60,16 +50,12 @@ export class Changes {
     return changed ? { type: this.type, data } : null;
   }
 
-  /** A new visit begins: everything is said again. */
+  /** A new session starts. */
   reset() {
     this.last = "";
   }
 }
 
-/**
- * Which of the page's layouts that is: static/css/drive.css.
- * @param {number} width CSS pixels
- * @param {number} height
- */
+/** The layout of static/css/drive.css. @param {number} width CSS pixels @param {number} height */
 export const layoutOf = (width, height) =>
   height <= 540 && width >= height ? "low" : width <= 999 ? "upright" : "wide";

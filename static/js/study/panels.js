@@ -1,21 +1,20 @@
 /**
  * What a study shows on the drive page: its panel, its arrow, the window of its photo, its course
- * on the map, and what is read out of them. Fetched by pages of studies alone.
+ * on the map, and announcements for screen readers. Fetched only by pages of studies.
  */
 
 import { write } from "../lib/dom.js";
 import { clockTime, unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
 import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
-import { drawGround, drawStops, marksFor } from "./course.js";
+import { layersOf, marksFor } from "./course.js";
 import { createPanel, sentence } from "./task_panel.js";
 import { windowFor } from "./photo.js";
 import { createPhotoWindow, photoSentence } from "./photo_window.js";
 import { createDirectionArrow } from "./direction_arrow.js";
 
 /**
- * @param {object} page
- * @param {string} page.snapshots where the photos are listed
+ * @param {object} page @param {string} page.snapshots the address of the list of photos
  * @param {Words} page.words @param {GetElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
  * @param {(action: string) => void} page.act
@@ -36,12 +35,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
     if (key !== drawn) {
       drawn = key;
-      map.setCourse(
-        marks && {
-          below: (context, view, paint) => drawGround(context, view, marks, paint),
-          above: (context, view, paint) => drawStops(context, view, marks, paint),
-        },
-      );
+      map.setCourse(layersOf(marks));
     }
   };
 
@@ -56,7 +50,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   return { changed: photo.changed, render };
 };
 
-/** What is read out. @param {State} state @param {Words} words @returns {string} */
+/** The announcement. @param {State} state @param {Words} words @returns {string} */
 const spoken = (state, words) => {
   const guide = guideFor(state);
   if (!guide) {

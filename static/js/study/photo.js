@@ -1,7 +1,6 @@
 /**
- * The photo's window: what it shows, and which of its buttons can be pressed. Pure. It opens and
- * closes when the session manager says so; taking a picture is never refused, wherever the robot
- * looks.
+ * The window of the photo and its buttons. Pure. The session manager opens and closes it; a photo
+ * is never refused, wherever the robot looks.
  */
 
 import { roleOf } from "../protocol/session.js";
@@ -11,8 +10,8 @@ import { isUnderWay } from "../protocol/robot_action.js";
  * @typedef {object} Window
  * @property {"hint" | "review"} mode
  * @property {string} word its sentence
- * @property {string} photo the action whose picture is to be judged, or nothing
- * @property {boolean} busy a picture, or an answer, is on its way
+ * @property {string} photo the action whose photo is reviewed, or empty
+ * @property {boolean} busy while a photo is taken or an answer is sent
  */
 
 /** @param {State} state @returns {Window | null} */
@@ -24,23 +23,15 @@ export const windowFor = ({ visit, told, snap, answer }) => {
     return { mode: "review", word: "photo.review", photo: told.photo, busy: answer !== null };
   }
   const taking = isUnderWay(snap) || snap?.status === "FINISHED";
-  const skipped = answer !== null;
-  return {
-    mode: "hint",
-    word: taking
-      ? "photo.taking"
-      : snap?.status === "FAILED"
-        ? "photo.failed"
-        : `photo.${told.cue}`,
-    photo: "",
-    busy: taking || skipped,
-  };
+  const hint = snap?.status === "FAILED" ? "photo.failed" : `photo.${told.cue}`;
+  const word = taking ? "photo.taking" : hint;
+  return { mode: "hint", word, photo: "", busy: taking || answer !== null };
 };
 
-const AGAIN_SECONDS = 1.5; // an answer that the session manager has not taken up is said again
+const AGAIN_SECONDS = 1.5; // until an answer that the session manager has not confirmed is repeated
 
 /**
- * @typedef {object} Answer what the visitor chose, until the window shows that it was understood
+ * @typedef {object} Answer the visitor's choice, until it is confirmed
  * @property {string} id
  * @property {string} photo
  * @property {"keep" | "again" | "skip"} choice
@@ -49,13 +40,12 @@ const AGAIN_SECONDS = 1.5; // an answer that the session manager has not taken u
  */
 
 /**
- * What news and time do to an answer.
+ * The answer after a message or a time, and whether to repeat it.
  * @param {Answer | null} answer @param {import("./guide.js").Told | null} told @param {number} now
  * @returns {{answer: Answer | null, say: boolean}}
  */
-export const pursue = (answer, told, now) => {
-  // A question that is not asked any more was answered: the window is shut, or it shows something
-  // else than what was judged.
+export const answerAfter = (answer, told, now) => {
+  // The answer was confirmed when the window is shut, or shows another photo.
   if (!answer || !told || told.outcome || told.window === "shut" || told.photo !== answer.photo) {
     return { answer: null, say: false };
   }

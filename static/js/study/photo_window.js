@@ -1,4 +1,4 @@
-/** Shows the photo's window, and hands on what was pressed in it. */
+/** Shows the window of the photo. */
 
 import { backToDriving, write } from "../lib/dom.js";
 import { windowFor } from "./photo.js";
@@ -22,7 +22,6 @@ export const createPhotoWindow = (element, words, { list, act }) => {
   for (const button of buttons) {
     button.addEventListener("click", () => {
       act(button.dataset.action ?? "");
-      // The space bar is to stop the robot, and the arrows drive it.
       backToDriving(element);
     });
   }
@@ -50,7 +49,7 @@ export const createPhotoWindow = (element, words, { list, act }) => {
 };
 
 /**
- * A newer server's cue has a general sentence.
+ * General for a newer server's cue.
  * @param {import("./photo.js").Window} what @param {Words} words
  */
 export const photoSentence = ({ word }, words) => words.say(words.has(word) ? word : "photo.other");

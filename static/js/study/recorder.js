@@ -1,36 +1,24 @@
-/**
- * Watches the page for what belongs into the record of a drive (page_events.js), and sends it.
- * Works with and without a study.
- */
+/** Sends the page's events for the record of a drive (page_events.js), also without a study. */
 
 import { nameOf } from "../view/display/profiles.js";
 import { guideFor } from "./guide.js";
 import { Changes, Shown, layoutOf } from "./page_events.js";
 import { windowFor } from "./photo.js";
 
-const AGAIN_SECONDS = 2; // a first picture that the server has not taken up is told again
-const STEADY_MS = 400; // a window that is being pulled larger has many sizes
+const AGAIN_SECONDS = 2; // until a first frame that the server has not confirmed is repeated
+const STEADY_MS = 400; // without another change of the window's size
 const PERMISSIONS = ["camera", "microphone"];
 
 /**
  * @param {object} options @param {() => State} options.get
- * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
- *   options.report whether it was handed to the network
- * @param {() => number} options.now Unix seconds
- * @param {Page["hud"]} options.hud
+ * @param {Page["connection"]["report"]} options.report
+ * @param {() => number} options.now Unix seconds @param {Page["hud"]} options.hud
  */
 export const createRecorder = ({ get, report, now, hud }) => {
-  const [cue, alert, card] = [
-    new Shown("cue_shown"),
-    new Shown("alert_shown"),
-    new Shown("card_shown"),
-  ];
-  const photo = new Shown("photo_window_shown");
-  const [layout, map, controller] = [
-    new Changes("layout"),
-    new Changes("map"),
-    new Changes("controller"),
-  ];
+  const [cue, alert] = [new Shown("cue_shown"), new Shown("alert_shown")];
+  const [card, photo] = [new Shown("card_shown"), new Shown("photo_window_shown")];
+  const [layout, map] = [new Changes("layout"), new Changes("map")];
+  const controller = new Changes("controller");
   const firstFrame = newFirstFrame(report, now);
   let session = /** @type {string | null} */ (null);
   let profile = "";
@@ -38,7 +26,7 @@ export const createRecorder = ({ get, report, now, hud }) => {
   /** @param {import("./page_events.js").Note | null} note */
   const write = (note) => note && report(note.type, note.data);
   const isDriving = () => get().visit.phase === "driving";
-  /** Before a visit has begun here, nothing is written: what began it would write it again. */
+  /** The start of a session records everything once. */
   const hasBegun = () => isDriving() && get().visit.session === session;
   const sayLayout = () => hasBegun() && write(layout.hear(layoutNow(get())));
 
@@ -51,7 +39,7 @@ export const createRecorder = ({ get, report, now, hud }) => {
   addEventListener("pagehide", () => write(cue.hear("", null, now())));
   const permissions = watchPermissions(sayPermissions);
 
-  /** A visit has begun: what has been so for long is said once. @param {string} id */
+  /** A session has started. @param {string} id */
   const begin = (id) => {
     session = id;
     firstFrame.reset();
@@ -70,7 +58,7 @@ export const createRecorder = ({ get, report, now, hud }) => {
     const guide = guideFor(state);
     write(cue.hear(guide?.cue ?? "", guide?.number ?? null, at));
     if (!isDriving()) {
-      return; // who waits or watches has no record
+      return; // visitors who wait or watch have no record
     }
     write(alert.hear(hud.alertFor(state)?.word ?? "", null, at));
     write(card.hear(hud.cardFor(state)?.word ?? "", null, at));
@@ -90,32 +78,25 @@ export const createRecorder = ({ get, report, now, hud }) => {
 };
 
 /**
- * The task's time begins with the first frame: it is told until it is known.
- * @param {Parameters<typeof createRecorder>[0]["report"]} report
- * @param {() => number} now Unix seconds
+ * The first frame starts the time of the task, and is repeated until the server has it.
+ * @param {Page["connection"]["report"]} report @param {() => number} now Unix seconds
  */
 const newFirstFrame = (report, now) => {
   let framed = -Infinity;
   return {
-    reset: () => {
-      framed = -Infinity;
-    },
+    reset: () => (framed = -Infinity),
     /** @param {State} state */
     say: ({ told, playing, slow }) => {
-      const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
-      if (
-        playing &&
-        unknown &&
-        now() - framed > AGAIN_SECONDS &&
-        report("first_frame", { way: slow ? "server" : "direct" })
-      ) {
+      const isUnknown = framed === -Infinity || told?.cue === "wait_for_picture";
+      const isDue = playing && isUnknown && now() - framed > AGAIN_SECONDS;
+      if (isDue && report("first_frame", { way: slow ? "server" : "direct" })) {
         framed = now();
       }
     },
   };
 };
 
-/** Once the window has its size. @param {() => void} tell */
+/** Calls when the window has a new size. @param {() => void} tell */
 const onResized = (tell) => {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
@@ -125,7 +106,7 @@ const onResized = (tell) => {
   });
 };
 
-/** How the page is laid out now. @param {State} state */
+/** @param {State} state */
 const layoutNow = (state) => ({
   interface: nameOf(state),
   layout: layoutOf(innerWidth, innerHeight),
@@ -137,7 +118,7 @@ const layoutNow = (state) => ({
   touch: matchMedia("(any-pointer: coarse)").matches,
 });
 
-/** What the browser has been allowed. @param {() => unknown} changed */
+/** The browser's permissions. @param {() => unknown} changed */
 const watchPermissions = (changed) => {
   const told = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
   const granted = new Map(/** @type {[string, string][]} */ ([]));
@@ -149,7 +130,7 @@ const watchPermissions = (changed) => {
   }
   return {
     reset: () => told.forEach((changes) => changes.reset()),
-    /** What has not been told yet. */
+    /** those that are not recorded yet */
     notes: () =>
       Array.from(granted, ([name, state]) => told.get(name)?.hear({ name, state }) ?? null),
   };
@@ -167,7 +148,7 @@ const watchPermission = async (name, tell) => {
     status.onchange = () => tell(status.state);
     tell(status.state);
   } catch (error) {
-    // A browser that does not know the name, or the question at all.
+    // The browser does not know the permission.
     if (!(error instanceof TypeError)) {
       throw error;
     }

@@ -1,25 +1,19 @@
-/**
- * Fetches the address of a picture that the robot has taken: it is there once the server has it
- * whole, which may take a moment.
- */
+/** Fetches the address of a photo of the robot, which the server may receive a moment later. */
 
-const FIRST = 0.3; // s until it is asked again
+import { fetchJson } from "../lib/page_poll.js";
+
+const FIRST = 0.3; // s until the next request
 const SLOWEST = 2;
 
 export class Snapshots {
   /**
    * @param {object} options
-   * @param {string} options.list the address of the list of one's own pictures
+   * @param {string} options.list the address of the list of the visitor's photos
    * @param {(actionId: string, url: string) => void} options.onFound
-   * @param {(url: string) => Promise<{ok: boolean, json: () => Promise<any>}>} [options.fetch]
-   * @param {(callback: () => void, ms: number) => unknown} [options.later]
+   * @param {(url: string) => Promise<any>} [options.fetch] @param {typeof setTimeout}
+   *   [options.later]
    */
-  constructor({
-    list,
-    onFound,
-    fetch = (url) => globalThis.fetch(url, { credentials: "same-origin" }),
-    later = setTimeout.bind(globalThis),
-  }) {
+  constructor({ list, onFound, fetch = fetchJson, later = setTimeout.bind(globalThis) }) {
     this.list = list;
     this.onFound = onFound;
     this.fetch = fetch;
@@ -28,7 +22,7 @@ export class Snapshots {
   }
 
   /**
-   * Look for a picture until it is found, or another one, or none, is wanted.
+   * Requests a photo until it is found, or another one or none is wanted.
    * @param {string} actionId
    */
   want(actionId) {
@@ -42,34 +36,16 @@ export class Snapshots {
 
   /** @param {string} actionId @param {number} pause s */
   async #poll(actionId, pause) {
-    const url = await this.#address(actionId);
+    const { snapshots } = await this.fetch(this.list).catch(() => ({ snapshots: [] }));
+    const found = snapshots.find((/** @type {any} */ one) => one.actionId === actionId);
     if (actionId !== this.wanted) {
       return;
     }
-    if (url) {
-      this.onFound(actionId, url);
+    if (found) {
+      this.onFound(actionId, found.url);
     } else {
-      this.later(
-        () => actionId === this.wanted && void this.#poll(actionId, Math.min(SLOWEST, pause * 1.5)),
-        pause * 1000,
-      );
-    }
-  }
-
-  /**
-   * @param {string} actionId
-   * @returns {Promise<string | null>} null while it is not there, or the server is not
-   */
-  async #address(actionId) {
-    try {
-      const answer = await this.fetch(this.list);
-      const { snapshots } = answer.ok ? await answer.json() : { snapshots: [] };
-      return snapshots.find((/** @type {any} */ one) => one.actionId === actionId)?.url ?? null;
-    } catch (error) {
-      if (error instanceof TypeError || error instanceof SyntaxError) {
-        return null; // no network, or an error page where the list should be
-      }
-      throw error;
+      const next = () => void this.#poll(actionId, Math.min(SLOWEST, pause * 1.5));
+      this.later(() => actionId === this.wanted && next(), pause * 1000);
     }
   }
 }

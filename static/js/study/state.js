@@ -1,16 +1,13 @@
 /** The study's slice of the page's state. */
 
 export const newSlice = () => ({
-  /**
-   * what the page was told about the study that the drive belongs to:
-   * experiments/participation/drive_config.py; null without one
-   */
+  /** the study of the drive: experiments/participation/drive_config.py; null without one */
   study: /** @type {any} */ (null),
-  /** how far the task of the study is, as the session manager last said: guide.js */
+  /** the progress of the task, as the session manager last sent it: guide.js */
   told: /** @type {import("./guide.js").Told | null} */ (null),
-  /** the photo that the robot has been asked for, until it can be judged */
+  /** the requested photo, until it is reviewed */
   snap: /** @type {RobotAction | null} */ (null),
-  /** what the visitor chose in the photo's window, until that has been understood: photo.js */
+  /** the visitor's choice in the photo's window, until it is confirmed: photo.js */
   answer: /** @type {import("./photo.js").Answer | null} */ (null),
   /** when the drive of a study ended, Unix seconds; null before */
   endedAt: /** @type {number | null} */ (null),

@@ -1,6 +1,5 @@
 /**
- * Shows the task: its sentence, the checkpoints, the time that is left; on a small screen one line
- * that opens.
+ * Shows the task: its sentence, the checkpoints, the time left; on a small screen a line to open.
  */
 
 import { clockTime } from "../lib/clock.js";
@@ -17,7 +16,6 @@ export const createPanel = (element, words) => {
   const list = element("task-stops");
   let drawn = "";
   let mapSize = "";
-  // On a wide screen all of it is shown, and there is nothing to open.
   const small = matchMedia("(max-width: 999px), (max-height: 540px)");
   const fit = () => {
     line.disabled = !small.matches;
@@ -44,14 +42,13 @@ export const createPanel = (element, words) => {
       return;
     }
     if (mapSize !== (mapSize = state.mapSize) && mapSize === "large") {
-      panel.removeAttribute("data-open"); // the room is the map's; who wants the task opens it
+      panel.removeAttribute("data-open"); // the map needs the room
       fit();
     }
     panel.dataset.cue = guide.cue;
     write(element("task-cue"), sentence(guide, words));
     write(element("task-place"), guide.place);
-    // The study decides from when on it says what is left; until then it is the dials' clock, where
-    // there is no room for dials.
+    // the time left, once the study shows it; before that the time driven, if there are no dials
     element("task-time").toggleAttribute("data-driven", guide.left === null);
     write(element("task-time"), timeOf(guide, words));
     write(element("task-note"), noteOf(state, words));
@@ -72,21 +69,17 @@ const timeOf = ({ left, driven }, words) => {
 };
 
 /**
- * The sentence of a cue; a newer server's cue has a general one.
+ * General for a newer server's cue.
  * @param {import("./guide.js").Guide} guide @param {Words} words
  */
 export const sentence = ({ cue, number }, words) =>
   words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
 
-/**
- * @param {State} state @param {Words} words
- * @returns {string} which controllers are off, when some are
- */
-const noteOf = (state, words) => {
-  return OURS.filter((method) => !maySteer(state, method))
+/** The sentences about controllers that are off. @param {State} state @param {Words} words */
+const noteOf = (state, words) =>
+  OURS.filter((method) => !maySteer(state, method))
     .map((method) => words.say(`off.${method}`))
     .join(" ");
-};
 
 /** @param {import("./guide.js").Stop} stop @param {Words} words */
 const stopItem = ({ number, title, status }, words) => {

@@ -1,10 +1,8 @@
-/** Whose fault it is that there is no video. */
-
 import { isAway } from "../protocol/standstill.js";
 
 /**
- * Whether it is the robot that keeps the video away: it is gone or silent, has a fault, or its
- * camera gives none. Then nothing is to be looked for in the visitor's network. Pure.
+ * Whether the robot is why there is no video: it is offline or silent, has a fault, or its camera
+ * sends none. The visitor's network is then not checked. Pure.
  * @param {State} state
  */
 export const isRobotsFault = ({ visit, robot, faults }) =>
@@ -12,4 +10,4 @@ export const isRobotsFault = ({ visit, robot, faults }) =>
   Boolean(robot?.cameraStatus) ||
   isAway(robot) ||
   robot?.safety.inhibited === "fault" ||
-  faults.some((/** @type {{part: string}} */ { part }) => part === "robot");
+  faults.some(({ part }) => part === "robot");

@@ -1,6 +1,6 @@
 /**
- * Waiting for the robot, and what helps when its connection does not come about. All of it is
- * fetched when it is first needed (lazy_panels.js).
+ * Waiting for the robot, and help when there is no connection. All of it is fetched when it is
+ * first needed (lazy_panels.js).
  */
 
 import { lazy } from "../lib/lazy.js";
@@ -8,44 +8,34 @@ import { roleOf } from "../protocol/session.js";
 import { isRobotsFault } from "./fault.js";
 
 const UNREACHED = "check.server.blocked";
-const TROUBLE_PATIENCE = 6; // s without a connection to server or robot until the page looks why
+const TROUBLE_PATIENCE = 6; // s without a connection until the page looks for the reason
 
 const newSlice = () => ({
-  /**
-   * what seems wrong with the connection, and what to do: pages/check/verdict.js; null while
-   * nothing is known
-   */
+  /** a problem of the connection, with advice: pages/check/verdict.js; null without one */
   finding: /** @type {{word: string, values: Record<string, string | number>} | null} */ (null),
-  /**
-   * the browser to open this page in where one inside an app has no live video:
-   * pages/check/in_app.js; empty elsewhere
-   */
+  /** the browser to use instead of one inside an app: pages/check/in_app.js; empty elsewhere */
   betterBrowser: "",
   /**
-   * practising with a simulated robot while one waits: not offered, offered, being made ready,
-   * under way: practice.js
+   * practising with a simulated robot (practice.js): not offered, offered, starting, in progress
    */
   practice: /** @type {"none" | "off" | "starting" | "on"} */ ("none"),
   /** whether the link to this page was copied */
   copied: false,
-  /** whether the visitor who waits can still be asked to allow notifications */
+  /** whether a waiting visitor can still be asked to allow notifications */
   notifiable: false,
-  /** the other robots that the visitor who waits could drive at once: free_robots.js */
+  /** other robots that a waiting visitor could drive at once: free_robots.js */
   freeRobots: /** @type {import("../view/hud/card.js").FreeRobot[]} */ ([]),
 });
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store } = page;
   const lazyPanels = lazy(async () => (await import("./lazy_panels.js")).createLazyPanels(page));
   let troubledSince = 0; // 0: all is well
 
-  /**
-   * When a connection does not come about, find out once what to tell the visitor.
-   * @param {number} now
-   */
+  /** Without a connection, looks for the reason, once. @param {number} now */
   const watchTrouble = (now) => {
     const { visit, playing, slow, finding } = store.get();
     const blind = roleOf(visit) !== "" && (slow || !playing) && !isRobotsFault(store.get());
@@ -60,13 +50,13 @@ const setUp = (page) => {
       troubledSince = Infinity; // once for each trouble
       lazyPanels(
         ({ examine }) => void examine(),
-        // no connection to the server at all: tried again while the trouble lasts
+        // without any connection to the server: tried again
         () => (troubledSince = now),
       );
     }
   };
 
-  // Have what calls ready while the visitor waits: a page may sound only after a touch.
+  // A browser lets a page play sounds only after a click.
   window.addEventListener("click", () => {
     if (["taking", "queued", "turn"].includes(store.get().visit.phase)) {
       lazyPanels(({ prepare }) => void prepare());
@@ -83,7 +73,7 @@ const setUp = (page) => {
       practise: () => lazyPanels((panels) => panels.practise()),
     },
     on: {
-      phase: (/** @type {string} */ phase, /** @type {string} */ before) => {
+      phase: (phase, before) => {
         if (phase === "queued") {
           lazyPanels(({ waits }) => waits());
         } else if (before === "queued") {
@@ -91,9 +81,8 @@ const setUp = (page) => {
           store.update({ freeRobots: [] });
         }
       },
-      // What kept the page from the server is over.
       socketOpen: () => store.get().finding?.word === UNREACHED && store.update({ finding: null }),
-      second: (/** @type {number} */ now) => {
+      second: (now) => {
         watchTrouble(now);
         if (store.get().visit.phase === "queued") {
           lazyPanels(({ look_for_free_robots }) => look_for_free_robots(now));

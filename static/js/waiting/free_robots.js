@@ -1,9 +1,8 @@
-/**
- * The robots that a visitor who waits could drive at once. The server says in the landing page's
- * list which are free, and how their buttons are called.
- */
+/** Robots that a waiting visitor could drive at once, from the landing page's list. */
 
-const PERIOD = 10; // s between two questions
+import { fetchJson } from "../lib/page_poll.js";
+
+const PERIOD = 10; // s between two requests
 const MOST = 2;
 
 /**
@@ -13,9 +12,10 @@ const MOST = 2;
  */
 export const freeRobotsIn = ({ robots }, own, words) =>
   robots
-    .filter((/** @type {any} */ { name, state, drives }) => {
-      return name !== own && state === "available" && drives;
-    })
+    .filter(
+      (/** @type {any} */ { name, state, drives }) =>
+        name !== own && state === "available" && drives,
+    )
     .slice(0, MOST)
     .map((/** @type {any} */ { action, url, for_experienced: isHard }) => ({
       action: isHard ? words.say("instead.experienced", { action }) : action,
@@ -28,13 +28,12 @@ export const createFreeRobots = ({ store, config, words }) => {
 
   const ask = async () => {
     try {
-      const answer = await fetch(config.robots, { headers: { Accept: "application/json" } });
-      const found = answer.ok ? freeRobotsIn(await answer.json(), config.robot, words) : [];
+      const freeRobots = freeRobotsIn(await fetchJson(config.robots), config.robot, words);
       if (store.get().visit.phase === "queued") {
-        store.update({ freeRobots: found });
+        store.update({ freeRobots });
       }
     } catch {
-      // offline for a moment: asked again
+      // offline for a moment: requested again
     }
   };
 

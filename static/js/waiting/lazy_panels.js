@@ -1,7 +1,6 @@
 /**
- * What the drive page needs only now and then, fetched when it does: calling a visitor who waits,
- * practising meanwhile, saying what is wrong with the connection, and the way out of browsers that
- * have no live video.
+ * Rarely needed parts of the drive page: calling a waiting visitor, practising, problems of the
+ * connection, and browsers without live video.
  */
 
 import { examine } from "../pages/check/examine.js";
@@ -15,36 +14,25 @@ import { saveSouvenir } from "./souvenir.js";
 
 /** @param {Page} page */
 export const createLazyPanels = (page) => {
-  const {
-    store,
-    config,
-    words,
-    element,
-    connection: { report },
-    begin,
-  } = page;
+  const { store, config, words, element, begin } = page;
+  const { report } = page.connection;
   const { visit } = store.get();
   const practice = createPractice({ store, address: config.practice, element, words, report });
   return {
     ...practice,
     /** @param {string} word */
     call: (word) => call(words.say(`${word}.title`), words.say(`${word}.text`)),
-    /** Have what calls ready; within a touch. */
     prepare,
-    /** The visitor waits from now on. */
     waits: () => store.update({ notifiable: permission() === "default" }),
     tell_me: async () => store.update({ notifiable: (await askPermission()) === "default" }),
     examine: async () => {
       const connected = () => store.get().visit.socket === "open";
-      const { advice, record } = await examine({
-        socket: config.check,
-        iceServers: store.get().visit.iceServers,
-        connected,
-      });
+      const { iceServers } = store.get().visit;
+      const { advice, record } = await examine({ socket: config.check, iceServers, connected });
       store.update({ finding: connected() && isRobotsFault(store.get()) ? null : advice });
       report("check", record);
     },
-    /** This browser has no live video: say so, and where there is some. */
+    /** Says that this browser has no live video. */
     explain: () => {
       const reason = appOf(navigator.userAgent) ? "in_app" : "unsupported";
       store.update({
@@ -61,7 +49,7 @@ export const createLazyPanels = (page) => {
         await saveSouvenir(page, trip);
       }
     },
-    /** Go on with pictures through the server. */
+    /** Continues with frames through the server. */
     go_slow: () => {
       store.update({ visit });
       begin();

@@ -1,10 +1,7 @@
 /**
- * Calling a visitor who looks elsewhere: two short tones, a trembling telephone, and a notification
- * where the visitor has allowed them. Loaded only while the visitor waits, or is asked whether they
- * are still there.
- *
- * A browser lets a page sound only after the visitor has touched it, so `prepare` is called on
- * every touch until then. Whether notifications may be shown is asked for on a click alone.
+ * Calls a visitor who looks elsewhere: two short tones, vibration, and a notification where the
+ * visitor has allowed them. Loaded only while the visitor waits, or is asked whether they are still
+ * there. A browser lets a page play sounds only after a touch, so `prepare` is called on each.
  */
 
 const TONES = [
@@ -17,7 +14,7 @@ const LOUDNESS = 0.2;
 /** @type {AudioContext | null} */
 let audio = null;
 
-/** Make ready to sound; within a touch, which is when browsers allow it. */
+/** Prepares the sound; within a touch, when browsers allow it. */
 export const prepare = () => {
   if (typeof AudioContext === "function") {
     audio ??= new AudioContext();
@@ -25,14 +22,11 @@ export const prepare = () => {
   }
 };
 
-/**
- * Whether the visitor can still be asked to allow notifications: "default", or what they said.
- * @returns {"default" | "granted" | "denied"}
- */
+/** "default" while the visitor can still be asked. @returns {NotificationPermission} */
 export const permission = () =>
   typeof Notification === "function" ? Notification.permission : "denied";
 
-/** Ask for it; within a click. @returns {Promise<"default" | "granted" | "denied">} */
+/** Within a click. @returns {Promise<NotificationPermission>} */
 export const askPermission = async () => {
   prepare();
   return typeof Notification === "function" ? Notification.requestPermission() : "denied";
@@ -75,10 +69,8 @@ const notify = async (title, body) => {
 };
 
 /**
- * Call the visitor.
- * @param {string} title
- * @param {string} body of the notification, which is shown only while the visitor looks at
- *   something else
+ * @param {string} title @param {string} body of the notification, while the page is in the
+ * background
  */
 export const call = async (title, body) => {
   sound();
@@ -87,8 +79,7 @@ export const call = async (title, body) => {
     try {
       await notify(title, body);
     } catch (error) {
-      // Telephones know notifications only from a service worker, and have none here: tones and
-      // title have to do.
+      // Phones show notifications of service workers only, and there is none here.
       if (!(error instanceof TypeError)) {
         throw error;
       }

@@ -1,16 +1,16 @@
 /**
- * Practising in a simulated robot while one waits for a real one: its drive page in a frame over
- * this one, which goes on waiting behind it. When the turn comes the frame goes, and leaves its
- * robot.
+ * Practising with a simulated robot while waiting for a real one: its drive page in a frame over
+ * this one, which keeps its place in the queue. When the turn comes the frame is closed.
  */
 
 import { write } from "../lib/dom.js";
+import { fetchJson } from "../lib/page_poll.js";
 
-const AGAIN = 1.5; // s between two questions while a robot is being made ready
+const AGAIN = 1.5; // s between two requests while a robot starts
 
 /**
  * @param {object} options @param {Store} options.store
- * @param {string | null} options.address where to ask for a robot, null where there is none
+ * @param {string | null} options.address that assigns a robot, null without one
  * @param {GetElement} options.element @param {Words} options.words
  * @param {(type: string) => boolean} options.report
  */
@@ -19,16 +19,12 @@ export const createPractice = ({ store, address, element, words, report }) => {
   const frame = /** @type {HTMLIFrameElement} */ (element("practice-frame"));
   let timer = 0;
 
-  /**
-   * Without a trace in the history: the browser's own way back must not lead into a practice that
-   * is over.
-   * @param {string} url
-   */
+  /** Without a trace in the history of the browser. @param {string} url */
   const go = (url) => frame.contentWindow?.location.replace(url);
   const waits = () => ["queued", "taking"].includes(store.get().visit.phase);
 
   const ask = async () => {
-    const url = await whereTo(/** @type {string} */ (address));
+    const { url } = await fetchJson(String(address)).catch(() => ({ url: null }));
     if (store.get().practice !== "starting" || !waits()) {
       end();
     } else if (url === null) {
@@ -48,7 +44,7 @@ export const createPractice = ({ store, address, element, words, report }) => {
       report("practice_ended");
     }
     stage.hidden = true;
-    go("about:blank"); // its page goes, and says so to its robot
+    go("about:blank"); // its page leaves the robot
     store.update({ practice: "off" });
   };
 
@@ -70,29 +66,14 @@ export const createPractice = ({ store, address, element, words, report }) => {
     if (practice === "on") {
       const next = visit.place > 1 ? "practice.waits" : "practice.next";
       const word = visit.pause ? "practice.paused" : next;
-      write(
-        element("practice-words"),
-        words.say(word, { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) }),
-      );
+      const values = { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) };
+      write(element("practice-words"), words.say(word, values));
     }
   });
 
   return {
     practise,
-    /** The turn has come, or the visitor waits no more. */
+    /** The visitor no longer waits. */
     practice_over: () => store.get().practice !== "none" && end(),
   };
-};
-
-/**
- * @param {string} address
- * @returns {Promise<string | null>} null while none is ready, or the server cannot be asked
- */
-const whereTo = async (address) => {
-  try {
-    const answer = await fetch(address, { headers: { Accept: "application/json" } });
-    return answer.ok ? (await answer.json()).url : null;
-  } catch {
-    return null; // offline for a moment: asked again
-  }
 };

@@ -1,8 +1,10 @@
 /**
- * A picture to keep of a visit that is over: the map with the path that was driven, how far and how
- * long, and the visitor's own photos. Drawn in the browser and not uploaded.
+ * A picture of a session to keep: the map with the driven path, distance and time, and the
+ * visitor's photos. Drawn in the browser and not uploaded.
  */
 
+import { loadImage } from "../lib/dom.js";
+import { fetchJson } from "../lib/page_poll.js";
 import { RobotMap } from "../view/map/robot_map.js";
 
 const WIDTH = 1200; // pixels of the picture
@@ -16,7 +18,7 @@ const MOST_PHOTOS = 9;
 /** @typedef {{session: string, metres: number, minutes: number, trail: Point[][]}} Trip */
 
 /**
- * Draw the picture and have the browser save it.
+ * Draws the picture and has the browser save it.
  * @param {Pick<Page, "config" | "words" | "map">} page @param {Trip} trip
  */
 export const saveSouvenir = async ({ config, words, map }, trip) => {
@@ -36,12 +38,8 @@ export const saveSouvenir = async ({ config, words, map }, trip) => {
   context.fillText(config.title, MARGIN, 28, WIDTH - 2 * MARGIN);
   context.font = `26px ${style.fontFamily}`;
   const day = new Date().toLocaleDateString(document.documentElement.lang, { dateStyle: "long" });
-  context.fillText(
-    `${day} · ${words.say("souvenir.facts", factsOf(trip))}`,
-    MARGIN,
-    84,
-    WIDTH - 2 * MARGIN,
-  );
+  const facts = `${day} · ${words.say("souvenir.facts", factsOf(trip))}`;
+  context.fillText(facts, MARGIN, 84, WIDTH - 2 * MARGIN);
   if (ground) {
     drawGround(context, map, trip.trail);
   }
@@ -53,7 +51,7 @@ export const saveSouvenir = async ({ config, words, map }, trip) => {
   save(canvas, `${config.robot}.png`);
 };
 
-/** What the sentence of a trip is filled with. @param {Trip} trip */
+/** The values for the sentence about a trip. @param {Trip} trip */
 export const factsOf = ({ metres, minutes }) => ({
   metres: metres < 10 ? metres.toFixed(1) : metres.toFixed(0),
   minutes: Math.max(1, Math.round(minutes)),
@@ -62,11 +60,9 @@ export const factsOf = ({ metres, minutes }) => ({
 /** @param {Canvas2D} context @param {RobotMap} map @param {Trip["trail"]} trail */
 const drawGround = (context, map, trail) => {
   const canvas = document.createElement("canvas");
-  // It is laid out, out of sight, for a map takes its size and its colours from the page.
-  canvas.style.cssText = [
-    `position: fixed; left: -${2 * WIDTH}px`,
-    `width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`,
-  ].join("; ");
+  // Out of sight, but in the page, from which a map reads its size and colours.
+  const [left, width] = [`${-2 * WIDTH}px`, `${WIDTH - 2 * MARGIN}px`];
+  Object.assign(canvas.style, { position: "fixed", left, width, height: `${MAP_HEIGHT}px` });
   map.canvas.parentElement?.append(canvas);
   const ground = new RobotMap({ canvas, frame: (draw) => draw() });
   ground.trail.pieces = trail;
@@ -81,44 +77,26 @@ const drawGround = (context, map, trail) => {
  * @param {Canvas2D} context @param {HTMLImageElement} photo @param {number} x @param {number} y
  */
 const drawPhoto = (context, photo, x, y) => {
-  const scale = Math.max(PHOTO_WIDTH / photo.naturalWidth, PHOTO_HEIGHT / photo.naturalHeight);
+  const { naturalWidth: wide, naturalHeight: high } = photo;
+  const scale = Math.max(PHOTO_WIDTH / wide, PHOTO_HEIGHT / high);
   const [width, height] = [PHOTO_WIDTH / scale, PHOTO_HEIGHT / scale];
-  context.drawImage(
-    photo,
-    (photo.naturalWidth - width) / 2,
-    (photo.naturalHeight - height) / 2,
-    width,
-    height,
-    x,
-    y,
-    PHOTO_WIDTH,
-    PHOTO_HEIGHT,
-  );
+  const cut = /** @type {const} */ ([(wide - width) / 2, (high - height) / 2, width, height]);
+  context.drawImage(photo, ...cut, x, y, PHOTO_WIDTH, PHOTO_HEIGHT);
 };
 
 /**
- * The photos of a visit, the first one first; none where the server cannot be asked.
+ * The photos of a session in order; none without an answer of the server.
  * @param {string} list @param {string} session @returns {Promise<HTMLImageElement[]>}
  */
 const ownPhotos = async (list, session) => {
   try {
-    const answer = await fetch(list, { credentials: "same-origin" });
-    const { snapshots } = answer.ok ? await answer.json() : { snapshots: [] };
+    const { snapshots } = await fetchJson(list);
     const own = snapshots.filter((/** @type {any} */ one) => one.session === session).reverse();
-    return await Promise.all(
-      own.slice(0, MOST_PHOTOS).map((/** @type {any} */ one) => picture(one.url)),
-    );
+    const urls = own.slice(0, MOST_PHOTOS).map((/** @type {any} */ { url }) => url);
+    return await Promise.all(urls.map(loadImage));
   } catch {
     return []; // a map without photos is better than none
   }
-};
-
-/** @param {string} url @returns {Promise<HTMLImageElement>} */
-const picture = async (url) => {
-  const image = new Image();
-  image.src = url;
-  await image.decode();
-  return image;
 };
 
 /** @param {HTMLCanvasElement} canvas @param {string} name */
@@ -129,6 +107,6 @@ const save = (canvas, name) =>
       link.href = URL.createObjectURL(blob);
       link.download = name;
       link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // a browser may ask where to put it
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // a browser may ask for a folder
     }
   });

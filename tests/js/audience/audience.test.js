@@ -16,7 +16,7 @@ const audience = (changes = {}) => ({
 });
 
 describe("the audience on the drive page", () => {
-  test("is offered to whoever watches, and to the driver as soon as somebody does", () => {
+  test("viewers have it, and the driver once there are viewers", () => {
     const state = (phase, observers, changes = {}) => ({
       visit: { phase, link: "live" },
       room: { observers },
@@ -30,7 +30,7 @@ describe("the audience on the drive page", () => {
     assert.ok(isOffered(state("driving", 0, { questions: [question("waiting")] })));
   });
 
-  test("counts for whoever moderates what waits for them, and for nobody else", () => {
+  test("counts open hands and questions for the moderator only", () => {
     const waits = {
       hands: 2,
       questions: [question("waiting"), question("answering"), question("declined")],
@@ -39,7 +39,7 @@ describe("the audience on the drive page", () => {
     assert.equal(countOf(audience(waits)), 0);
   });
 
-  test("is told when more waits, not while it is dealt with, and not for each of many", () => {
+  test("announces when more wait, but not each of many", () => {
     const news = new WaitingNews();
     const heard = [
       [0, 0],
@@ -55,7 +55,7 @@ describe("the audience on the drive page", () => {
     assert.deepEqual(heard, [false, true, false, false, true, false, false, false, true]);
   });
 
-  test("says who has a hand up, and of many how many more", () => {
+  test("names the viewers with a raised hand, and the number of others", () => {
     const words = createWords(
       new Map([
         ["audience.hands.one", "1 hand: {names}"],

@@ -77,7 +77,7 @@ const close = (actual, expected) =>
   );
 
 describe("a task", () => {
-  test("is said again under the same id until the robot answers, and then no more", () => {
+  test("repeats its request under the same id until the robot answers", () => {
     const task = ask({ type: "undock" }, "a", 10);
     assert.equal(pass(task, 10 + AGAIN_SECONDS / 2).send, false);
     const again = pass(task, 10.1 + AGAIN_SECONDS);
@@ -86,7 +86,7 @@ describe("a task", () => {
     assert.equal(pass(heard(task, news("WAITING"), 11), 30).send, false);
   });
 
-  test("that finds no answer has failed for that reason, and can be had again", () => {
+  test("fails without an answer, and can be requested again", () => {
     const { action: task } = pass(
       ask({ type: "goto", place: "sofa", title: "Sofa" }, "a", 10),
       10.1 + PATIENCE_SECONDS,
@@ -95,7 +95,7 @@ describe("a task", () => {
     assert.deepEqual(wishOf(task), { type: "goto", place: "sofa", title: "Sofa" });
   });
 
-  test("says on the wire what the Robot API knows, and not the title of a place", () => {
+  test("sends the fields of the Robot API, without the title of a place", () => {
     const message = messageOf(going(), { session: "s", epoch: 3 }, 12);
     assert.deepEqual(message, {
       type: "goto",
@@ -117,7 +117,7 @@ describe("a task", () => {
     assert.equal(heard(task, news("RUNNING"), 13).progress, 1);
   });
 
-  test("a refusal of the first moment is no end, a later word is, and nothing revives it", () => {
+  test("survives a refusal at the very start; a later status ends it for good", () => {
     const asked = ask({ type: "undock" }, "a", 10);
     assert.equal(heard(asked, news("FAILED", { reason: "clock_unknown" }), 10.1), asked);
     const ended = heard(going(), news("FAILED", { reason: "no_laser: silent" }), 12);
@@ -125,7 +125,7 @@ describe("a task", () => {
     assert.equal(heard(ended, news("RUNNING"), 13), ended);
   });
 
-  test("of another page is left alone, unless the robot does it and this page has none", () => {
+  test("of another page is ignored, unless the robot does it and this page has none", () => {
     const mine = going();
     assert.equal(heard(mine, news("RUNNING", { actionId: "b" }), 12), mine);
     assert.equal(heard(null, news("FINISHED", { actionId: "b" }), 12), null);
@@ -139,7 +139,7 @@ describe("a task", () => {
     );
   });
 
-  test("that ended can be read for a moment, and one that failed until the visitor acts", () => {
+  test("is shown for a moment after its end, a failure until the visitor acts", () => {
     const done = heard(going(), news("FINISHED"), 20);
     assert.equal(pass(done, 20 + READING_SECONDS / 2).action, done);
     assert.equal(pass(done, 20.1 + READING_SECONDS).action, null);
@@ -147,7 +147,7 @@ describe("a task", () => {
     assert.equal(pass(failed, 2000).action, failed);
   });
 
-  test("looking for its place is nothing that moves the robot", () => {
+  test("searching for the position does not move the robot", () => {
     assert.equal(isMoving(ask({ type: "relocalize" }, "a", 1)), false);
     assert.equal(isMoving(going()), true);
   });
@@ -163,7 +163,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("the robot leaves its station for a new visitor, once, where they may ask it to", () => {
+  test("the robot leaves its dock once for a new visitor, where one may request it", () => {
     const arrival = { session: "s1", stopId: "stop-0", isOver: false, since: 10 };
     const safety = { estop: false, inhibited: null, collision: false, stopId: "stop-0" };
     const docked = { robot: robotOf({ docked: true, safety }) };
@@ -210,7 +210,7 @@ describe("what is offered", () => {
     assert.equal(changed({ ...held("stopped"), arrival: OVER }), false, "stopped later");
   });
 
-  test("a visitor who came back is known as such until the next visit", () => {
+  test("a returning visitor counts as such until the next session", () => {
     const granted = (visit, resumed = false) =>
       reduce(visit, {
         type: "session/granted",
@@ -231,7 +231,7 @@ describe("what is offered", () => {
     assert.equal(granted(from(reloaded, { type: "drive", now: 2 })).returning, false);
   });
 
-  test("what a robot cannot do is not offered; the page drives it out of its dock instead", () => {
+  test("an action that the robot lacks is not offered; the page leaves the dock itself", () => {
     const docked = driving({ robot: robotOf({ docked: true }) }, ["velocity"]);
     const lost = driving({ robot: robotOf({ pose: { localized: false } }) }, ["velocity"]);
     assert.equal(offerFor(lost), null);
@@ -249,7 +249,7 @@ describe("what is offered", () => {
     assert.ok(KEYS.has(word) && !KEYS.has("do.stop"));
   });
 
-  test("a point too near to a wall is refused with what the robot needs", () => {
+  test("a point too near to a wall is refused with the distance that the robot needs", () => {
     const footprint = [
       [0.3, 0.275],
       [0.3, -0.275],
@@ -265,13 +265,13 @@ describe("what is offered", () => {
     assert.ok(KEYS.has("reason.too_close"));
   });
 
-  test("nothing is offered to whoever only watches", () => {
+  test("a viewer gets no offers", () => {
     const state = driving({ robot: robotOf({ docked: true }), task: going() });
     const watching = { ...state, visit: { ...state.visit, phase: "watching" } };
     assert.deepEqual([offerFor(watching), menuFor(watching)], [null, []]);
   });
 
-  test("while it goes, the panel says where to, how far, and first what it waits for", () => {
+  test("while the robot drives, the panel shows its destination or why it waits", () => {
     const offer = offerFor(driving({ task: going({ progress: 0.4 }) }));
     assert.deepEqual(
       [offer.word, offer.values, offer.progress, offer.main.action, offer.detail.word],
@@ -283,7 +283,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("a robot that is blocked says why and offers two ways on", () => {
+  test("a blocked robot shows why, with two buttons", () => {
     const offer = offerFor(
       driving({ task: going({ status: "FAILED", reason: "door_closed: Laboratory door" }) }),
     );
@@ -294,7 +294,7 @@ describe("what is offered", () => {
     assert.deepEqual([offer.main.action, offer.other.action], ["task_again", "task_dismiss"]);
   });
 
-  test("a key that took over is confirmed, a stop as well", () => {
+  test("a key that takes over is confirmed, and so is a stop", () => {
     assert.equal(
       offerFor(driving({ task: going({ status: "CANCELLED", reason: "manual" }) })).word,
       "task.yours",
@@ -305,7 +305,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("a lost robot is called lost, with two ways on, until the visitor shows its place", () => {
+  test("a lost robot offers two actions until the visitor shows its position", () => {
     const lost = { robot: robotOf({ pose: { localized: false } }) };
     assert.deepEqual(
       [offerFor(driving(lost)).main.action, offerFor(driving(lost)).other.action],
@@ -318,7 +318,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("a point that is blocked may be driven around, for a while and where the robot can", () => {
+  test("a blocked point offers a path around, for a while and if the robot can plan", () => {
     const refused = { goal: [1, 2], at: { x: 0, y: 0 } };
     const said = { word: "point.wall", at: 100, until: 110, refused };
     const offer = offerFor(driving({ said, now: 103 }));
@@ -336,7 +336,7 @@ describe("what is offered", () => {
     assert.equal(alertFor(driving({ said, barred, now: 102 }, ["velocity"])).word, "off.mouse");
   });
 
-  test("what is no destination stands aside in the menu", () => {
+  test("entries that are no destination are set apart in the menu", () => {
     const aside = menuFor(driving()).filter((entry) => entry.aside);
     assert.deepEqual(
       aside.map(({ action }) => action),
@@ -344,7 +344,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("the menu has the places, the way home, and what the laser sees", () => {
+  test("the menu has the places, the dock and the laser points", () => {
     assert.deepEqual(
       menuFor(driving()).map(({ action }) => action),
       ["go_home", "go_to:sofa", "show_pose", "laser"],
@@ -357,7 +357,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("laser points show while the robot assists, unless the visitor chose otherwise", () => {
+  test("laser points are shown while the robot assists, unless switched off", () => {
     const shows = (assist, laser) => showsLaser(driving({ laser, robot: robotOf({ assist }) }));
     assert.deepEqual(
       [shows("off", null), shows("slow", null), shows("slow", false), shows("off", true)],
@@ -365,7 +365,7 @@ describe("what is offered", () => {
     );
   });
 
-  test("every offer has its words", () => {
+  test("every offer has its sentences", () => {
     const types = ["goto", "follow", "dock", "undock", "relocalize"];
     const tasks = types.flatMap((type) =>
       ["", "Sofa"].flatMap((title) =>
@@ -426,10 +426,10 @@ describe("assistance", () => {
     assert.equal(sideOf(null), "");
   });
 
-  test("a word of a newer robot is not shown", () =>
+  test("an unknown reason of a newer robot is not shown", () =>
     assert.equal(helpFrom("dance", [1, 0]), NO_HELP));
 
-  test("each word has its sentence, wherever the point is", () => {
+  test("each reason has a sentence for each side", () => {
     const points = [null, [1, 0], [0, 1], [0, -1], [-1, 0]];
     const words = ["slow", "stop", "steer", "blind"].flatMap((why) =>
       points.map((point) => wordOf(helpFrom(why, point))),
@@ -441,7 +441,7 @@ describe("assistance", () => {
     assert.equal(wordOf(NO_HELP), "");
   });
 
-  test("a word shows at once, and one that flickers stays in sight", () => {
+  test("a reason is shown at once, and one that flickers stays", () => {
     const held = new HeldHelp();
     assert.equal(held.hear(helpFrom("slow", [1, 0]), 10).why, "slow");
     const shown = Array.from(
@@ -452,7 +452,7 @@ describe("assistance", () => {
     assert.deepEqual(new Set(shown), new Set(["slow"]));
   });
 
-  test("another word, or none, takes its place after half a second", () => {
+  test("another reason, or none, replaces it after half a second", () => {
     const held = new HeldHelp();
     held.hear(helpFrom("slow", [1, 0]), 10);
     assert.equal(held.hear(helpFrom("stop", [1, 0]), 10.1).why, "slow");
@@ -461,14 +461,14 @@ describe("assistance", () => {
     assert.equal(held.hear(NO_HELP, 10.1 + 2 * HOLD_SECONDS).why, "");
   });
 
-  test("a robot that falls silent does not leave a word standing", () => {
+  test("a robot that falls silent does not leave a reason on the page", () => {
     const held = new HeldHelp();
     held.hear(helpFrom("stop", [1, 0]), 10);
     assert.equal(held.tick(10.2).why, "stop");
     assert.equal(held.tick(12).why, "");
   });
 
-  test("the line over the picture says why, and what is urgent comes before", () => {
+  test("the alert explains assistance after more urgent alerts", () => {
     const help = helpFrom("stop", [0.1, 0.4]);
     assert.equal(alertFor(driving({ help })).word, "assist.stop.left");
     assert.equal(
@@ -477,7 +477,7 @@ describe("assistance", () => {
     );
   });
 
-  test("a robot that moves although it should stand still comes before everything else", () => {
+  test("a robot that moves although it should be at rest is the first alert", () => {
     const errors = ["runs_on: the robot keeps moving", "cancel: no answer"];
     const robot = robotOf({ errors, safety: { estop: true } });
     assert.deepEqual(
@@ -490,7 +490,7 @@ describe("assistance", () => {
     );
   });
 
-  test("a robot that may still move is not said to have stopped", () => {
+  test("a robot that may still move is not shown as stopped", () => {
     const task = { ...ask({ type: "goto", x: 1, y: 2 }, "a", 1), status: "FAILED" };
     assert.equal(offerFor(driving({ task })).word, "task.failed.goto");
     for (const error of ["runs_on: the robot keeps moving", "cancel: no answer"]) {
@@ -506,12 +506,12 @@ describe("the level of assistance that is shown", () => {
   const visit = (more) => ({ ...driving().visit, session: "s1", ...more });
   const of = (session, assist) => robotOf({ session, assist });
 
-  test("is what the robot reports for this visit", () => {
+  test("is the one that the robot reports for this session", () => {
     assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "slow") })), "slow");
     assert.equal(assistIn(driving({ visit: visit(), robot: of("s1", "off") })), "off");
   });
 
-  test("stays the last of the visit while the robot is out of reach, or is back without it", () => {
+  test("stays the last one of the session while the robot is offline", () => {
     const assistKnown = { session: "s1", level: "slow" };
     for (const robot of [of(null, "off"), of("s0", "off"), null]) {
       assert.equal(
@@ -521,7 +521,7 @@ describe("the level of assistance that is shown", () => {
     }
   });
 
-  test("is none while it is unknown, and never off for that", () => {
+  test("is none while unknown, and never shown as off", () => {
     assert.equal(assistIn(driving({ visit: visit(), robot: of(null, "off") })), "");
     const former = { session: "s0", level: "steer" };
     assert.equal(assistIn(driving({ visit: visit(), robot: null, assistKnown: former })), "");
@@ -529,7 +529,7 @@ describe("the level of assistance that is shown", () => {
     assert.equal(assistIn(driving({ visit: away, robot: of(null, "off") })), "");
   });
 
-  test("keeps the laser's points as they were while the robot is out of reach", () => {
+  test("keeps laser points as they were while the robot is offline", () => {
     const assistKnown = { session: "s1", level: "slow" };
     const lost = driving({ visit: visit({ link: "lost" }), robot: of(null, "off"), assistKnown });
     assert.equal(showsLaser(lost), true);
@@ -540,20 +540,20 @@ describe("the hint at a point of the map", () => {
   const hint = (aim, hasAimed) => hintFor({ ...driving(), aim, hasAimed });
   const goal = { kind: "goal", x: 1, y: 2, theta: null };
 
-  test("goes after the first use, because it lies over the map", () => {
+  test("disappears after the first use, as it covers the map", () => {
     assert.equal(hint(goal, false), "aim.goal");
     assert.equal(hint({ ...goal, kind: "pose" }, false), "aim.pose");
     assert.equal(hint(goal, true), "");
     assert.equal(hint(null, false), "");
   });
 
-  test("stays where it is the question itself", () => {
+  test("stays while the page asks for the position", () => {
     assert.equal(hint({ kind: "pose", x: null, y: null, theta: null }, true), "aim.pose_first");
   });
 });
 
 describe("at the dock", () => {
-  test("pressing forward explains itself for a moment", () => {
+  test("pressing forward shows a hint for a moment", () => {
     const robot = robotOf({ docked: true });
     assert.equal(
       alertFor(driving({ robot, now: 101, pushedAt: 100 })).word,
@@ -572,7 +572,7 @@ describe("writing to the people at a stopped robot", () => {
     visit: { ...newVisit(), phase: "queued", place: 1, pause: "paused: estop", ...visit },
   });
 
-  test("is for the first who waits, where a display shows it", () => {
+  test("is for the first in the queue, if the robot has a display", () => {
     assert.equal(mayWriteWaiting(waiting()), true);
     for (const other of [
       waiting({ place: 2 }),
@@ -598,7 +598,7 @@ describe("the queue of a robot that is not ready", () => {
     return cardFor({ ...newState(), visit });
   };
 
-  test("says what the robot does first", () => {
+  test("the page shows first what the robot is doing", () => {
     assert.deepEqual(
       ["returning: dock", "charging: charging", "returning: offline", "paused: estop", ""].map(
         (reason) => card(reason).word,
@@ -616,7 +616,7 @@ describe("the queue of a robot that is not ready", () => {
     );
   });
 
-  test("says that a robot in its station is looked at, and what was found wrong with it", () => {
+  test("the page shows that a docked robot is checked, and the result", () => {
     assert.deepEqual(
       ["picture", "network", "level", "relocalize"].map(
         (reason) => card(`returning: ${reason}`).word,
@@ -635,7 +635,7 @@ describe("the queue of a robot that is not ready", () => {
     );
   });
 
-  test("says what of a study's start condition does not hold", () => {
+  test("the page shows which condition of the study is not met", () => {
     const reasons = ["not_docked", "elsewhere", "lost", "charge", "silent"];
     assert.deepEqual(
       reasons.map((reason) => card(`start: ${reason}`).word),
@@ -650,7 +650,7 @@ describe("the queue of a robot that is not ready", () => {
     );
   });
 
-  test("has its words", () => {
+  test("every state has its sentences", () => {
     const words = [
       "returning: dock",
       "returning: picture",
@@ -668,12 +668,12 @@ describe("the queue of a robot that is not ready", () => {
 });
 
 describe("the map", () => {
-  test("a drag says where the robot looks, a tap does not", () => {
+  test("a drag sets the heading, a tap does not", () => {
     assert.equal(headingOf([10, 10], [14, 12]), null);
     close([headingOf([10, 10], [40, 10]), headingOf([10, 40], [10, 10])], [0, Math.PI / 2]);
   });
 
-  test("a press chooses a point, a drag its heading; a second finger changes nothing", () => {
+  test("a press chooses a point, a drag its heading; a second pointer is ignored", () => {
     const target = new EventTarget();
     const canvas = Object.assign(target, {
       setPointerCapture: () => undefined,
@@ -704,7 +704,7 @@ describe("the map", () => {
     ]);
   });
 
-  test("what the laser sees is seen from where the laser sits", () => {
+  test("laser points are seen from the position of the laser", () => {
     const scan = {
       angleMin: -Math.PI / 2,
       angleIncrement: Math.PI / 2,
@@ -729,7 +729,7 @@ describe("the map", () => {
     );
   });
 
-  test("the ellipse lies along the greater uncertainty", () => {
+  test("the ellipse is longer along the greater uncertainty", () => {
     const { along, across, turn } = ellipseOf([0.01, 0, 0, 0.04, 0, 0]);
     close([along, across, Math.abs(turn)], [0.4, 0.2, Math.PI / 2]);
     close([ellipseOf([0.02, 0.01, 0, 0.02, 0, 0]).turn], [Math.PI / 4]);

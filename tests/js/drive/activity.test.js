@@ -65,12 +65,12 @@ const { askPermission, call, permission, prepare } =
   await import("../../../static/js/waiting/notification.js");
 
 describe("calling a visitor", () => {
-  test("is silent before the page was touched, and shows only what was allowed", async () => {
+  test("makes no sound before a touch, and shows only allowed notifications", async () => {
     await call("It is your turn", "Press Start");
     assert.deepEqual([Audio.made.length, Note.shown], [0, []]);
   });
 
-  test("sounds after a touch, and notifies whoever allowed it and looks elsewhere", async () => {
+  test("sounds after a touch, and notifies a visitor who looks elsewhere", async () => {
     prepare();
     assert.equal(await askPermission(), "granted");
     assert.equal(permission(), "granted");
@@ -80,21 +80,21 @@ describe("calling a visitor", () => {
     assert.deepEqual(Note.shown, [["It is your turn", "Press Start"]]);
   });
 
-  test("shows no notification to whoever has the page before them", async () => {
+  test("shows no notification on a page in the foreground", async () => {
     Object.assign(page, { hidden: false, hasFocus: () => true });
     await call("It is your turn", "Press Start");
     assert.equal(Note.shown.length, 1);
     Object.assign(page, { hidden: true, hasFocus: () => false });
   });
 
-  test("goes on without a notification where the browser makes none", async () => {
+  test("works in browsers without notifications", async () => {
     Note.refuses = true;
     await call("It is your turn", "Press Start");
     assert.equal(Note.shown.length, 1);
   });
 });
 
-describe("signs of being there", () => {
+describe("signs of activity", () => {
   const begin = () => {
     const [target, signs, now, asked] = [new EventTarget(), [], { at: 100 }, { now: false }];
     watchActivity({
@@ -106,7 +106,7 @@ describe("signs of being there", () => {
     return { signs, now, asked, does: (kind) => target.dispatchEvent(new Event(kind)) };
   };
 
-  test("are told now and then and not for every key", () => {
+  test("are sent every few seconds and not for every key", () => {
     const { signs, now, does } = begin();
     for (const kind of ["keydown", "keydown", "pointerdown", "wheel", "input"]) {
       does(kind);
@@ -117,7 +117,7 @@ describe("signs of being there", () => {
     assert.deepEqual(signs, [100, 120]);
   });
 
-  test("are told at once while the visitor is asked", () => {
+  test("are sent at once while the visitor is asked", () => {
     const { signs, now, asked, does } = begin();
     does("keydown");
     now.at += 1;

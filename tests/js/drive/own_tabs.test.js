@@ -20,7 +20,7 @@ const newLocks = () => {
   };
 };
 
-test("a page that drives is found by another of this browser, and by none of another", async () => {
+test("a driving page is found by pages of the same browser only", async () => {
   const [here, there] = [newLocks(), newLocks()];
   const [driver, other] = [newOwnTabs("giraff", here), newOwnTabs("giraff", here)];
   driver.mark(true);

@@ -20,7 +20,7 @@ describe("an error in a feature", () => {
     throw new Error("broken");
   };
 
-  test("is noted and stops no other feature", (context) => {
+  test("is noted and does not stop other features", (context) => {
     const [errors, registry, log] = [notedErrors(context), new Registry(), []];
     const parts = (run) => ({ handlers: { state: run }, on: { tick: run }, render: run });
     registry.add({ ...parts(fail), actions: { sound: fail } });
@@ -87,7 +87,7 @@ describe("the registry", () => {
     });
     registry.add({ render: (state) => log.push(`again ${state}`) });
     registry.emit("tick", 7);
-    registry.emit("nothing that anybody listens to");
+    registry.emit("an event without listeners");
     registry.render("it");
     assert.deepEqual(log, [7, "render it", "again it"]);
   });
@@ -104,7 +104,7 @@ describe("a feature that is loaded later", () => {
     return log;
   };
 
-  test("receives once, in order, what it missed, except for what is repeated soon", () => {
+  test("receives once, in order, what it missed, except for frequent messages", () => {
     const [registry, first] = [new Registry(), []];
     registry.add({ handlers: { path: () => first.push("path") } });
     registry.emit("granted", "lease");

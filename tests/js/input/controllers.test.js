@@ -23,7 +23,7 @@ describe("arbiter", () => {
     };
   };
 
-  test("the controller that was taken up last steers", () => {
+  test("the last controller that was used steers", () => {
     const { arbiter, emitted } = rig();
     arbiter.offer("keyboard", AHEAD);
     arbiter.offer("stick", LEFT);
@@ -31,7 +31,7 @@ describe("arbiter", () => {
     assert.deepEqual(emitted, ["keyboard 0.4 0", "stick 0 0.5"]);
   });
 
-  test("when it is let go the robot stands; the older one counts when taken up anew", () => {
+  test("an older controller that is still held must be pressed again", () => {
     const { arbiter, emitted } = rig();
     arbiter.offer("keyboard", AHEAD);
     arbiter.offer("stick", LEFT);
@@ -43,14 +43,14 @@ describe("arbiter", () => {
     assert.equal(emitted.at(-1), "keyboard 0.4 0");
   });
 
-  test("letting go of a controller that does not steer stops nothing", () => {
+  test("releasing a controller that does not steer has no effect", () => {
     const { arbiter, emitted } = rig();
     arbiter.offer("keyboard", AHEAD);
     arbiter.offer("stick", STILL);
     assert.equal(emitted.at(-1), "keyboard 0.4 0");
   });
 
-  test("release stands still whoever steered", () => {
+  test("a release stops the robot, whichever controller steered", () => {
     const { arbiter, emitted } = rig();
     arbiter.offer("stick", LEFT);
     arbiter.release();
@@ -59,7 +59,7 @@ describe("arbiter", () => {
 });
 
 describe("ramp", () => {
-  test("a key begins gently and reaches full speed in less than a second", () => {
+  test("a key starts at a low speed and reaches full speed within a second", () => {
     assert.equal(ramp(0, 1, 0), START);
     assert.ok(ramp(START, 1, 0.1) > START);
     let share = 0;
@@ -69,12 +69,12 @@ describe("ramp", () => {
     assert.equal(share, 1);
   });
 
-  test("letting go and turning round take effect at once", () => {
+  test("a release and a reversal take effect at once", () => {
     assert.equal(ramp(0.9, 0, 0.016), 0);
     assert.equal(ramp(0.9, -1, 0.016), -START);
   });
 
-  test("a share is never beyond full speed, however long the page was held up", () => {
+  test("a share never exceeds full speed after a long frame", () => {
     assert.equal(ramp(0.9, 1, 60), 1);
     assert.equal(ramp(-0.9, -1, 60), -1);
   });
@@ -84,7 +84,7 @@ describe("speeds", () => {
   const robot = { linear: 0.7, reverse: 0.3, angular: 0.7 };
   const free = { linear: null, angular: null };
 
-  test("the last step is all that the robot allows", () => {
+  test("the last step is the robot's limit", () => {
     assert.deepEqual(fullSpeeds(robot, free, STEPS.length - 1), robot);
   });
 
@@ -100,14 +100,14 @@ describe("speeds", () => {
     assert.ok(fullSpeeds(null, free, 2).linear <= 0.4);
   });
 
-  test("backwards is as slow as the robot is backwards, and nothing is never minus nothing", () => {
+  test("backwards uses the reverse limit, and zero is never negative", () => {
     assert.deepEqual(toVelocity({ ahead: -1, left: 1 }, robot), { linear: -0.3, angular: 0.7 });
     assert.ok(Object.is(toVelocity({ ahead: -0, left: -0 }, robot).linear, 0));
   });
 });
 
 describe("stick", () => {
-  test("its middle is nothing and its rim is everything, beyond as well", () => {
+  test("is zero in its middle and full at its rim and beyond", () => {
     assert.deepEqual(sharesOf(0.1, 0.05), { ahead: 0, left: 0 });
     assert.deepEqual(sharesOf(0, -1), { ahead: 1, left: 0 });
     assert.deepEqual(sharesOf(0, 3), { ahead: -1, left: 0 });
@@ -118,7 +118,7 @@ describe("stick", () => {
     assert.equal(sharesOf(0.05, -0.9).left, 0);
   });
 
-  test("a small push is a small speed", () => {
+  test("a small deflection is a low speed", () => {
     const { ahead } = sharesOf(0, -0.3);
     assert.ok(ahead > 0.1 && ahead < 0.25);
   });
@@ -159,7 +159,7 @@ describe("keyboard", () => {
   };
   const button = { closest: (selector) => (selector.includes("button") ? {} : null) };
 
-  test("a pressed key drives at once, faster while held, and not at all when let go", () => {
+  test("a pressed key drives at once, faster while held, until its release", () => {
     const { log, press, pass } = rig();
     press("keydown", "ArrowUp");
     pass(50);
@@ -169,13 +169,13 @@ describe("keyboard", () => {
     assert.deepEqual(log.at(-1), [0, 0]);
   });
 
-  test("W A S D do what the arrows do, and opposite keys cancel out", () => {
+  test("W A S D work like the arrow keys, and opposite keys cancel out", () => {
     assert.deepEqual(direction(["forward", "left"]), { ahead: 1, left: 1 });
     assert.deepEqual(direction(["forward", "backward"]), { ahead: 0, left: 0 });
     assert.deepEqual(direction(["forward", "forward", "right"]), { ahead: 1, left: -1 });
   });
 
-  test("a key with a modifier is the browser's, and lets go of all others", () => {
+  test("a key with a modifier belongs to the browser and releases all others", () => {
     const { log, press } = rig();
     press("keydown", "ArrowUp");
     const event = press("keydown", "KeyS", { ctrlKey: true });
@@ -183,7 +183,7 @@ describe("keyboard", () => {
     assert.deepEqual(log.at(-1), [0, 0]);
   });
 
-  test("the browser's repetition does not take up a key that was let go of", () => {
+  test("the browser's repetition does not press a released key", () => {
     const { keyboard, log, press } = rig();
     press("keydown", "ArrowUp");
     keyboard.letGo();
@@ -194,14 +194,14 @@ describe("keyboard", () => {
     ]);
   });
 
-  test("space stops; on a button it presses the button as well", () => {
+  test("the space bar stops, and also presses a focused button", () => {
     const { log, press } = rig();
     assert.equal(press("keydown", "Space").defaultPrevented, true);
     assert.equal(press("keydown", "Space", { on: button }).defaultPrevented, false);
     assert.deepEqual(log, ["stop", "stop"]);
   });
 
-  test("disable lets go of the keys and stops the robot; afterwards keys are deaf", () => {
+  test("disabling releases the keys and stops the robot", () => {
     const { keyboard, log, press } = rig();
     press("keydown", "ArrowUp");
     keyboard.disable();
@@ -209,7 +209,7 @@ describe("keyboard", () => {
     assert.deepEqual(log.slice(1), [[0, 0], "stop"]);
   });
 
-  test("a page that was held up does not jump to full speed", () => {
+  test("a page after a long frame does not jump to full speed", () => {
     const { log, press, pass } = rig();
     press("keydown", "ArrowUp");
     pass(5000);
@@ -225,7 +225,7 @@ describe("keyboard", () => {
 });
 
 describe("guard", () => {
-  test("losing focus, hiding the tab and leaving the page let go", () => {
+  test("losing focus, hiding the tab and leaving the page release all controllers", () => {
     const window = new EventTarget();
     const document = Object.assign(new EventTarget(), { visibilityState: "visible" });
     const why = [];

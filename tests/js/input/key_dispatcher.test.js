@@ -84,7 +84,7 @@ const ALL = [
 ];
 
 describe("the page's keys", () => {
-  test("drive, tilt, talk and change the speed where nothing has them", () => {
+  test("drive, tilt, talk and change the speed on the plain page", () => {
     for (const code of ALL) {
       const { log, send } = rig();
       send("keydown", code);
@@ -92,7 +92,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("do nothing, nor does space, in what is written in, chosen from or made rich", () => {
+  test("have no effect in fields, lists and editable text, not even space", () => {
     const fields = [
       FIELD,
       at("input"),
@@ -109,7 +109,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("do nothing with Ctrl, Alt or Meta, nor as part of a letter that is being composed", () => {
+  test("have no effect with Ctrl, Alt or Meta, or while composing a character", () => {
     for (const more of [
       { ctrlKey: true },
       { altKey: true },
@@ -123,7 +123,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("do nothing on a slider, a box and the map; space stops there unless it ticks", () => {
+  test("have no effect on a slider, a box and the map; space stops unless it ticks", () => {
     for (const [on, stops] of [
       [at("input", { type: "range" }), 1],
       [at("canvas", { "data-own-keys": "" }), 1],
@@ -135,7 +135,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("do nothing while something is open, wherever the focus is; the space bar stops", () => {
+  test("have no effect while a holder is open, except for the space bar", () => {
     const { log, send, shows } = rig();
     shows(true);
     ALL.forEach((code) => send("keydown", code));
@@ -144,7 +144,7 @@ describe("the page's keys", () => {
     assert.deepEqual(log, ["stop"]);
   });
 
-  test("that are down when something opens are let go, and mean nothing until pressed anew", () => {
+  test("are released when a holder opens, until they are pressed again", () => {
     for (const [code, begins, ends] of [
       ["KeyW", "drive", "still"],
       ["KeyT", "talk", "quiet"],
@@ -162,7 +162,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("that are pressed in a field and still down when it has closed do not tilt", () => {
+  test("that were pressed in a field do not tilt when it has closed", () => {
     const { log, send } = rig();
     send("keydown", "KeyR", { on: FIELD });
     send("keydown", "KeyR", { repeat: true });
@@ -173,7 +173,7 @@ describe("the page's keys", () => {
     assert.deepEqual(log, ["tilt", "tilt"]);
   });
 
-  test("are let go when a field gets the focus or the window loses it, and once only", () => {
+  test("are released once when a field gets the focus or the window loses it", () => {
     for (const [type, more] of [
       ["focusin", { on: FIELD }],
       ["blur", {}],
@@ -186,14 +186,14 @@ describe("the page's keys", () => {
     }
   });
 
-  test("a shortcut lets go of the others, whose release it may hide", () => {
+  test("a shortcut releases the other keys, whose release may be missed", () => {
     const { log, send } = rig();
     send("keydown", "KeyW");
     send("keydown", "KeyC", { metaKey: true });
     assert.deepEqual(log, ["drive", "still"]);
   });
 
-  test("Escape closes what is open and nothing else; where nothing is open it does nothing", () => {
+  test("Escape closes only an open holder", () => {
     const { keys, log, send, shows, holder } = rig();
     const closed = [];
     keys.closes(
@@ -211,7 +211,7 @@ describe("the page's keys", () => {
     assert.deepEqual([closed, log], [["escape", "beside"], []]);
   });
 
-  test("say whether something has them: what is open, or the field that has the focus", () => {
+  test("know whether a holder or a field has them", () => {
     const { keys, shows, root } = rig();
     assert.equal(keys.taken, false);
     root.activeElement = FIELD;
@@ -221,12 +221,12 @@ describe("the page's keys", () => {
     assert.equal(keys.taken, true);
   });
 
-  test("of something without a target are the page's", () => {
+  test("of an event without a target are the page's", () => {
     assert.equal(keyUse({ code: "KeyW", target: null }, null), "free");
   });
 });
 
-test("whatever listens to keys asks the rule", () => {
+test("all key listeners use the rule", () => {
   const root = new URL("../../../static/js/", import.meta.url);
   // a sign of presence, the choice of keys, which hand it was, and Escape of a menu of a light page
   const others = [

@@ -16,7 +16,7 @@ describe("the keymap", () => {
     }
   });
 
-  test("knows a key by its place, and by its character where that is what counts", () => {
+  test("knows a key by its place, or by its character", () => {
     const keymap = new Keymap();
     assert.equal(keymap.commandOf({ code: "KeyW" }), "forward");
     assert.equal(keymap.commandOf({ code: "KeyQ", key: "q" }), "");
@@ -24,7 +24,7 @@ describe("the keymap", () => {
     assert.equal(keymap.mapCommandOf({ code: "ArrowUp", key: "ArrowUp" }), "map_up");
   });
 
-  test("takes a visitor's own keys, from whatever had them", () => {
+  test("takes a visitor's own keys from other commands", () => {
     const keymap = new Keymap({ talk: ["KeyF"], unknown: ["KeyW"] });
     const commands = ["KeyF", "KeyT", "KeyW"].map((code) => keymap.commandOf({ code }));
     assert.deepEqual(commands, ["talk", "", "forward"]);
@@ -32,7 +32,7 @@ describe("the keymap", () => {
     assert.deepEqual([key_talk, key_look_down, key_forward], ["F", "–", "↑"]);
   });
 
-  test("gives a command one key, which no other has then, and takes nothing else from them", () => {
+  test("gives a command one key, which no other command has", () => {
     const keymap = new Keymap();
     keymap.use(keymap.withKey("talk", "KeyW"));
     keymap.use(keymap.withKey("forward", "KeyI"));
@@ -60,7 +60,7 @@ describe("the keymap", () => {
     }
   });
 
-  test("leaves the browser and the page the keys that they need", () => {
+  test("refuses keys that the browser and the page need", () => {
     const keymap = new Keymap();
     for (const key of [
       "",
@@ -82,7 +82,7 @@ describe("the keymap", () => {
     assert.deepEqual(labels, ["←", "T", "4", "7", "−"]);
   });
 
-  test("is what the page's hints and sentences are written from", () => {
+  test("writes the hints and sentences of the page", () => {
     const names = ["drive", "_presence", "_presence_words"];
     const pages = names.map((name) => read(`templates/sessions/${name}.html`)).join("\n");
     const commands = [...pages.matchAll(/data-keys="([^"]+)"/g)].flatMap(([, list]) =>

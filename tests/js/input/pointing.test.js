@@ -57,7 +57,7 @@ describe("driving to a point", () => {
     [0.6, 0.2],
     [-1, 2],
   ]) {
-    test(`a robot comes to (${goal}) on the way that was shown, and stands there`, () => {
+    test(`a robot reaches (${goal}) on the shown path and stops there`, () => {
       let place = { ...HOME };
       const shown = arcTo(HOME, goal);
       let far = 0;
@@ -79,7 +79,7 @@ describe("driving to a point", () => {
     });
   }
 
-  test("a press leads as near as the way is free, and nowhere when there is no room", () => {
+  test("a press leads to the last free point, and nowhere without room", () => {
     const free = reach(HOME, [3, 0.5], FOOTPRINT, []);
     assert.ok(Math.hypot(free.goal[0] - 3, free.goal[1] - 0.5) < 0.02);
     const short = reach(HOME, [3, 0], FOOTPRINT, wall(2));
@@ -92,7 +92,7 @@ describe("driving to a point", () => {
   });
 
   for (const side of [1, -1]) {
-    test(`a press at a side turns on the spot, as much as the picture moves on (${side})`, () => {
+    test(`a press at a side turns on the spot, as far as the video moves (${side})`, () => {
       let place = { ...HOME, x: 2, y: 1, theta: 3 };
       const point = lookingAt(place, side * SIDE_TURN);
       for (let velocity, ticks = 0; (velocity = turnTo(place, point, FULL)); ticks += 1) {
@@ -105,13 +105,13 @@ describe("driving to a point", () => {
     });
   }
 
-  test("out of the dock it goes slowly backwards, and no further than needed", () => {
+  test("the robot backs out of the dock slowly and no further than needed", () => {
     assert.deepEqual(backOut(HOME, [0, 0], FULL), { linear: -0.15, angular: 0 });
     assert.equal(backOut({ ...HOME, x: -BACK_OUT }, [0, 0], FULL), null);
   });
 });
 
-describe("an errand", () => {
+describe("a maneuver", () => {
   const rig = () => {
     const [sent, ends] = [[], []];
     const arbiter = new Arbiter((intent) => sent.push(intent));
@@ -134,7 +134,7 @@ describe("an errand", () => {
     return { arbiter, maneuver, sent, ends, world };
   };
 
-  test("is sent under the name of the hand that pressed, and ends by itself", () => {
+  test("has the name of the controller that pressed, and ends by itself", () => {
     const { maneuver, sent, ends, world } = rig();
     maneuver.start("goal", [3, 0], "touch", 0);
     maneuver.tick(world(), 0.05);
@@ -147,7 +147,7 @@ describe("an errand", () => {
     assert.deepEqual(sent.at(-1), { linear: 0, angular: 0, method: "touch" });
   });
 
-  test("turns where nothing else has room, and says no more of it than that it is over", () => {
+  test("turns where there is no room to drive", () => {
     const { maneuver, sent, ends, world } = rig();
     maneuver.start("turn", lookingAt(HOME, SIDE_TURN), "mouse", 0);
     maneuver.tick(world({ seen: wall(0.4) }), 0.05);
@@ -156,7 +156,7 @@ describe("an errand", () => {
     assert.deepEqual([ends, sent.at(-1).angular], [[["there", "turn"]], 0]);
   });
 
-  test("ends when something newer steers, and the hand can press again", () => {
+  test("ends when a newer controller steers, and can be started again", () => {
     const { arbiter, maneuver, ends, world, sent } = rig();
     maneuver.start("goal", [3, 0], "mouse", 0);
     maneuver.tick(world(), 0);
@@ -169,7 +169,7 @@ describe("an errand", () => {
     assert.equal(sent.at(-1).method, "mouse");
   });
 
-  test("ends before an obstacle, when it gets no farther, or with no news of the robot", () => {
+  test("ends before an obstacle, without progress, or without poses", () => {
     for (const [more, at, end] of [
       [{ seen: wall(0.6) }, 0.1, "blocked"],
       [{}, 4, "stuck"],
@@ -185,7 +185,7 @@ describe("an errand", () => {
     }
   });
 
-  test("does not go on from another place than where it was", () => {
+  test("ends when the robot is localized somewhere else", () => {
     const { maneuver, ends, world } = rig();
     maneuver.start("back", [0, 0], "keyboard", 0);
     maneuver.tick(world(), 0);
@@ -193,7 +193,7 @@ describe("an errand", () => {
     assert.deepEqual(ends, [["lost", "back"]]);
   });
 
-  test("is over at everything that lets go, and a controller that is disabled says stop", () => {
+  test("ends at every release, and a disabled controller stops the robot", () => {
     const { maneuver, sent, world } = rig();
     maneuver.start("goal", [3, 0], "mouse", 0);
     maneuver.tick(world(), 0);
@@ -202,7 +202,7 @@ describe("an errand", () => {
   });
 });
 
-describe("pressing on the picture", () => {
+describe("pressing on the video", () => {
   const rig = (allowed = () => true) => {
     const listeners = new Map();
     const stage = {
@@ -242,7 +242,7 @@ describe("pressing on the picture", () => {
     return { pointing, said, clock, send, listeners };
   };
 
-  test("shows where it leads, follows a drag, and goes on release", () => {
+  test("shows the path, follows a drag, and drives on release", () => {
     const { said, send } = rig();
     send("pointerdown", 110, 220);
     send("pointermove", 160, 220);
@@ -255,7 +255,7 @@ describe("pressing on the picture", () => {
     ]);
   });
 
-  test("held still it drives for as long as it is held, and not a moment longer", () => {
+  test("drives while it is held still, and no longer", () => {
     const { pointing, said, send, clock } = rig();
     send("pointerdown", 110, 220, { pointerType: "touch" });
     clock.ms = 1000 * HOLD_SECONDS - 50;
@@ -274,7 +274,7 @@ describe("pressing on the picture", () => {
     assert.deepEqual(said.at(-1), ["end", true]);
   });
 
-  test("a lost touch and a disabled controller stop; other fingers and buttons do nothing", () => {
+  test("stops at a lost touch or when disabled, and ignores other pointers and buttons", () => {
     const { pointing, said, send, listeners } = rig();
     send("pointerdown", 110, 220);
     send("pointerdown", 10, 20, { pointerId: 2 });
@@ -287,12 +287,12 @@ describe("pressing on the picture", () => {
     assert.deepEqual([said.at(-1), listeners.size], [["stop"], 0]);
   });
 
-  test("a key that is pressed meanwhile ends the press: the hand has to press anew", () => {
+  test("ends when a key is pressed, until it is pressed again", () => {
     const { pointing, said, send, clock } = rig();
     send("pointerdown", 110, 220);
     clock.ms = 2000 * HOLD_SECONDS;
     pointing.tick();
-    pointing.outdone();
+    pointing.letGo();
     pointing.tick();
     send("pointerup", 110, 220);
     assert.deepEqual(
@@ -301,7 +301,7 @@ describe("pressing on the picture", () => {
     );
   });
 
-  test("a hand that a study keeps off is told so", () => {
+  test("a controller that a study excludes is explained", () => {
     const { said, send } = rig((method) => method !== "touch");
     send("pointerdown", 110, 220, { pointerType: "touch" });
     assert.deepEqual(said, [["barred", "touch"]]);
@@ -344,7 +344,7 @@ describe("gamepad", () => {
     return { gamepads, said, look, plug, there };
   };
 
-  test("is found when plugged in, drives with its left stick, and stops when pulled out", () => {
+  test("is found when connected, drives with its left stick, and stops when removed", () => {
     const { gamepads, said, look, plug } = rig();
     gamepads.enable();
     plug("gamepadconnected", pad());
@@ -358,7 +358,7 @@ describe("gamepad", () => {
     assert.deepEqual(said.slice(2), [["drive", 0, 0], ["stop"], ["pad", false, "left"]]);
   });
 
-  test("the other stick drives once it is pressed down; buttons stop and choose the speed", () => {
+  test("drives with the other stick once pressed; buttons stop and choose the speed", () => {
     const { gamepads, said, look, there } = rig();
     there.pad = pad();
     gamepads.enable();
@@ -372,7 +372,7 @@ describe("gamepad", () => {
     assert.deepEqual(said.slice(-3), [["stop"], ["step", 1], ["drive", 0, 0]]);
   });
 
-  test("a stick held when everything lets go counts again after it was let go itself", () => {
+  test("a stick that is held during a release must be released first", () => {
     const { gamepads, said, look, there } = rig();
     there.pad = pad();
     gamepads.enable();
@@ -389,7 +389,7 @@ describe("gamepad", () => {
   });
 });
 
-describe("I press and nothing moves", () => {
+describe("a robot that does not move", () => {
   const robot = {
     safety: { estop: false, collision: false, inhibited: null },
     refused: {},
@@ -416,7 +416,7 @@ describe("I press and nothing moves", () => {
   const why = (state, more = {}) =>
     stuckFor(state, { now: 10.6, heardAt: 10.5, movedAt: 0, ...more })?.word ?? null;
 
-  test("nothing is said before half a second, to who presses nothing, or while moving", () => {
+  test("has no reason before half a second, without input, or in motion", () => {
     assert.equal(why(pressing(), { now: 10.4 }), null);
     assert.equal(why(pressing({ pressing: null })), null);
     assert.equal(why(pressing(), { movedAt: 10.5 }), null);
@@ -455,11 +455,11 @@ describe("I press and nothing moves", () => {
     });
   }
 
-  test("silent: nothing has been heard for a second", () => {
+  test("silent: no message for a second", () => {
     assert.equal(why(pressing(), { now: 12, heardAt: 10.5 }), "stuck.silent");
   });
 
-  test("what the line says anyway comes first, and slow connections do not hide the reason", () => {
+  test("other alerts come first, and slow connections do not hide the reason", () => {
     const stuck = { word: "stuck.late" };
     assert.equal(alertFor(pressing({ stuck }, { safety: { estop: true } })).word, "alert.estop");
     assert.equal(
@@ -473,7 +473,7 @@ describe("I press and nothing moves", () => {
     assert.equal(alertFor(pressing({ stuck, roundTrip: 2 })).word, "stuck.late");
   });
 
-  test("an answer to a press is read before anything else, for as long as reading takes", () => {
+  test("an answer to a press comes first, for as long as reading takes", () => {
     const said = { word: "point.wall", at: 12, until: 20 };
     assert.equal(alertFor(pressing({ said, now: 19 })).word, "point.wall");
     assert.equal(alertFor(pressing({ said, now: 21 })), null);
@@ -499,7 +499,7 @@ describe("I press and nothing moves", () => {
   });
 });
 
-describe("cues in the picture", () => {
+describe("cues in the video", () => {
   const plan = {
     walls: [{ start: [2, -5], end: [2, 5] }],
     docks: [
@@ -524,7 +524,7 @@ describe("cues in the picture", () => {
     passed: [],
   };
 
-  test("mark where the task leads, behind walls too, or else the station that can be seen", () => {
+  test("mark the target of the task, also behind walls, or else a visible dock", () => {
     assert.deepEqual(cuesFor({ ...newState(), plan, study, told }, HOME), [
       { point: [4, 0], radius: 0.5, sign: "2", hidden: true },
     ]);

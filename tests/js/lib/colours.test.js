@@ -3,7 +3,7 @@ import test from "node:test";
 
 import { createPaint } from "../../../static/js/lib/colours.js";
 
-test("colours are asked for until all of them are there, and never again", () => {
+test("colours are read until all are available, and then no more", () => {
   const sheet = { "--map-floor": " black", "--map-wall": "" };
   let asked = 0;
   globalThis.getComputedStyle = () => {

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 
 import { readDecimal } from "../../../static/js/lib/decimal.js";
 
-test("a comma is the decimal mark where the language has it, and nothing elsewhere", () => {
+test("a comma is the decimal mark only where the language uses it", () => {
   assert.equal(readDecimal("0,5", "es"), 0.5);
   assert.equal(readDecimal("0.5", "es"), 0.5);
   assert.equal(readDecimal("0.5", "en"), 0.5);
@@ -14,7 +14,7 @@ test("a comma is the decimal mark where the language has it, and nothing elsewhe
   }
 });
 
-test("a page that says nothing of its language is English", () => {
+test("a page without a language is English", () => {
   assert.equal(readDecimal(" 0.25 "), 0.25);
   assert.ok(Number.isNaN(readDecimal("1,000")));
 });

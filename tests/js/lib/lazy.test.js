@@ -3,7 +3,7 @@ import test from "node:test";
 
 import { lazy } from "../../../static/js/lib/lazy.js";
 
-test("a part that did not arrive is lazy when needed again, and then kept", async () => {
+test("a part that could not be fetched is fetched at the next need, and then kept", async () => {
   const answers = [Promise.reject(new TypeError("no network")), Promise.resolve("part")];
   let fetches = 0;
   const part = lazy(() => answers[fetches++]);

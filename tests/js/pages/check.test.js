@@ -44,7 +44,7 @@ const IN_WORDS = (changes, servers = STUN) =>
   );
 
 describe("the check of browser and network", () => {
-  test("finds nothing to say against a good one", () => {
+  test("finds no problem with a good connection", () => {
     const lines = judge(FOUND, STUN);
     assert.deepEqual(
       lines.filter(({ mark }) => mark !== "good").map(({ topic }) => topic),
@@ -53,25 +53,25 @@ describe("the check of browser and network", () => {
     assert.deepEqual([overall(lines), advice(lines)], ["good", null]);
   });
 
-  test("tells a blocked way from a detour, and from no network at all", () => {
+  test("tells a blocked connection from a relayed one, and from no network", () => {
     assert.equal(IN_WORDS({ ways: ["host"] }).way, "blocked");
     assert.equal(IN_WORDS({ ways: ["host", "relay"] }, TURN).way, "detour");
     assert.equal(IN_WORDS({ ways: [] }, TURN).way, "none");
     assert.equal(IN_WORDS({ ways: ["host"] }, []).way, "unknown");
   });
 
-  test("speaks of a detour only where the site has one", () => {
+  test("mentions a relay only where the site has one", () => {
     assert.equal(IN_WORDS({}).detour, undefined);
     assert.equal(IN_WORDS({}, TURN).detour, "none");
     assert.equal(IN_WORDS({ ways: ["srflx", "relay"] }, TURN).detour, "there");
   });
 
-  test("calls a server late that is, and a line that does not open blocked", () => {
+  test("calls a slow server slow, and a WebSocket that does not open blocked", () => {
     assert.equal(IN_WORDS({ roundTrip: 0.5 }).server, "slow");
     assert.equal(IN_WORDS({ reached: false, roundTrip: null }).server, "blocked");
   });
 
-  test("says who can drive, who can drive with a slow picture, and who cannot", () => {
+  test("tells who can drive, drive with slow video, or not at all", () => {
     const verdict = (changes) => overall(judge({ ...FOUND, ...changes }, STUN));
     assert.equal(verdict({ ways: ["host"] }), "slow");
     assert.equal(verdict({ live: false, ways: [], codecs: [] }), "slow");
@@ -79,19 +79,19 @@ describe("the check of browser and network", () => {
     assert.equal(verdict({ microphone: "blocked", camera: "none" }), "good");
   });
 
-  test("says of a browser without live video whether an app holds it, and asks no more", () => {
+  test("tells whether an app's browser lacks live video, and checks no more", () => {
     const none = { live: false, ways: [], codecs: [] };
     assert.deepEqual([IN_WORDS(none).browser, IN_WORDS(none).way], ["off", undefined]);
     assert.equal(IN_WORDS({ ...none, app: "WeChat" }).browser, "in_app");
   });
 
-  test("a picture needs one of the robots' two formats, where the browser names any", () => {
+  test("needs one of the robots' two video formats, where the browser names any", () => {
     assert.equal(IN_WORDS({ codecs: ["video/AV1"] }).picture, "none");
     assert.equal(IN_WORDS({ codecs: ["video/h264"] }).picture, "there");
     assert.equal(IN_WORDS({ codecs: [] }).picture, "there");
   });
 
-  test("gives the gravest piece of advice", () => {
+  test("gives the most important advice", () => {
     assert.equal(
       advice(judge({ ...FOUND, roundTrip: 0.5, ways: ["host"] }, STUN)).word,
       "check.way.blocked",
@@ -99,7 +99,7 @@ describe("the check of browser and network", () => {
     assert.equal(advice(judge({ ...FOUND, roundTrip: 0.5 }, STUN)).word, "check.server.slow");
   });
 
-  test("blocks nothing that the page itself reaches", () => {
+  test("does not call blocked what the page itself reaches", () => {
     const lines = judge({ ...FOUND, reached: false, roundTrip: null, ways: ["host"] }, STUN);
     assert.equal(advice(lines).word, "check.server.blocked");
     assert.equal(advice(lines, true).word, "check.way.blocked");
@@ -120,7 +120,7 @@ describe("the check of browser and network", () => {
     assert.deepEqual([record.browser, record.overall, record.app], ["in_app", "slow", "LINE"]);
   });
 
-  test("has a sentence of twenty words at most for everything, without a protocol's name", () => {
+  test("has a sentence of at most twenty words for everything, without protocol names", () => {
     const some = [
       { ...FOUND, gamepad: "Pad" },
       { ...FOUND, reached: false, roundTrip: null },
@@ -161,7 +161,7 @@ describe("browsers inside apps", () => {
     "Mozilla/5.0 (Linux; Android 14; Pixel 8; wv) AppleWebKit/537.36" +
     " (KHTML, like Gecko) Version/4.0 Chrome/126.0 Mobile Safari/537.36";
 
-  test("are known by their names, and browsers proper are not taken for them", () => {
+  test("are known by their names, and other browsers are not mistaken for them", () => {
     assert.equal(appOf(`${IPHONE} Instagram 334.0.4.32.98 (iPhone15,2; iOS 17_5)`), "Instagram");
     assert.equal(appOf(`${IPHONE} [FBAN/FBIOS;FBAV/468.0]`), "Facebook");
     assert.equal(appOf(`${IPHONE} MicroMessenger/8.0.49(0x1800312b)`), "WeChat");
@@ -173,11 +173,11 @@ describe("browsers inside apps", () => {
     );
   });
 
-  test("lead to the browser that the device has", () => {
+  test("name the browser of the device", () => {
     assert.deepEqual([browserFor(IPHONE), browserFor(ANDROID)], ["Safari", "Chrome"]);
   });
 
-  test("are told so with a link to copy, and may drive with a slow picture", () => {
+  test("get a link to copy, and may drive with slow video", () => {
     const state = (more = {}) => ({
       ...newState(),
       betterBrowser: "Safari",
@@ -193,7 +193,7 @@ describe("browsers inside apps", () => {
   });
 });
 
-describe("a robot that goes away", () => {
+describe("a robot that disconnects", () => {
   const state = (more = {}, visit = {}) => ({
     ...newState(),
     ...more,
@@ -201,7 +201,7 @@ describe("a robot that goes away", () => {
   });
   const robot = (errors, inhibited = null) => ({ errors, safety: { estop: false, inhibited } });
 
-  test("is no fault of the visitor's network, whichever part of it died", () => {
+  test("is no problem of the visitor's network, whichever part has failed", () => {
     assert.equal(isRobotsFault(state({ robot: robot([]) })), false);
     assert.equal(isRobotsFault(state({}, { online: false })), true);
     assert.equal(isRobotsFault(state({ faults: [{ part: "robot", then: "stopped" }] })), true);
@@ -212,8 +212,8 @@ describe("a robot that goes away", () => {
   });
 });
 
-describe("a connection that does not come about", () => {
-  test("is explained on the cards that wait for it and on those of its end", () => {
+describe("a missing connection", () => {
+  test("is explained on the cards of waiting and of the end", () => {
     const finding = { word: "check.way.blocked", values: {} };
     const card = (visit) =>
       cardFor({

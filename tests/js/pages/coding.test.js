@@ -8,7 +8,7 @@ import {
   press,
   withEdits,
 } from "../../../static/js/pages/replay/coding/events.js";
-import { SaveQueue } from "../../../static/js/pages/replay/coding/save_queue.js";
+import { outcomeOf } from "../../../static/js/pages/replay/coding/panel.js";
 
 const CODES = [
   {
@@ -71,7 +71,7 @@ const pressed = (presses) => {
   };
 };
 
-test("a key sets a point, begins a state and ends it", () => {
+test("a key sets a point, starts a state and ends it", () => {
   const { events } = pressed([
     [1, "help"],
     [2, "talk"],
@@ -85,7 +85,7 @@ test("a key sets a point, begins a state and ends it", () => {
   ]);
 });
 
-test("a state ends the others of its group and leaves the rest on", () => {
+test("a state ends the others of its group only", () => {
   const { events } = pressed([
     [1, "talk"],
     [2, "lost"],
@@ -98,7 +98,7 @@ test("a state ends the others of its group and leaves the rest on", () => {
   ]);
 });
 
-test("a state cannot end before it begins", () => {
+test("a state cannot end before it starts", () => {
   const { events, problems } = pressed([
     [5, "lost"],
     [4, "lost"],
@@ -108,7 +108,7 @@ test("a state cannot end before it begins", () => {
   assert.deepEqual(problems, ["", "too_early", "too_early"]);
 });
 
-test("a change has the version it was made of, even if the one before is not saved yet", () => {
+test("a change has the version of its base, even if that is not saved yet", () => {
   const { edits } = pressed([
     [1, "talk"],
     [3, "talk"],
@@ -120,7 +120,7 @@ test("a change has the version it was made of, even if the one before is not sav
   assert.equal(edits[0].event, edits[1].event);
 });
 
-test("changes that are not saved lie over what the server has, until they are deleted", () => {
+test("unsaved changes are shown over the server's events, until deleted", () => {
   const saved = [
     { event: "e", version: 3, code: "help", begin: 2, end: null, modifiers: {}, comment: "" },
   ];
@@ -130,7 +130,7 @@ test("changes that are not saved lie over what the server has, until they are de
   assert.equal(openOne(saved, "lost"), undefined);
 });
 
-test("a beginning moves within the session and never behind its end", () => {
+test("a beginning moves within the session and never past its end", () => {
   const event = {
     event: "e",
     version: 1,
@@ -145,117 +145,13 @@ test("a beginning moves within the session and never behind its end", () => {
   assert.equal(moved(event, "begin", 4, 60, ids()), null);
 });
 
-// --- saving --------------------------------------------------------------------------------------
-
-class MemoryStorage {
-  setItem(name, value) {
-    this[name] = value;
-  }
-  getItem(name) {
-    return this[name] ?? null;
-  }
-  removeItem(name) {
-    delete this[name];
-  }
-}
-
-const edit = (id) => ({
-  id,
-  event: `e-${id}`,
-  base: 0,
-  code: "help",
-  begin: 1,
-  end: null,
-  modifiers: {},
-  comment: "",
-  is_deleted: false,
-});
-const settled = () => new Promise((resolve) => setImmediate(resolve));
-
-const queueWith = (answers, storage = new MemoryStorage()) => {
-  const told = { sent: [], states: [], answers: [], later: [] };
-  const queue = new SaveQueue({
-    storage,
-    key: "coding:1",
-    send: async (edits) => {
-      told.sent.push(edits.map(({ id }) => id));
-      const status = answers.shift();
-      if (status === 0) {
-        throw new TypeError("no network");
-      }
-      return { status, body: { saved: [] } };
-    },
-    onState: (state) => told.states.push(state),
-    onAnswer: (answer, sent) => told.answers.push(sent.length),
-    later: (seconds, then) => told.later.push([seconds, then]),
-    now: () => 1_000,
+test("an answer of the server decides what happens to changes", () => {
+  const states = [200, 400, 409, 302, 403, 404, 0, 503].map((status) => {
+    const { state, isDone } = outcomeOf({ status, body: null });
+    return `${status} ${state}${isDone ? ", done" : ""}`;
   });
-  return { queue, told, storage };
-};
-
-test("what is saved is forgotten", async () => {
-  const { queue, told, storage } = queueWith([200]);
-  queue.add([edit("a")]);
-  assert.equal(Object.keys(storage).length, 1);
-  await settled();
-  assert.deepEqual(
-    [told.states.at(-1), queue.pending.length, Object.keys(storage).length],
-    ["saved", 0, 0],
-  );
-});
-
-test("offline, changes wait in order, and are sent again after longer pauses", async () => {
-  const { queue, told } = queueWith([0, 503, 200, 200]);
-  queue.add([edit("a")]);
-  await settled();
-  queue.add([edit("b")]);
-  await settled();
-  assert.equal(told.states.at(-1), "waiting");
-  assert.deepEqual(
-    told.later.map(([seconds]) => seconds),
-    [1],
-  );
-  told.later[0][1]();
-  await settled();
-  assert.deepEqual(told.sent, [["a"], ["a", "b"], ["a", "b"]]);
-  assert.equal(told.states.at(-1), "saved");
-});
-
-test("a page that is loaded again sends what the one before it could not", async () => {
-  const first = queueWith([0]);
-  first.queue.add([edit("a"), edit("b")]);
-  await settled();
-  first.storage["coding:2:x"] = JSON.stringify(edit("of another session"));
-  first.storage["coding:1:broken"] = "{";
-  const again = queueWith([200], first.storage);
-  assert.deepEqual(
-    again.queue.pending.map(({ id }) => id),
-    ["a", "b"],
-  );
-  await again.queue.flush();
-  assert.deepEqual(again.told.sent, [["a", "b"]]);
-  assert.deepEqual(Object.keys(first.storage), ["coding:2:x", "coding:1:broken"]);
-});
-
-test("it is told when all is saved, or that it is not", async () => {
-  const { queue } = queueWith([200, 200, 0]);
-  assert.equal(await queue.settled(), true);
-  queue.add([edit("a")]);
-  queue.add([edit("b")]); // while the first one is on its way
-  assert.equal(await queue.settled(), true);
-  queue.add([edit("c")]);
-  assert.equal(await queue.settled(), false);
-});
-
-test("what the server does not take is kept, and the page says why", async () => {
-  for (const [status, state] of [
-    [409, "refused"],
-    [403, "signed_out"],
-    [302, "signed_out"],
-  ]) {
-    const { queue, told } = queueWith([status]);
-    queue.add([edit("a")]);
-    await settled();
-    assert.deepEqual([told.states.at(-1), queue.pending.length], [state, 1]);
-  }
+  assert.deepEqual(states, [
+    ...["200 saved, done", "400 refused", "409 refused"],
+    ...["302 signed_out", "403 signed_out", "404 signed_out", "0 waiting", "503 waiting"],
+  ]);
 });

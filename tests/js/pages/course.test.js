@@ -11,7 +11,7 @@ import {
   withPoint,
 } from "../../../static/js/pages/admin/course_points.js";
 
-test("points are read from lines and written back to the centimetre", () => {
+test("points are read from lines and written to the centimetre", () => {
   assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n", "es"), [
     [1, 2],
     [3.5, -4],
@@ -26,14 +26,14 @@ test("points are read from lines and written back to the centimetre", () => {
   assert.deepEqual(parsePoints(formatPoints([[0.1, 0.2]])), [[0.1, 0.2]]);
 });
 
-test("a line that is no point is no path", () => {
+test("a line that is no point makes no path", () => {
   for (const text of ["1", "1 2 3", "a b", "1 2\nx"]) {
     assert.equal(parsePoints(text), null);
   }
   assert.deepEqual(parsePoints(""), []);
 });
 
-test("a new point goes into the line that it is near to, else to the end", () => {
+test("a new point is inserted into a near line, else at the end", () => {
   const path = [
     [0, 0],
     [4, 0],
@@ -64,7 +64,7 @@ test("a new point goes into the line that it is near to, else to the end", () =>
   ]);
 });
 
-test("a point is moved, and taken away while enough are left", () => {
+test("a point is moved, and removed while enough are left", () => {
   assert.deepEqual(
     withMoved(
       [
@@ -114,6 +114,6 @@ test("arrow keys move by ten centimetres, and by two with shift; up is up on the
   assert.equal(stepOf("Enter", false), null);
 });
 
-test("no negative nought is written", () => {
+test("zero is never written as negative", () => {
   assert.equal(Object.is(rounded(-0.001), 0), true);
 });

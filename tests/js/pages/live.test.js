@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { courseOf, trailOf } from "../../../static/js/pages/live/course.js";
-import { doorStates } from "../../../static/js/pages/live/labels.js";
+import { doorStates, driverOf } from "../../../static/js/pages/live/labels.js";
 
 const stop = (number) => ({ number, x: number, y: 0, radius: 0.5, title: "" });
 const course = {
@@ -16,7 +16,7 @@ const course = {
 };
 const statuses = (marks) => marks.stops.map(({ number, status }) => [number, status]);
 
-test("a door is drawn as the robot says, else as set for the drive, else for the robot", () => {
+test("a door is drawn as reported, else as set for the drive, else for the robot", () => {
   const robot = {
     doors: [
       { name: "said", set: "open", confirmed: "closed" },
@@ -29,7 +29,14 @@ test("a door is drawn as the robot says, else as set for the drive, else for the
   assert.deepEqual(doorStates(robot, null), { said: "closed", assigned: "open", set: "closed" });
 });
 
-test("the course of whoever drives has what was passed and what is next", () => {
+test("the driver's line has the number of errors in the page", () => {
+  const drive = { heard: null, code: "P1", kind: "", number: 1, condition: "", state: "" };
+  const words = { say: (word, values) => (values?.n ? `${word} ${values.n}` : "") };
+  assert.match(driverOf({ ...drive, script_errors: 2 }, words), /script_errors 2/);
+  assert.doesNotMatch(driverOf({ ...drive, script_errors: 0 }, words), /script_errors/);
+});
+
+test("the course of a drive has its passed and next checkpoints", () => {
   const task = { cue: "go_to_checkpoint", number: 2, passed: [1], checkpoints: 2, remaining: null };
   const marks = courseOf({ 1: course, 2: { ...course, path: [] } }, 2, { version: 1, task });
   assert.deepEqual(statuses(marks), [
@@ -40,7 +47,7 @@ test("the course of whoever drives has what was passed and what is next", () => 
   assert.deepEqual(marks.path, course.path);
 });
 
-test("while nobody drives nothing is next, and a drive without a task has no course", () => {
+test("without a drive there is no next checkpoint, without a task no course", () => {
   const marks = courseOf({ 2: course }, 2, null);
   assert.deepEqual(statuses(marks), [
     [1, "later"],
@@ -51,7 +58,7 @@ test("while nobody drives nothing is next, and a drive without a task has no cou
   assert.equal(courseOf({}, 2, null), null);
 });
 
-test("the path so far has no place where the robot had lost its position", () => {
+test("the path so far has only localized positions", () => {
   assert.deepEqual(trailOf({ x: [0, 1, 2], y: [0, 0, 1], localized: [1, 0, 1] }), [
     [0, 0],
     [2, 1],

@@ -14,7 +14,7 @@ const fieldsOf = (values) => ({
   },
 });
 
-test("an opening has two ends, and each is moved by itself", () => {
+test("an opening has two ends that move separately", () => {
   const fields = fieldsOf({
     "openings.0.x": "1",
     "openings.0.y": "2",
@@ -40,7 +40,7 @@ test("an opening has two ends, and each is moved by itself", () => {
   assert.equal(end.label, "Opening 1, end");
 });
 
-test("the direction of a dock follows the handle before it", () => {
+test("the heading of a dock follows its handle", () => {
   const fields = fieldsOf({ "docks.0.x": "1", "docks.0.y": "1", "docks.0.heading": "180.0" });
   const [dock, heading] = handlesOf(
     { part: "docks.0", kind: "dock", label: "Dock" },
@@ -54,7 +54,7 @@ test("the direction of a dock follows the handle before it", () => {
   assert.deepEqual([fields.values["docks.0.x"], fields.values["docks.0.y"]], ["4", "5"]);
 });
 
-test("what is removed or has no number is not on the map", () => {
+test("a removed part, or one without numbers, is not on the map", () => {
   const part = { part: "places.0", kind: "place", label: "A" };
   assert.equal(
     handlesOf(part, fieldsOf({ "places.0.x": "1", "places.0.y": "east" }), WORDS).length,

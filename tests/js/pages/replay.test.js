@@ -37,7 +37,7 @@ const statesOf = (rows) => ({
   localized: rows.map(([, , , , localized = 1]) => localized),
 });
 
-test("the last state before a moment is found for every moment", () => {
+test("the last state before a time is found for every time", () => {
   const times = [0, 0.25, 0.5, 0.5, 3];
   for (const [t, index] of [
     [-1, -1],
@@ -54,7 +54,7 @@ test("the last state before a moment is found for every moment", () => {
   assert.equal(lastBefore([], 1), -1);
 });
 
-test("between two states the robot is on the straight line, and turns the short way round", () => {
+test("between two states the robot is on the straight line, and takes the shorter turn", () => {
   const moment = momentAt(
     statesOf([
       [0, 0, 0, 3.0],
@@ -66,7 +66,7 @@ test("between two states the robot is on the straight line, and turns the short 
   assert.ok(Math.abs(Math.abs(moment.theta) - Math.PI) < 1e-6, `${moment.theta}`);
 });
 
-test("where states are missing the robot stays where it was last seen, and that is said", () => {
+test("without states the robot stays at its last position, marked as stale", () => {
   const states = statesOf([
     [0, 0, 0, 0],
     [10, 4, 0, 0],
@@ -77,7 +77,7 @@ test("where states are missing the robot stays where it was last seen, and that 
   assert.equal(momentAt(statesOf([]), 5), null);
 });
 
-test("a robot that found itself somewhere else is not drawn on the way there", () => {
+test("a robot that was localized somewhere else is not drawn in between", () => {
   const states = statesOf([
     [0, 0, 0, 0],
     [0.25, 0.1, 0, 0],
@@ -112,7 +112,7 @@ test("a command is in force for half a second, a network sample for three", () =
   assert.equal(networkAt(record, 4.1), null);
 });
 
-test("pixels and seconds go into each other, and never leave the time line", () => {
+test("pixels and seconds convert both ways, within the time line", () => {
   for (const t of [0, 12.5, 600]) {
     assert.ok(Math.abs(timeAt(xOf(t, 600, 358), 600, 358) - t) < 1e-9);
   }
@@ -123,7 +123,7 @@ test("pixels and seconds go into each other, and never leave the time line", () 
   assert.deepEqual([clamp(NaN, 10), clamp(Infinity, 10), clamp(-1, 10)], [0, 0, 0]);
 });
 
-test("ticks stand so far apart that their words do not touch", () => {
+test("the labels of ticks do not touch", () => {
   for (const [duration, width] of [
     [600, 358],
     [600, 1200],
@@ -141,21 +141,21 @@ test("ticks stand so far apart that their words do not touch", () => {
   }
 });
 
-test("a moment is written in minutes and seconds", () => {
+test("a time is written in minutes and seconds", () => {
   assert.deepEqual(
     [written(0), written(59.999), written(125.36), written(125.36, true), written(3600, true)],
     ["0:00", "0:59", "2:05", "2:05.3", "60:00.0"],
   );
 });
 
-test("an address asks for a moment within the session", () => {
+test("an address selects a time within the session", () => {
   assert.deepEqual(
     ["?t=12.5", "?t=9999", "?t=-3", "?t=soon", ""].map((search) => asked(search, 600)),
     [12.5, 600, 0, 0, 0],
   );
 });
 
-test("playing goes on at its speed and stops at the end, from where it begins again", () => {
+test("playing stops at the end, and starts again from the beginning", () => {
   let player = toggle(newPlayer(10));
   player = advance(setSpeed(player, 4), 2);
   assert.deepEqual([player.t, player.playing], [8, true]);
@@ -170,7 +170,7 @@ test("time never runs backwards while it plays", () => {
   assert.equal(advance(toggle(newPlayer(10, 5)), -1).t, 5);
 });
 
-test("keys seek, play, and change the speed within what there is", () => {
+test("keys seek, play, and change the speed within its bounds", () => {
   const player = newPlayer(100, 50);
   assert.equal(pressed(player, "ArrowRight", false).t, 51);
   assert.equal(pressed(player, "ArrowLeft", true).t, 40);
@@ -182,7 +182,7 @@ test("keys seek, play, and change the speed within what there is", () => {
   assert.equal(seek(player, 1e9).t, 100);
 });
 
-test("commands in a row with one input method are one stretch, until a pause or another", () => {
+test("commands with one input method are one stretch, until a pause or another method", () => {
   const t = [0, 0.1, 0.2, 0.5, 0.6, 0.65];
   assert.deepEqual(
     stretches({ t, method: [0, 0, 0, 0, 1, 1] }).map((one) =>
@@ -197,7 +197,7 @@ test("commands in a row with one input method are one stretch, until a pause or 
   assert.deepEqual(stretches({ t: [], method: [] }), []);
 });
 
-test("a scale ends at a round number that holds its values", () => {
+test("a scale ends at a round number that includes its values", () => {
   for (const [least, end] of [
     [0.5, 0.5],
     [0.51, 1],
@@ -211,7 +211,7 @@ test("a scale ends at a round number that holds its values", () => {
   }
 });
 
-test("each strip has an axis with its unit, and the lines stand between the axes", () => {
+test("each strip has an axis with its unit, and lines between the axes", () => {
   const texts = [];
   const context = new Proxy(
     {

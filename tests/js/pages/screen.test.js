@@ -42,7 +42,7 @@ const world = (...troubles) => {
   return { mediaSender, closed, again, changes: () => changes };
 };
 
-test("a robot with eyes of its own is given nothing, and no device is asked for", async () => {
+test("a robot with its own camera and microphone gets none", async () => {
   const { mediaSender, closed, changes } = world("would fail");
   const peer = peerThatWants();
   await mediaSender.to(peer);
@@ -52,14 +52,14 @@ test("a robot with eyes of its own is given nothing, and no device is asked for"
   );
 });
 
-test("a robot that wants both is given both", async () => {
+test("a robot that wants both gets both", async () => {
   const { mediaSender } = world();
   const peer = peerThatWants("audio", "video");
   await mediaSender.to(peer);
   assert.deepEqual(peer.given, { audio: "audio track", video: "video track" });
 });
 
-test("what a browser refuses is said, and tried again until it gives", async () => {
+test("a refusal of the browser is shown, and the device is requested again", async () => {
   const { mediaSender, again } = world("refused");
   const peer = peerThatWants("video");
   await mediaSender.to(peer);
@@ -70,7 +70,7 @@ test("what a browser refuses is said, and tried again until it gives", async () 
   assert.deepEqual([mediaSender.trouble, peer.given], ["", { video: "video track" }]);
 });
 
-test("an unplugged camera is asked for again, for the current connection only", async () => {
+test("an unplugged camera is requested again, for the current connection only", async () => {
   const { mediaSender, again } = world(null, "missing");
   const old = peerThatWants("video");
   await mediaSender.to(old);

@@ -16,7 +16,7 @@ const RUNS_ON = { errors: ["runs_on: the robot keeps moving"] };
 const STOPPED = { safety: { estop: true, estopSource: "screen:hall" } };
 const watching = (...given) => sceneFor(told(...given), 100).watching;
 
-test("people at the robot are told how many watch, without the one who drives", () => {
+test("people at the robot see the number of viewers, without the driver", () => {
   assert.equal(watching({ viewers: 12 }), 12);
   assert.equal(watching({ viewers: 13, session: "s1" }), 12);
   assert.equal(watching({ viewers: 0, session: "s1" }), 0);
@@ -24,7 +24,7 @@ test("people at the robot are told how many watch, without the one who drives", 
   assert.equal(watching({}, { state: null }), 0);
 });
 
-test("who waits at a stopped robot and the people there can write to each other", () => {
+test("a waiting visitor at a stopped robot and people there can write to each other", () => {
   const waits = { title: "Giraff", session: null, visitor: null, waiting: "Ben", study: false };
   const scene = sceneFor(told({ safety: { estop: true } }, { screen: waits }), 100);
   assert.deepEqual([scene.scene, scene.name, scene.canWrite], ["waiting", "Ben", true]);
@@ -37,7 +37,7 @@ test("who waits at a stopped robot and the people there can write to each other"
   assert.deepEqual([away.scene, away.canWrite], ["offline", false]);
 });
 
-test("whoever wants to release a stop is asked first, and the question goes away by itself", () => {
+test("a release of a stop is confirmed first, within a limited time", () => {
   const at = (now, fields) => {
     const { stopped, release } = sceneFor(told(STOPPED, fields), now);
     return [stopped, release];
@@ -49,7 +49,7 @@ test("whoever wants to release a stop is asked first, and the question goes away
   assert.equal(sceneFor(moving, 101).release, "");
 });
 
-test("people beside a robot that was stopped between visits can release it", () => {
+test("people at a robot that was stopped between sessions can release it", () => {
   const held = { safety: { estop: false, inhibited: "stopped" } };
   const nobody = { title: "Giraff", session: null, visitor: null, study: false };
   const at = (screen) => {
@@ -60,7 +60,7 @@ test("people beside a robot that was stopped between visits can release it", () 
   assert.deepEqual(at({ ...nobody, session: "s1", visitor: "Ada" }), ["", ""]);
 });
 
-test("whoever releases a stop sees that it is on its way, and what to do without an answer", () => {
+test("a release is shown as in progress, and so is a missing answer", () => {
   const at = (now, release) => {
     const { stopped, release: button } = sceneFor(told(STOPPED, { release }), now);
     return [stopped, button];
@@ -74,13 +74,13 @@ test("whoever releases a stop sees that it is on its way, and what to do without
   assert.equal(sceneFor(other, 101).release, "");
 });
 
-test("people at the robot read that it moves although it should stand still", () => {
+test("people at the robot see that it moves although it should be at rest", () => {
   const { stopped } = sceneFor(told({ ...RUNS_ON, ...STOPPED }), 100);
   assert.equal(stopped, "runs_on");
   assert.equal(sceneFor(told(STOPPED), 100).stopped, "ours");
 });
 
-test("people at the robot read that the server fails, is silent, or denied what they asked", () => {
+test("people at the robot see that the server fails, is silent, or denied a request", () => {
   const troubles = (changes, silence = 0, now = 100) =>
     troubleOf({ ...told({}), ...changes }, silence, now);
   assert.equal(troubles({}), "");

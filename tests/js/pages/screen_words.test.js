@@ -4,7 +4,7 @@ import { describe, test } from "node:test";
 import { Receipts, newFate } from "../../../static/js/pages/screen/receipts.js";
 import { createVoice } from "../../../static/js/pages/screen/speech.js";
 
-describe("what the visitor is told of their words", () => {
+describe("receipts of messages", () => {
   const fateOf = (...steps) => {
     const told = [];
     const fate = newFate((state) => told.push(state));
@@ -14,14 +14,14 @@ describe("what the visitor is told of their words", () => {
     return told;
   };
 
-  test("words are shown when they were seen, and read aloud when the voice has ended", () => {
+  test("a visible message is shown, and one read to its end is spoken", () => {
     assert.deepEqual(fateOf(), []);
     assert.deepEqual(fateOf(["seen"]), ["shown"]);
     assert.deepEqual(fateOf(["seen"], ["spoken", true]), ["shown", "spoken"]);
     assert.deepEqual(fateOf(["seen"], ["spoken", false]), ["shown", "not_spoken"]);
   });
 
-  test("words that nobody could see are not said to be shown because their voice failed", () => {
+  test("a message that was not visible does not count as shown when its voice fails", () => {
     assert.deepEqual(fateOf(["spoken", false]), []);
     assert.deepEqual(fateOf(["spoken", false], ["seen"]), ["not_spoken"]);
     assert.deepEqual(fateOf(["spoken", true]), ["spoken"]);
@@ -36,7 +36,7 @@ describe("receipts", () => {
   };
   const answer = (actionId, status, reason = "") => ({ actionId, status, reason });
 
-  test("are said again under the same id until the robot answers", () => {
+  test("are repeated under the same id until the robot answers", () => {
     const { sent, receipts } = world();
     receipts.say("a1", "shown", 100);
     receipts.tick(101);
@@ -52,7 +52,7 @@ describe("receipts", () => {
     assert.equal(sent.length, 4);
   });
 
-  test("end when the robot does not know the words, after a minute, and with the session", () => {
+  test("end when the robot lacks the message, after a minute, and with the session", () => {
     const { sent, receipts } = world();
     receipts.say("a1", "shown", 100);
     receipts.answered(answer(sent[0][0], "FAILED", "unknown_words"));
@@ -99,7 +99,7 @@ describe("the display's voice", () => {
     return { voice, say, spoken, ends, fire, timers, cancelled: () => cancelled };
   };
 
-  test("speaks one sentence after the other, and tells of each when it has ended", () => {
+  test("speaks one message after another, and reports the end of each", () => {
     const { say, spoken, ends, timers } = world();
     say("one");
     say("two");
@@ -120,7 +120,7 @@ describe("the display's voice", () => {
     assert.equal(timers.size, 0);
   });
 
-  test("that never begins, or never ends, was not heard, and the next one has its turn", () => {
+  test("skips a message that does not start or end in time", () => {
     const { say, spoken, ends, fire, cancelled } = world();
     say("never begins");
     say("never ends");
@@ -134,7 +134,7 @@ describe("the display's voice", () => {
     assert.equal(cancelled(), 2);
   });
 
-  test("that is hushed says nothing more", () => {
+  test("is silent after it was hushed", () => {
     const { voice, say, spoken, ends } = world();
     say("one");
     say("two");
@@ -151,7 +151,7 @@ describe("the display's voice", () => {
     );
   });
 
-  test("at volume 0, or without speech, was not heard", () => {
+  test("does not count as heard at volume 0, or without speech", () => {
     const { say, ends, spoken } = world();
     say("softly", 0);
     assert.deepEqual([ends, spoken], [[["softly", false]], []]);

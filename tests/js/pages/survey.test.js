@@ -7,14 +7,13 @@ import { test } from "node:test";
 import { createAttention } from "../../../static/js/pages/survey/attention.js";
 import { shownKeys } from "../../../static/js/pages/survey/conditions.js";
 import { moved, stepTo } from "../../../static/js/pages/survey/ranking.js";
-import { createSaver } from "../../../static/js/pages/survey/saver.js";
 
 const CASES = JSON.parse(
   readFileSync(new URL("../../golden/survey_conditions.json", import.meta.url), "utf8"),
 );
 
 for (const { name, questions, said, shown } of CASES) {
-  test(`conditions say the same as the server: ${name}`, () => {
+  test(`conditions agree with the server: ${name}`, () => {
     const listed = Object.entries(questions).map(([key, condition]) => ({
       key,
       condition: condition && { is: [], at_least: null, at_most: null, ...condition },
@@ -23,7 +22,7 @@ for (const { name, questions, said, shown } of CASES) {
   });
 }
 
-test("the time before a touch belongs to what is touched", () => {
+test("the time before a touch counts for the touched question", () => {
   let now = 100;
   const attention = createAttention(() => now);
   now = 103;
@@ -35,7 +34,7 @@ test("the time before a touch belongs to what is touched", () => {
   assert.deepEqual(attention.all(), { a: 5, b: 1 });
 });
 
-test("time out of sight belongs to nothing, and time before it is not lost", () => {
+test("time while hidden does not count, and the time before it does", () => {
   let now = 0;
   const attention = createAttention(() => now);
   now = 2;
@@ -51,7 +50,7 @@ test("time out of sight belongs to nothing, and time before it is not lost", () 
   assert.deepEqual(attention.all(), { a: 5, b: 0 });
 });
 
-test("what is moved makes the others move up by one place", () => {
+test("a moved option shifts the others by one place", () => {
   assert.deepEqual(moved(["a", "b", "c", "d"], 3, 0), ["d", "a", "b", "c"]);
   assert.deepEqual(moved(["a", "b", "c", "d"], 0, 2), ["b", "c", "a", "d"]);
   assert.deepEqual(moved(["a", "b", "c", "d"], 1, 1), ["a", "b", "c", "d"]);
@@ -79,7 +78,7 @@ const dragged = (heights, held, y) => {
   return "moves for ever";
 };
 
-test("a row that is dragged comes to stand under the pointer", () => {
+test("a dragged row stops under the pointer", () => {
   const even = { a: 50, b: 50, c: 50 };
   assert.equal(dragged(even, "a", 30), "abc");
   assert.equal(dragged(even, "a", 80), "bac");
@@ -87,101 +86,9 @@ test("a row that is dragged comes to stand under the pointer", () => {
   assert.equal(dragged(even, "c", -9), "cab");
 });
 
-test("rows of different heights come to rest wherever one is dragged", () => {
+test("rows of different heights settle wherever one is dragged", () => {
   const uneven = { a: 140, b: 44, c: 80, d: 44 };
   for (const held of "abcd") {
     for (let y = -50; y < 400; y += 1) assert.match(dragged(uneven, held, y), /^[abcd]{4}$/);
   }
-});
-
-const memory = () => {
-  const kept = new Map();
-  return {
-    getItem: (key) => kept.get(key) ?? null,
-    setItem: (key, value) => kept.set(key, value),
-    removeItem: (key) => kept.delete(key),
-    kept,
-  };
-};
-
-/** A saver whose requests are answered by hand. */
-const rig = (storage = memory()) => {
-  const sent = [];
-  const told = [];
-  const waits = [];
-  const saver = createSaver({
-    send: (key, fields) => new Promise((resolve) => sent.push({ key, fields, resolve })),
-    tell: (state, key, error) => told.push([state, key, error]),
-    storage,
-    name: "page",
-    later: (run, ms) => waits.push({ run, ms }),
-  });
-  const answer = async (outcome) => {
-    sent.at(-1).resolve(outcome);
-    await new Promise((resolve) => setImmediate(resolve));
-  };
-  return { saver, sent, told, waits, answer, storage };
-};
-
-const OK = { ok: true, final: true };
-const LOST = { ok: false, final: false };
-
-test("answers are sent one after the other, and of each question only the newest", async () => {
-  const { saver, sent, answer } = rig();
-  saver.save("a", [["a", "1"]]);
-  saver.save("b", [["b", "1"]]);
-  saver.save("b", [["b", "2"]]);
-  saver.save("a", [["a", "3"]]);
-  assert.equal(sent.length, 1);
-  for (let n = 0; n < 3; n += 1) await answer(OK);
-  assert.deepEqual(
-    sent.map(({ fields }) => fields),
-    [[["a", "1"]], [["b", "2"]], [["a", "3"]]],
-  );
-  assert.equal(saver.unsent().size, 0);
-});
-
-test("what does not arrive is tried again, with longer and longer waits", async () => {
-  const { saver, sent, waits, answer, told } = rig();
-  saver.save("a", [["a", "1"]]);
-  for (let n = 0; n < 7; n += 1) {
-    await answer(LOST);
-    waits.at(-1).run();
-  }
-  assert.deepEqual(
-    waits.map(({ ms }) => ms),
-    [1000, 2000, 4000, 8000, 15000, 15000, 15000],
-  );
-  await answer(OK);
-  assert.deepEqual(told.at(-1), ["saved", "a", ""]);
-  assert.equal(sent.length, 8);
-});
-
-test("what was not sent outlives a reload", async () => {
-  const first = rig();
-  first.saver.save("a", [["a", "1"]]);
-  await first.answer(LOST);
-  const second = rig(first.storage);
-  assert.deepEqual([...second.saver.unsent()], [["a", [["a", "1"]]]]);
-  second.saver.resume();
-  await second.answer(OK);
-  assert.equal(first.storage.kept.size, 0);
-});
-
-test("what the server refuses is not sent again, and its reason is told", async () => {
-  const { saver, sent, told, answer } = rig();
-  saver.save("a", [["a", "99"]]);
-  await answer({ ok: false, final: true, error: "Too large." });
-  assert.deepEqual(told.at(-1), ["refused", "a", "Too large."]);
-  assert.equal(sent.length, 1);
-  assert.equal(saver.unsent().size, 0);
-});
-
-test("what comes from somebody who is signed out is kept for when they are back", async () => {
-  const first = rig();
-  first.saver.save("a", [["a", "1"]]);
-  await first.answer({ ok: false, final: true, keep: true, error: "You are logged out." });
-  assert.deepEqual(first.told.at(-1), ["refused", "a", "You are logged out."]);
-  assert.equal(first.waits.length, 0);
-  assert.deepEqual([...rig(first.storage).saver.unsent().keys()], ["a"]);
 });

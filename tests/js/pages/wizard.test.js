@@ -9,13 +9,13 @@ import { Rejection } from "../../../static/js/protocol/robot_api.js";
 
 const LIMITS = { linear: 0.5, reverse: 0.25, angular: 1 };
 
-test("a drive lasts as long as the step says and no longer", () => {
+test("a drive takes exactly the time of the step", () => {
   const move = begin({ drive: { linear: 0.2, angular: -0.1, seconds: 2 }, turn: null }, 10);
   assert.deepEqual(velocityOf(move, 11.99, LIMITS), { linear: 0.2, angular: -0.1 });
   assert.equal(velocityOf(move, 12, LIMITS), null);
 });
 
-test("a turn around goes by the robot's own heading, also across the back, and ends", () => {
+test("a turn follows the robot's heading, also across the back, and ends", () => {
   const dt = 0.05;
   for (const angle of [3.14, -3.14, 1, -0.4]) {
     let move = begin({ drive: null, turn: angle }, 0);
@@ -36,27 +36,27 @@ test("a turn around goes by the robot's own heading, also across the back, and e
   }
 });
 
-test("a turn of which the robot tells nothing ends by its time", () => {
+test("a turn without a heading ends after a time", () => {
   const move = begin({ drive: null, turn: 1 }, 0);
   assert.ok(velocityOf(move, 24, LIMITS));
   assert.equal(velocityOf(move, 26, LIMITS), null);
 });
 
-test("what is held is a velocity, and letting go is none", () => {
+test("held keys give a velocity, and a release gives none", () => {
   let changes = 0;
   const hand = new Hand({ onChange: () => (changes += 1) });
-  hand.press("back", "keyboard");
+  hand.press("backward", "keyboard");
   hand.press("left", "touch");
   assert.deepEqual(hand.velocity(LIMITS), { linear: -0.15, angular: 0.6, method: "touch" });
   hand.letGo();
   hand.letGo();
   assert.equal(hand.velocity(LIMITS).angular, 0);
   assert.equal(changes, 3);
-  assert.equal(Hand.directionOf("KeyW"), "forward");
-  assert.equal(Hand.directionOf("Digit1"), null);
+  assert.equal(Hand.directionOf("forward"), "forward");
+  assert.equal(Hand.directionOf("talk"), null);
 });
 
-test("an operator reads that a request failed, and nothing of a velocity too many", () => {
+test("the operator sees that a request failed, but not that one velocity was dropped", () => {
   const { suffix, message } = readPacket(
     'denied\n{"suffix": "wizard/take", "reason": "unavailable"}',
   );
@@ -69,7 +69,7 @@ test("an operator reads that a request failed, and nothing of a velocity too man
   }
 });
 
-test("an operator reads that the robot has stopped as soon as the broker fails", () => {
+test("the operator sees at once that the robot has stopped when the broker fails", () => {
   const word = (fault, changes = {}) =>
     faultFor(
       { granted: { epoch: 1 }, connected: true, silent: false, faults: [fault], ...changes },
@@ -83,7 +83,7 @@ test("an operator reads that the robot has stopped as soon as the broker fails",
   assert.equal(word(broker, { silent: true }), undefined);
 });
 
-test("an operator reads that the robot is silent, whatever the video does", () => {
+test("the operator sees that the robot is silent, whatever the video shows", () => {
   for (const then of ["waits", "stopped"]) {
     for (const granted of [null, { epoch: 1 }]) {
       const faults = [{ part: "robot", then, at: null }];
@@ -93,7 +93,7 @@ test("an operator reads that the robot is silent, whatever the video does", () =
   }
 });
 
-test("a packet of the server has its defaults, and one of nobody is refused", () => {
+test("a packet of the server has its defaults, and an unknown one is refused", () => {
   const step = { key: "b", title: "B", drive: { seconds: 2 } };
   const stage = { key: "a", title: "A", steps: [step] };
   const { message } = readPacket(

@@ -30,7 +30,7 @@ const pass = (delivery, from, to) => {
   return { delivery, sent };
 };
 
-test("a sentence is sent when the robot has it, shown and read when its screen says so", () => {
+test("a message is sent when the robot has it, shown and read when displayed", () => {
   let delivery = said({ aloud: true });
   const lines = [lineFor(delivery, 1, 100)];
   for (const change of [
@@ -45,7 +45,7 @@ test("a sentence is sent when the robot has it, shown and read when its screen s
   assert.deepEqual(lines, ["said.sending", "said.sent", "said.sent", "said.shown", "said.spoken"]);
 });
 
-test("what one screen has read aloud, another cannot take back", () => {
+test("a receipt of one display is not revoked by another", () => {
   const delivery = onReceipt(said(), "spoken", 101);
   for (const state of ["shown", "not_spoken", "spoken"]) {
     assert.equal(onReceipt(delivery, state, 102).stage, "spoken");
@@ -53,26 +53,26 @@ test("what one screen has read aloud, another cannot take back", () => {
   assert.equal(onReceipt(onReceipt(said(), "not_spoken", 101), "spoken", 102).stage, "spoken");
 });
 
-test("without an answer it is sent again for three seconds, and then was not sent", () => {
+test("without an answer it is repeated for three seconds, and has then failed", () => {
   const { delivery, sent } = pass(said(), 100, 110);
   assert.equal(delivery.stage, "failed");
   assert.ok(sent >= 3 && sent <= 5, `${sent}`);
   assert.equal(lineFor(delivery, 1, 110), "said.failed");
 });
 
-test("a refusal of the first moment is no end, another one is", () => {
+test("a refusal at the very start is no failure, a later one is", () => {
   assert.equal(onAnswer(said(), refused("clock_unknown"), 100.5).stage, "sending");
   assert.equal(onAnswer(said(), refused("not_allowed"), 100.5).stage, "failed");
 });
 
-test("an answer that comes late corrects what was said", () => {
+test("a late answer corrects the state", () => {
   const { delivery } = pass(said(), 100, 110);
   assert.equal(onAnswer(delivery, finished, 110).stage, "sent");
   assert.equal(onWords(delivery, withReceipts, 110).stage, "sent");
   assert.equal(onReceipt(delivery, "shown", 110).stage, "shown");
 });
 
-test("what was not sent goes out once more under the same id", () => {
+test("a failed message is sent again under the same id", () => {
   const { delivery } = pass(said({ aloud: true }), 100, 110);
   const again = retry(delivery, 120);
   assert.deepEqual(
@@ -82,13 +82,13 @@ test("what was not sent goes out once more under the same id", () => {
   assert.equal(onAnswer(again, finished, 120.5).stage, "sent");
 });
 
-test("a robot that gives no receipts is never asked for any, and only sent is claimed", () => {
+test("a robot without receipts is never asked for any", () => {
   const { delivery, sent } = pass(onAnswer(said(), finished, 100), 100, 300);
   assert.deepEqual([delivery.stage, sent], ["sent", 0]);
   assert.equal(lineFor(delivery, 0, 300), "said.sent");
 });
 
-test("a lost receipt is asked for a few times, and its absence is told with the reason", () => {
+test("a lost receipt is requested a few times, and its absence is explained", () => {
   const { delivery, sent } = pass(onWords(said(), withReceipts, 100), 100, 300);
   assert.equal(sent, 3);
   assert.equal(lineFor(delivery, 1, 100 + DOUBT - 1), "said.sent");
@@ -97,7 +97,7 @@ test("a lost receipt is asked for a few times, and its absence is told with the 
   assert.equal(lineFor(onReceipt(delivery, "shown", 301), 1, 301), "said.shown");
 });
 
-test("only one that was to be read aloud is asked about once it was shown", () => {
+test("only a message that is read aloud is asked about once it was shown", () => {
   const shown = (fields) => onReceipt(onWords(said(fields), withReceipts, 100), "shown", 101);
   assert.equal(pass(shown({}), 101, 300).sent, 0);
   assert.equal(pass(shown({ aloud: true }), 101, 300).sent, 3);

@@ -6,11 +6,11 @@ import { createKnock, lineOfKnock } from "../../../static/js/presence/knock.js";
 import { createChime } from "../../../static/js/pages/screen/chime.js";
 import { sceneFor } from "../../../static/js/pages/screen/scene.js";
 
-describe("the line about a knock", () => {
+describe("the note about a knock", () => {
   const asked = (changes = {}) => ({ ...ask({ type: "knock" }, "k1", 100), ...changes });
   const known = (status, actionId = "k1") => ({ actionId, status });
 
-  test("tells what the robot and the people there make of it", () => {
+  test("shows the answers of the robot and of the people there", () => {
     const done = asked({ status: "FINISHED" });
     assert.deepEqual(lineOfKnock(null, known("ringing")), { word: "", ended: true });
     assert.equal(lineOfKnock(asked(), null).word, "knock.asked");
@@ -23,7 +23,7 @@ describe("the line about a knock", () => {
     }
   });
 
-  test("tells why nobody hears it", () => {
+  test("shows why the knock has no effect", () => {
     const failed = (reason) => lineOfKnock(asked({ status: "FAILED", reason }), null).word;
     assert.deepEqual(
       ["too_soon", "declined", "nobody_there", "no_answer", "not_allowed"].map(failed),
@@ -48,7 +48,7 @@ describe("knocking", () => {
     return { knock: createKnock(page), sent, state, said };
   };
 
-  test("is said again until the robot answers, and its line goes away after it was read", () => {
+  test("is repeated until the robot answers, and its note disappears", () => {
     const { knock, sent, state, said } = world();
     knock.knock();
     const now = Date.now() / 1000;
@@ -74,7 +74,7 @@ describe("knocking", () => {
     assert.equal(sent.length, 2);
   });
 
-  test("without an answer says so, and can be tried again", () => {
+  test("fails without an answer, and can be repeated", () => {
     const { knock, sent, said } = world();
     knock.knock();
     const now = Date.now() / 1000;
@@ -85,7 +85,7 @@ describe("knocking", () => {
     assert.equal(new Set(sent).size, 2);
   });
 
-  test("that nobody tells the end of does not stay for ever", () => {
+  test("without an end does not stay for ever", () => {
     const { knock, sent, said } = world();
     knock.knock();
     const now = Date.now() / 1000;
@@ -115,7 +115,7 @@ describe("on the robot's own display", () => {
   });
   const ringing = { actionId: "k1", status: "ringing" };
 
-  test("a knock rings while somebody visits, and until it is answered", () => {
+  test("a knock rings during a session, until it is answered", () => {
     assert.equal(sceneFor(told(ringing), 100).knock, "k1");
     assert.equal(sceneFor(told({ ...ringing, status: "answered" }), 100).knock, "");
     assert.equal(sceneFor(told(null), 100).knock, "");
@@ -157,7 +157,7 @@ describe("on the robot's own display", () => {
     };
   };
 
-  test("two notes sound, and none where the browser or the volume keeps it silent", async () => {
+  test("two notes sound, unless the browser or the volume silences them", async () => {
     const running = contextIn("running");
     const chime = createChime(() => running.context);
     assert.equal(await chime.ring(0.5), true);

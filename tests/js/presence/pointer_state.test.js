@@ -10,10 +10,10 @@ import {
   spotIn,
 } from "../../../static/js/presence/pointer_state.js";
 
-describe("a spot of a picture", () => {
+describe("a spot of a video", () => {
   const WIDE = { width: 1280, height: 720 };
 
-  test("is the same one in a small preview and on a tall display with bars above and below", () => {
+  test("is the same in a small preview and on a tall display with bars", () => {
     const small = frameOf(WIDE, 160, 90, "contain");
     const tall = frameOf(WIDE, 800, 1000, "contain");
     assert.deepEqual(small, { left: 0, top: 0, width: 160, height: 90 });
@@ -22,7 +22,7 @@ describe("a spot of a picture", () => {
     assert.deepEqual(spotIn(tall, { clientX: 200, clientY: 275 + 337.5 }), [0.25, 0.75]);
   });
 
-  test("counts from the picture's corner, with bars beside it or its edges cut off too", () => {
+  test("counts from the corner of the image, with bars or with cut edges", () => {
     assert.deepEqual(frameOf({ width: 720, height: 1280 }, 800, 640, "contain"), {
       left: 220,
       top: 0,
@@ -37,7 +37,7 @@ describe("a spot of a picture", () => {
     });
   });
 
-  test("of a hand that has left the picture is at its edge", () => {
+  test("of a pointer outside of the image is at its edge", () => {
     assert.deepEqual(
       spotIn({ left: 10, top: 10, width: 100, height: 50 }, { clientX: 300, clientY: -5 }),
       [1, 0],
@@ -45,8 +45,8 @@ describe("a spot of a picture", () => {
   });
 });
 
-describe("a hand on a picture", () => {
-  test("is told at most fifteen times a second, and where it is by then", () => {
+describe("our own pointer", () => {
+  test("is sent at most fifteen times a second, with its latest spot", () => {
     const hand = new Hand();
     const said = [];
     for (let tick = 0; tick <= 100; tick += 1) {
@@ -61,7 +61,7 @@ describe("a hand on a picture", () => {
     assert.ok(said.every((at, index) => index === 0 || at - said[index - 1] >= EVERY - 1e-9));
   });
 
-  test("that rests is told again before its dot is gone, while pressed and not hovering", () => {
+  test("at rest is sent again before its dot disappears, while pressed and not hovering", () => {
     const hand = new Hand();
     hand.is([0.5, 0.5], true);
     const at = [0, 0.1, 0.5, 0.9, 1.0, 1.8].filter((now) => hand.take(now));
@@ -71,7 +71,7 @@ describe("a hand on a picture", () => {
     assert.equal(hand.take(100), undefined);
   });
 
-  test("that has gone is told so at once and once, and never when nobody knew of it", () => {
+  test("that has left is sent at once and once, if it was sent before", () => {
     const hand = new Hand();
     assert.equal(hand.take(0), undefined);
     hand.is([0.1, 0.2], true);
@@ -82,7 +82,7 @@ describe("a hand on a picture", () => {
   });
 });
 
-test("a hand that wobbles over the edge is told no more often than one that moves", () => {
+test("that crosses the edge is sent no more often than one that moves", () => {
   const hand = new Hand();
   let said = 0;
   for (let tick = 0; tick < 1000; tick += 1) {
@@ -92,10 +92,10 @@ test("a hand that wobbles over the edge is told no more often than one that move
   assert.ok(said >= 10 && said <= 18, `${said} in a second`);
 });
 
-describe("a dot", () => {
+describe("the dot of the other side", () => {
   const told = (dot, stamp, at, now = stamp) => dot.told({ stamp, at }, now);
 
-  test("stays for two seconds after the last that came", () => {
+  test("stays for two seconds after its last message", () => {
     const dot = new RemotePointer();
     assert.equal(dot.at(0), null);
     told(dot, 10, [0.1, 0.2]);
@@ -104,7 +104,7 @@ describe("a dot", () => {
     assert.equal(dot.at(13), null);
   });
 
-  test("goes when the hand is lifted, but that of a tap is seen first", () => {
+  test("disappears when the pointer is lifted, but that of a tap is shown first", () => {
     const dot = new RemotePointer();
     told(dot, 10, [0.1, 0.2]);
     told(dot, 11.5, null);
@@ -118,7 +118,7 @@ describe("a dot", () => {
     assert.deepEqual(dot.at(21.6), [0.6, 0.6], "a second tap is as long as the first");
   });
 
-  test("that is overtaken is no news, nor is one that comes by the other way as well", () => {
+  test("ignores late and repeated messages", () => {
     const dot = new RemotePointer();
     told(dot, 10, [0.1, 0.1]);
     told(dot, 10.2, null, 10.9);
@@ -129,7 +129,7 @@ describe("a dot", () => {
     assert.deepEqual(dot.at(11.3), [0.3, 0.3]);
   });
 
-  test("comes again though the other's clock was put back", () => {
+  test("appears again after the other's clock was set back", () => {
     const dot = new RemotePointer();
     told(dot, 1000, [0.1, 0.1], 10);
     told(dot, 500, [0.2, 0.2], 11);

@@ -20,20 +20,20 @@ const own = (changes = {}) => ({ ...newOwn(), ...changes });
 const accepted = { status: "accepted", audio: true, video: true, volume: 1 };
 
 describe("what is sent", () => {
-  test("nothing is sent, and nobody is called, before a click", () => {
+  test("nothing is sent, and no call is requested, before a click", () => {
     assert.equal(callOf(own()), null);
     assert.equal(isHeard(own({ talking: true })), false);
     assert.equal(noteOf(own(), null, 0), "");
     assert.equal(mustSay(own(), null), false);
   });
 
-  test("who is muted is heard only while the key is down", () => {
+  test("a muted visitor is heard only while the key is down", () => {
     assert.equal(isHeard(own({ mic: "muted" })), false);
     assert.equal(isHeard(own({ mic: "muted", talking: true })), true);
     assert.equal(isHeard(own({ mic: "on" })), true);
   });
 
-  test("the robot is told until its state says so, and again when it forgets", () => {
+  test("the call is requested until the robot's state has it, and again if it is lost", () => {
     const wanted = own({ mic: "on", camera: "on" });
     assert.equal(mustSay(wanted, null), true);
     assert.equal(mustSay(wanted, accepted), false);
@@ -42,7 +42,7 @@ describe("what is sent", () => {
     assert.equal(mustSay(own({ mic: "on" }), accepted), true);
   });
 
-  test("while something goes out the page says so, and what does not go out too", () => {
+  test("the page shows what is sent, and what is not", () => {
     assert.equal(noteOf(own({ mic: "on", camera: "on" }), accepted, 1), "presence.both");
     assert.equal(noteOf(own({ camera: "on" }), accepted, 1), "presence.seen");
     assert.equal(noteOf(own({ camera: "on", mic: "muted" }), accepted, 1), "presence.seen_muted");
@@ -65,7 +65,7 @@ describe("what is sent", () => {
   });
 });
 
-describe("a screen that is shown", () => {
+describe("a shared screen", () => {
   const track = () =>
     Object.assign(new EventTarget(), {
       stopped: 0,
@@ -75,7 +75,7 @@ describe("a screen that is shown", () => {
     });
   const stream = (one) => ({ getTracks: () => [one] });
 
-  test("takes the camera's place and gives it back; its end by the browser is told", async () => {
+  test("replaces the camera until it ends, also by the browser's button", async () => {
     const [camera, screen] = [track(), track()];
     const lost = [];
     const devices = new Devices({
@@ -98,7 +98,7 @@ describe("a screen that is shown", () => {
     assert.deepEqual([lost, devices.tracks.video], [["video"], null]);
   });
 
-  test("that the visitor would rather not show leaves the camera as it is", async () => {
+  test("that the visitor cancels leaves the camera as it is", async () => {
     const camera = track();
     const refused = () =>
       Promise.reject(Object.assign(new Error("no"), { name: "NotAllowedError" }));
@@ -111,7 +111,7 @@ describe("a screen that is shown", () => {
     assert.deepEqual([camera.stopped, devices.tracks.video === camera], [0, true]);
   });
 
-  test("is not offered where the browser has none, and is said once it is seen", () => {
+  test("is not offered where the browser has none, and its note appears once it is seen", () => {
     assert.equal(new Devices({ onLost: () => undefined, media: {} }).canShare, false);
     assert.equal(noteOf(own({ camera: "on", shares: true }), accepted, 1), "presence.shared");
     assert.equal(
@@ -132,11 +132,11 @@ describe("a screen that is shown", () => {
   });
 });
 
-describe("what they see of a screen", () => {
+describe("the preview of a shared screen", () => {
   const shared = own({ camera: "on", shares: true });
   const seen = { ...accepted, shares: true };
 
-  test("is shown to visitors who see it, and takes pointers where the robot shows them", () => {
+  test("is shown while people see it, and takes pointers where the robot shows them", () => {
     assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
     assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
     assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {
@@ -151,7 +151,7 @@ describe("what they see of a screen", () => {
     assert.deepEqual(previewOf(own({ camera: "on" }), seen, 1), { seen: false, points: false });
   });
 
-  test("takes none while it is a face to the robot, which is told if it can know", () => {
+  test("takes no pointers while the robot treats it as a face", () => {
     assert.deepEqual(previewOf(shared, accepted, 1), { seen: true, points: false });
     const heard = { ...accepted, audio: false };
     assert.equal(mustSay(shared, { ...heard, shares: false }, true), true);
@@ -165,7 +165,7 @@ describe("microphone and camera", () => {
   const media = (answer) => ({ getUserMedia: async (wanted) => answer(wanted) });
   const failing = (name) => media(() => Promise.reject(Object.assign(new Error(name), { name })));
 
-  test("every way in which a browser says no has its own next step", async () => {
+  test("every refusal of a browser has its own advice", async () => {
     for (const [name, why] of [
       ["NotAllowedError", "refused"],
       ["NotFoundError", "missing"],
@@ -189,7 +189,7 @@ describe("microphone and camera", () => {
     );
   });
 
-  test("asks only for what was clicked; closing is no loss, and unplugging is one", async () => {
+  test("opens only what was clicked; closing is no loss, and unplugging is one", async () => {
     const asked = [];
     const lost = [];
     const track = Object.assign(new EventTarget(), {
@@ -220,7 +220,7 @@ describe("push to talk", () => {
   const key = (type, fields = {}) =>
     Object.assign(new Event(type), { code: "KeyT", repeat: false, ...fields });
 
-  test("T is heard once, and let go by its release or by the loss of the window", () => {
+  test("T opens the microphone until it is released or the window loses the focus", () => {
     const target = new EventTarget();
     const talk = [];
     const keys = new KeyDispatcher({
@@ -242,7 +242,7 @@ describe("push to talk", () => {
 describe("the head", () => {
   const RANGE = { minimum: -0.5, maximum: 1.2, home: 0 };
 
-  test("is asked for what the hand wants, within its range and not too often", () => {
+  test("is requested as the visitor wants, within its range and not too often", () => {
     const tilting = new Tilting();
     assert.equal(tilting.take(0), null);
     tilting.want(3, RANGE);
@@ -255,7 +255,7 @@ describe("the head", () => {
     assert.equal(tilting.take(0.5), null);
   });
 
-  test("shows the hand first, and then what the robot reports", () => {
+  test("shows the visitor's angle first, and then the reported one", () => {
     const tilting = new Tilting();
     assert.equal(tilting.shown(0.1, 0), 0.1);
     tilting.want(0.5, RANGE);
@@ -266,7 +266,7 @@ describe("the head", () => {
     assert.equal(tilting.shown(0.45, 5), 0.45);
   });
 
-  test("the slider stays where a hand holds it, whatever the robot says and however long", () => {
+  test("the slider stays at a hand that holds it, whatever the robot reports", () => {
     const tilting = new Tilting();
     tilting.want(0.5, RANGE);
     tilting.take(0);
@@ -280,7 +280,7 @@ describe("the head", () => {
     assert.equal(tilting.shown(0.45, 60), 0.45);
   });
 
-  test("its value stays until the head is there, and an old state is no proof of that", () => {
+  test("keeps the requested angle until the head has reached it", () => {
     const tilting = new Tilting();
     tilting.want(0.3, RANGE);
     tilting.take(0);
@@ -304,7 +304,7 @@ describe("the robot's own display", () => {
     told({ state: { safety: { estop: false }, call: { ...accepted, ...call } }, ...more });
   const scene = (from, now = 100) => sceneFor(from, now).scene;
 
-  test("calls the robot what it is called in the display's language", () => {
+  test("shows the robot's title in the display's language", () => {
     const screen = { title: "Giraff", titles: { es: "Jirafa" }, session: null, visitor: null };
     assert.deepEqual(
       ["en", "es", "es-MX", "ES"].map((language) => titleOf({ ...screen, study: false }, language)),
@@ -313,7 +313,7 @@ describe("the robot's own display", () => {
     assert.equal(titleOf(null, "es"), "");
   });
 
-  test("says what it lacks, and who is there", () => {
+  test("shows problems, and the visitor", () => {
     assert.equal(scene(told({ keyed: false })), "no_key");
     assert.equal(scene(told({ screen: null })), "starting");
     assert.equal(scene(told({ online: false })), "offline");
@@ -332,7 +332,7 @@ describe("the robot's own display", () => {
     assert.equal(scene(told()), "visiting");
   });
 
-  test("rings until somebody answers, and shows only who was let through", () => {
+  test("rings until it is answered, and shows only accepted video", () => {
     assert.equal(scene(calling({ status: "ringing" })), "ringing");
     assert.equal(scene(calling({ status: "unanswered" })), "ringing");
     assert.equal(scene(calling({ status: "declined" })), "visiting");
@@ -342,7 +342,7 @@ describe("the robot's own display", () => {
     assert.equal(sceneFor(calling({ volume: 0.4 }), 100).sound, 0.4);
   });
 
-  test("shows a screen whole, and has it pointed at while it is seen", () => {
+  test("shows a whole screen, and takes pointers while it is shown", () => {
     const points = (call, now = 100) => sceneFor(calling(call), now).canPoint;
     assert.deepEqual(
       [
@@ -361,7 +361,7 @@ describe("the robot's own display", () => {
     assert.equal(sceneFor(told(), 100).canPoint, false);
   });
 
-  test("tells of a study only while its visitor is there", () => {
+  test("mentions a study only during its session", () => {
     assert.equal(
       sceneFor(told({ screen: { title: "G", session: "s", visitor: "Ana", study: true } }), 100)
         .study,
@@ -374,7 +374,7 @@ describe("the robot's own display", () => {
     );
   });
 
-  test("says who stopped the robot, and that a stop is not confirmed", () => {
+  test("shows who stopped the robot, and an unconfirmed stop", () => {
     const latched = (estopSource) =>
       told({ state: { safety: { estop: true, estopSource }, call: null } });
     assert.equal(sceneFor(latched("screen:Giraff"), 100).stopped, "ours");
@@ -383,7 +383,7 @@ describe("the robot's own display", () => {
     assert.equal(sceneFor(told({ stop: { id: "x", since: 95 } }), 100).stopped, "unconfirmed");
   });
 
-  test("speaks where the browser can, in the words' language", () => {
+  test("speaks where the browser can, in the message's language", () => {
     const spoken = [];
     const voice = createVoice({
       synthesis: { speak: (one) => spoken.push(one), cancel: () => undefined },

@@ -29,14 +29,14 @@ const exchange = (
   return now;
 };
 
-test("the offset of the robot's clock is found whatever the robot's pause", () => {
+test("the offset of the robot's clock is found whatever the robot's delay", () => {
   const clockSync = new ClockSync();
   exchange(clockSync, "datachannel", 100, { pause: 0.15 });
   assert.ok(Math.abs(clockSync.offset - OFFSET) < 1e-9);
   assert.ok(Math.abs(clockSync.roundTrip("datachannel") - 0.02) < 1e-9);
 });
 
-test("a round trip is told once there are enough of them", () => {
+test("a round trip is known after enough samples", () => {
   const clockSync = new ClockSync();
   for (let i = 0; i < 5; i += 1) {
     assert.equal(clockSync.roundTrip("datachannel", 5), null);
@@ -45,7 +45,7 @@ test("a round trip is told once there are enough of them", () => {
   assert.ok(Math.abs(clockSync.roundTrip("datachannel", 5) - 0.02) < 1e-9);
 });
 
-test("a round trip to a robot that has gone is not told for long", () => {
+test("a round trip to a disconnected robot is soon unknown", () => {
   const clockSync = new ClockSync();
   const now = exchange(clockSync, "datachannel", 100);
   assert.ok(Math.abs(clockSync.roundTripNow("datachannel", now + 2) - 0.02) < 1e-9);
@@ -54,7 +54,7 @@ test("a round trip to a robot that has gone is not told for long", () => {
   assert.equal(clockSync.roundTripNow("mqtt", now), null);
 });
 
-test("of the last ten the least round trip is believed", () => {
+test("the shortest round trip of the last ten counts", () => {
   const clockSync = new ClockSync();
   exchange(clockSync, "mqtt", 100, { there: 0.4, back: 0.01 });
   exchange(clockSync, "mqtt", 101, { there: 0.004, back: 0.004 });
@@ -66,7 +66,7 @@ test("of the last ten the least round trip is believed", () => {
   assert.ok(Math.abs(clockSync.offset - OFFSET - 0.1) < 1e-9);
 });
 
-test("a way is fresh for half a second after the robot has echoed a new beat of it", () => {
+test("a transport is fresh for half a second after an echo of a new heartbeat", () => {
   const clockSync = new ClockSync();
   const now = exchange(clockSync, "datachannel", 100);
   assert.equal(clockSync.isFresh("datachannel", now + 0.49), true);
@@ -74,7 +74,7 @@ test("a way is fresh for half a second after the robot has echoed a new beat of 
   assert.equal(clockSync.isFresh("mqtt", now), false);
 });
 
-test("an echo counts for the data channel whichever way it comes, but is no round trip", () => {
+test("an echo counts for the data channel on either transport, but is no round trip", () => {
   const clockSync = new ClockSync();
   const now = exchange(clockSync, "datachannel", 100, { answerOn: "mqtt" });
   assert.equal(clockSync.isFresh("datachannel", now), true);
@@ -82,7 +82,7 @@ test("an echo counts for the data channel whichever way it comes, but is no roun
   assert.notEqual(clockSync.offset, null);
 });
 
-test("the same echo again proves nothing new", () => {
+test("the same echo again proves nothing", () => {
   const clockSync = new ClockSync();
   const beat = clockSync.beat("datachannel", 100);
   const answer = {
@@ -96,7 +96,7 @@ test("the same echo again proves nothing new", () => {
   assert.equal(clockSync.samples.length, 1);
 });
 
-test("an echo of another peer's beat, or of one that was never sent, is ignored", () => {
+test("an echo of another peer's heartbeat, or of one that was never sent, is ignored", () => {
   const clockSync = new ClockSync();
   clockSync.beat("datachannel", 100);
   clockSync.heard(
@@ -114,7 +114,7 @@ test("an echo of another peer's beat, or of one that was never sent, is ignored"
   assert.equal(clockSync.offset, null);
 });
 
-test("an echo that claims to have travelled back in time gives no sample", () => {
+test("an echo from the future gives no sample", () => {
   const clockSync = new ClockSync();
   const beat = clockSync.beat("datachannel", 100);
   clockSync.heard(
@@ -126,7 +126,7 @@ test("an echo that claims to have travelled back in time gives no sample", () =>
   assert.equal(clockSync.offset, null);
 });
 
-test("a beat echoes the robot's last one, and tells how old the picture is", () => {
+test("a heartbeat echoes the robot's last one, and has the age of the frame", () => {
   const clockSync = new ClockSync();
   assert.equal(clockSync.beat("mqtt", 99).echo, undefined);
   clockSync.heard("mqtt", { n: 41, stamp: 107, echoes: [] }, "me", 100);
@@ -135,7 +135,7 @@ test("a beat echoes the robot's last one, and tells how old the picture is", () 
   assert.equal(beat.frameAge, 0.06);
 });
 
-test("a new data channel has proved nothing, and its numbers go on", () => {
+test("a new data channel starts without echoes, and continues the numbers", () => {
   const clockSync = new ClockSync();
   const now = exchange(clockSync, "datachannel", 100);
   clockSync.reset("datachannel");
@@ -146,12 +146,12 @@ test("a new data channel has proved nothing, and its numbers go on", () => {
 
 const LINK = { state: "connected", offeredAt: 10, answeredAt: 10.2, openedAt: 10.5, heardAt: 20 };
 
-test("a link lives while the robot is heard on its data channel", () => {
+test("a link is live while heartbeats arrive on its data channel", () => {
   assert.equal(judge(LINK, 21.4), "live");
   assert.equal(judge(LINK, 21.6), "silent");
 });
 
-test("a link is given up when it fails, is not answered, finds no way, or stays silent", () => {
+test("a link is closed when it fails, is not answered, does not connect, or is silent", () => {
   assert.equal(judge({ ...LINK, state: "failed" }, 20.1), "failed");
   assert.equal(
     judge({ ...LINK, answeredAt: null, openedAt: null, heardAt: -Infinity }, 14.9),
@@ -167,7 +167,7 @@ test("a link is given up when it fails, is not answered, finds no way, or stays 
   assert.equal(judge({ ...LINK, heardAt: -Infinity }, 13.6), "silent");
 });
 
-test("a picture that grows old is noticed within 0.1 s, and one that is always old is not", () => {
+test("a frame that grows older is noticed within 0.1 s, an always old one is not", () => {
   const ageTrend = new AgeTrend();
   const looks = (/** @type {number[]} */ ages) => ages.map((age) => ageTrend.isRising(age));
   assert.ok(!looks([0.08, 0.05, 0.08, 0.11, 0.14]).some(Boolean));

@@ -22,7 +22,7 @@ const stateWith = (safety, epoch = 3) => ({
 });
 
 describe("velocities", () => {
-  test("beginning, letting go and reversing are sent at once, more of the same next tick", () => {
+  test("start, release and reversal are sent at once, others with the next tick", () => {
     const commands = stream();
     assert.equal(commands.intend(AHEAD), true);
     assert.equal(commands.intend({ ...AHEAD, linear: 0.5 }), false);
@@ -31,7 +31,7 @@ describe("velocities", () => {
     assert.equal(commands.intend(STILL), false);
   });
 
-  test("a command has its lease, its number, its time and the picture that the visitor saw", () => {
+  test("a command has its lease, number, time and the frame that the visitor saw", () => {
     const commands = stream();
     commands.intend(AHEAD);
     assert.deepEqual(commands.velocity(12.5, 12.4), {
@@ -46,7 +46,7 @@ describe("velocities", () => {
     assert.equal(commands.velocity(12.55, null).frame, undefined);
   });
 
-  test("letting go sends three zeros, then silence", () => {
+  test("a release sends three zeros, then nothing", () => {
     const commands = stream();
     commands.intend(AHEAD);
     commands.velocity(0, null);
@@ -58,11 +58,11 @@ describe("velocities", () => {
     );
   });
 
-  test("idle is silence", () => {
+  test("nothing is sent while idle", () => {
     assert.equal(stream().velocity(0, null), null);
   });
 
-  test("numbers grow by one, and go on when the same lease is bound again", () => {
+  test("numbers grow by one, and continue when the same lease is bound again", () => {
     const commands = stream();
     commands.intend(AHEAD);
     const first = [commands.velocity(0, null).seq, commands.velocity(0, null).seq];
@@ -70,7 +70,7 @@ describe("velocities", () => {
     assert.deepEqual([...first, commands.velocity(0, null).seq], [1, 2, 3]);
   });
 
-  test("a new epoch begins at rest and at 1", () => {
+  test("a new epoch starts at rest and at 1", () => {
     const commands = stream();
     commands.intend(AHEAD);
     commands.velocity(0, null);
@@ -102,7 +102,7 @@ describe("stop", () => {
     });
   });
 
-  test("until the robot echoes it, it is repeated and nothing else is said", () => {
+  test("until the robot echoes it, it is repeated and nothing else is sent", () => {
     const commands = stream();
     commands.intend(AHEAD);
     commands.stop(1);
@@ -118,7 +118,7 @@ describe("stop", () => {
     assert.equal(commands.repeat(1.2), null);
   });
 
-  test("after the echo the robot stands until the visitor asks anew", () => {
+  test("after the echo the robot waits for a new input", () => {
     const commands = stream();
     commands.intend(AHEAD);
     commands.stop(1);
@@ -128,7 +128,7 @@ describe("stop", () => {
     assert.equal(commands.velocity(1.4, null).seq, 2);
   });
 
-  test("its number under the same epoch is an echo as well, under another epoch it is not", () => {
+  test("its number echoes it under the same epoch only", () => {
     const commands = stream();
     commands.stop(1);
     commands.heardState(stateWith({ stopSeq: 1 }, 2));
@@ -146,7 +146,7 @@ describe("stop", () => {
     assert.equal(commands.pending, null);
   });
 
-  test("pressing again while it is on its way is the same stop", () => {
+  test("pressing again before the echo is the same stop", () => {
     const commands = stream();
     commands.stop(1);
     assert.equal(commands.stop(1.2).actionId, "stop-1");
@@ -162,12 +162,12 @@ describe("stop", () => {
     assert.equal(commands.pending, null);
   });
 
-  test("who has no lease may stop too", () => {
+  test("a stop needs no lease", () => {
     const commands = new CommandStream({ freshId: () => "x" });
     assert.deepEqual(commands.stop(1), { type: "stop", actionId: "x", seq: 1, stamp: 1 });
   });
 
-  test("a stop unconfirmed for a second is said to be so, and repeated slower after ten", () => {
+  test("a stop is shown as unconfirmed after a second, and repeated slower after ten", () => {
     const commands = stream();
     commands.stop(1);
     assert.equal(commands.isUnconfirmed(1.9), false);
@@ -177,7 +177,7 @@ describe("stop", () => {
     assert.notEqual(commands.repeat(12.1), null);
   });
 
-  test("one that the page sends by itself is missed by nobody until it is pressed", () => {
+  test("a stop by the page itself is not shown as unconfirmed until it is pressed", () => {
     const commands = stream();
     commands.stop(1, "stop", false);
     assert.equal(commands.isUnconfirmed(60), false);
@@ -189,7 +189,7 @@ describe("stop", () => {
   });
 });
 
-describe("which way", () => {
+describe("the transport", () => {
   const rig = ({ linkOpen = true } = {}) => {
     const sent = [];
     const router = new TransportRouter({
@@ -208,7 +208,7 @@ describe("which way", () => {
       now,
     );
 
-  test("velocities take the WebSocket unless the robot is echoing the data channel", () => {
+  test("of velocities is the WebSocket unless the robot echoes the data channel", () => {
     const one = rig();
     one.router.commands.intend(AHEAD);
     one.router.beat(1, null);
@@ -227,7 +227,7 @@ describe("which way", () => {
     );
   });
 
-  test("the server is told once each when the robot is heard directly and when no longer", () => {
+  test("the server learns once each whether the robot's messages arrive directly", () => {
     const one = rig();
     const told = () => one.sent.splice(0).map(([way, frame]) => [way, ...frame.split("\n")]);
     one.router.tellDirect(1);
@@ -243,7 +243,7 @@ describe("which way", () => {
     assert.deepEqual(told(), [["mqtt", "page/direct", '{"direct":false}']]);
   });
 
-  test("a data channel that cannot take a command gives it and its number to the WebSocket", () => {
+  test("a data channel that cannot take a command passes it to the WebSocket", () => {
     const one = rig({ linkOpen: false });
     one.router.commands.intend(AHEAD);
     one.router.beat(1, null);
@@ -256,7 +256,7 @@ describe("which way", () => {
     );
   });
 
-  test("a dot takes the way that commands take, one way alone, and is never kept for later", () => {
+  test("a pointer takes the transport of commands only, and is never queued", () => {
     const dot = { session: "s1", epoch: 3, stamp: 1.15, at: [0.5, 0.25] };
     const one = rig();
     one.router.sendPointer(1, dot);
@@ -279,7 +279,7 @@ describe("which way", () => {
     assert.deepEqual(behind.sent, []);
   });
 
-  test("a stop takes both ways at once, and so does every repetition", () => {
+  test("a stop and its repetitions take both transports at once", () => {
     const { router, sent } = rig();
     router.stop(1, "stop");
     router.repeatStop(1.05);
@@ -293,7 +293,7 @@ describe("which way", () => {
     );
   });
 
-  test("a beat goes out on each way with a number that says which", () => {
+  test("a heartbeat is sent on each transport with its number", () => {
     const { router, sent } = rig();
     router.beat(1, 0.04);
     router.beat(1.2, null);
@@ -306,7 +306,7 @@ describe("which way", () => {
     ]);
   });
 
-  test("what the page writes is not what it reads: its decoder does not know its suffixes", () => {
+  test("the decoder of the page does not accept what the page sends", () => {
     const { router, sent } = rig();
     router.stop(1, "stop");
     assert.throws(() => decodePacket(sent[0][1]));

@@ -31,11 +31,11 @@ const state = (visit, more = {}) => ({
   visit: { ...newVisit(), socket: "open", online: true, mayDrive: true, ...visit },
 });
 
-describe("a request that the server denies", () => {
+describe("a denied request", () => {
   for (const [suffix, phases] of Object.entries(REQUESTS)) {
     for (const phase of phases) {
       for (const reason of ["unavailable", "busy", "rate"]) {
-        test(`${suffix} (${reason}) has a line that can be seen on the page: ${phase}`, () => {
+        test(`${suffix} (${reason}) has an alert that is visible on the page: ${phase}`, () => {
           const word = wordOfDenial({ suffix, reason });
           assert.ok(WORDS.has(word), word);
           const before = state({ phase, unsaid: { session: "s1" } }).visit;
@@ -50,14 +50,14 @@ describe("a request that the server denies", () => {
     }
   }
 
-  test("what nobody asked for by hand has no line", () => {
+  test("that no visitor made has no alert", () => {
     for (const suffix of ["command/velocity", "command/heartbeat", "signal", "page/event"]) {
       assert.equal(wordOfDenial({ suffix, reason: "rate" }), "");
     }
     assert.equal(wordOfDenial({ suffix: "command/action", reason: "not_driver" }), "");
   });
 
-  test("video that was denied to who waits is asked for until it is there, or refused", () => {
+  test("for video is repeated while waiting until it is there, or refused", () => {
     const denied = { type: "denied", message: { suffix: "session/observe", reason: "rate" } };
     const waiting = { ...newVisit(), phase: "queued", socket: "open", wanted: "drive" };
     const { visit } = reduce(waiting, denied);
@@ -73,7 +73,7 @@ describe("a request that the server denies", () => {
     }
   });
 
-  test("video that was denied in line is not asked for by who waits no more", () => {
+  test("for video is not repeated by a visitor who no longer waits", () => {
     const waiting = {
       ...newVisit(),
       phase: "turn",
@@ -98,7 +98,7 @@ describe("a request that the server denies", () => {
     assert.deepEqual([sent(driving), awaitsAnswer(driving)], [[], false]);
   });
 
-  test("gives way to what the visitor asked for or was answered later", () => {
+  test("gives way to a later request or answer", () => {
     const denial = { word: "denied.action", at: 100, until: 110 };
     const later = { word: "point.wall", values: {}, at: 103, until: 104 };
     const shown = (more) =>
@@ -115,7 +115,7 @@ describe("a request that the server denies", () => {
     assert.equal(shown({ barred: { method: "keyboard", at: 103 } }), "off.keyboard");
   });
 
-  test("covers no answer, nor what keeps the robot from moving, but all the rest", () => {
+  test("gives way to answers and to why the robot does not move, not to others", () => {
     const denial = { word: "denied.action", at: 100, until: 110 };
     const shown = (more, visit = {}) =>
       alertFor(
@@ -132,7 +132,7 @@ describe("a request that the server denies", () => {
     assert.equal(shown({ robot: { ...ROBOT, pose: { localized: false } } }), "denied.action");
   });
 
-  test("a leave that found the server busy is said again", () => {
+  test("to leave is repeated when the server was busy", () => {
     const visit = { ...newVisit(), phase: "ended", socket: "open", unsaid: { session: "s1" } };
     for (const reason of ["unavailable", "busy", "rate"]) {
       const denied = { type: "denied", message: { suffix: "session/leave", reason } };

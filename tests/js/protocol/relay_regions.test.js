@@ -31,19 +31,19 @@ test("the relays of the nearest region are used, and each is measured once", asy
   assert.deepEqual(asked, ["stun:eu.example.org", "stun:us.example.org:3479"]);
 });
 
-test("where no datagram comes back, all regions are tried", async () => {
+test("without any answer over UDP, all regions are used", async () => {
   const { nearest } = regions({});
   assert.deepEqual(await nearest([STUN, EU, US]), [STUN, EU, US]);
 });
 
-test("one region, or none, is not measured, and nobody waits", () => {
+test("one region, or none, is not measured", () => {
   const { asked, nearest } = regions({});
   const servers = [STUN, EU];
   assert.equal(nearest(servers), servers);
   assert.deepEqual(asked, []);
 });
 
-test("a relay is asked over UDP, or not at all", () => {
+test("a relay is measured over UDP only", () => {
   assert.equal(questionFor(EU), "stun:eu.example.org");
   assert.equal(questionFor({ urls: "turns:eu.example.org" }), null);
   assert.equal(questionFor({ urls: ["turn:eu.example.org?transport=tcp"] }), null);

@@ -55,19 +55,19 @@ for (const topic of TOPICS) {
 
 for (const [suffix, examples] of Object.entries(WIRE.toPage)) {
   for (const [name, message] of Object.entries(examples)) {
-    test(`the server's word ${suffix} (${name}) is read as it was written`, () =>
+    test(`the server's message ${suffix} (${name}) is read as it was written`, () =>
       assertHolds(decode(suffix, JSON.stringify(message)), message));
   }
 }
 
-test("every word that the server can say to a page has an example, and so is known", () => {
+test("every message of the server to a page has an example", () => {
   assert.deepEqual(
     Object.keys(WIRE.toPage).filter((suffix) => Object.keys(WIRE.toPage[suffix]).length === 0),
     [],
   );
 });
 
-test("what is left out comes back as its default", () => {
+test("a missing field has its default", () => {
   const state = decode("state", JSON.stringify(golden("state").messages.least));
   assert.equal(state.safety.estop, false);
   assert.equal(state.safety.stopId, null);

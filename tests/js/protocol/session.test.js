@@ -51,20 +51,20 @@ const DRIVING = [
 ];
 
 describe("taking the robot", () => {
-  test("the page waits in the lobby until the visitor asks", () => {
+  test("the page waits in the lobby until the visitor requests the robot", () => {
     const { visit, effects } = play(...OPEN);
     assert.equal(visit.phase, "lobby");
     assert.deepEqual(effects, []);
   });
 
-  test("asking prepares the link while the server decides", () => {
+  test("a request prepares the link while the server decides", () => {
     const { visit, effects } = play(...OPEN, { type: "drive" });
     assert.equal(visit.phase, "taking");
     assert.deepEqual(kinds(effects), ["prepare_link", "send"]);
     assert.deepEqual(sent(effects), [["session/take", {}]]);
   });
 
-  test("the demo's link asks as soon as the socket opens, before the server says anything", () => {
+  test("the demo's link requests the robot when the socket opens, before any message", () => {
     const { effects } = play({ type: "loaded", session: null, go: true }, { type: "socket_open" });
     assert.deepEqual(sent(effects), [["session/take", {}]]);
   });
@@ -82,7 +82,7 @@ describe("taking the robot", () => {
     assert.equal(effects[2].attempt, 0);
   });
 
-  test("a refusal says why and lets go of what was prepared", () => {
+  test("a refusal has a reason and releases the prepared link", () => {
     const { visit, effects } = play(
       ...OPEN,
       { type: "drive" },
@@ -95,14 +95,14 @@ describe("taking the robot", () => {
 });
 
 describe("lost connections", () => {
-  test("a lost WebSocket changes nothing about a drive over the data channel", () => {
+  test("a lost WebSocket does not change a drive over the data channel", () => {
     const { visit, effects } = play(...DRIVING, { type: "socket_closed", code: 1006 });
     assert.equal(visit.phase, "driving");
     assert.equal(visit.link, "live");
     assert.deepEqual(effects, []);
   });
 
-  test("when it is back the page resumes with its session and peer", () => {
+  test("a reconnected page resumes with its session and peer", () => {
     const { effects } = play(
       ...DRIVING,
       { type: "socket_closed", code: 1006 },
@@ -111,7 +111,7 @@ describe("lost connections", () => {
     assert.deepEqual(sent(effects), [["session/take", { session: "s1", peer: "p1" }]]);
   });
 
-  test("a resumed grant of the same epoch keeps the living link", () => {
+  test("a resumed grant of the same epoch keeps a live link", () => {
     const { visit, effects } = play(
       ...DRIVING,
       { type: "socket_closed", code: 1006 },
@@ -131,7 +131,7 @@ describe("lost connections", () => {
     assert.ok(kinds(effects).includes("open_link"));
   });
 
-  test("a resumed grant opens a new link when the old one died meanwhile", () => {
+  test("a resumed grant opens a new link when the old one has failed", () => {
     const lost = play(
       ...DRIVING,
       { type: "socket_closed", code: 1006 },
@@ -145,7 +145,7 @@ describe("lost connections", () => {
     assert.ok(kinds(effects).includes("open_link"));
   });
 
-  test("a lost link is opened again, each time after a longer pause, until one lives", () => {
+  test("a lost link is opened again, after growing pauses, until one is live", () => {
     let { visit } = play(...DRIVING);
     const attempts = [];
     for (let i = 0; i < 3; i += 1) {
@@ -158,7 +158,7 @@ describe("lost connections", () => {
     assert.equal(after(visit, { type: "link_live" }).visit.attempt, 0);
   });
 
-  test("a robot that comes back is called at once", () => {
+  test("a link to a robot that is online again is opened at once", () => {
     const gone = play(...DRIVING, message("robot", { online: false, reason: "" }), {
       type: "link_lost",
     });
@@ -166,7 +166,7 @@ describe("lost connections", () => {
     assert.deepEqual([effects[0].type, effects[0].attempt], ["open_link", 0]);
   });
 
-  test("a link that is lost when nobody drives or watches is nobody's business", () => {
+  test("a link that is lost without a role has no effect", () => {
     assert.deepEqual(play(...OPEN, { type: "link_lost" }).effects, []);
   });
 
@@ -182,7 +182,7 @@ describe("lost connections", () => {
 });
 
 describe("reload and other tabs", () => {
-  test("a reloaded page returns to its session without a peer, which the server makes anew", () => {
+  test("a reloaded page returns to its session without a peer, which the server renews", () => {
     const { effects } = play(
       { type: "loaded", session: "s1", takeover: true, go: false },
       { type: "socket_open" },
@@ -190,7 +190,7 @@ describe("reload and other tabs", () => {
     assert.deepEqual(sent(effects), [["session/take", { session: "s1", takeover: true }]]);
   });
 
-  test("a remembered session that is over leads to the lobby, not to an unasked-for end", () => {
+  test("a stored session that has ended leads to the lobby, not to a card of its end", () => {
     const { visit } = play(
       { type: "loaded", session: "s1", go: false },
       { type: "socket_open" },
@@ -200,7 +200,7 @@ describe("reload and other tabs", () => {
     assert.equal(visit.phase, "lobby");
   });
 
-  test("a drive that ended while the page was cut off says how, as far as the server tells", () => {
+  test("a drive that ended during a disconnection shows its outcome, if known", () => {
     const end = (more) =>
       play(...DRIVING, message("session/refused", { reason: "ended", session: "s1", ...more }))
         .visit;
@@ -209,7 +209,7 @@ describe("reload and other tabs", () => {
     assert.equal(end({ outcome: "" }).reason, "connection_lost");
   });
 
-  test("with the demo's link a remembered session that is over is replaced by a new one", () => {
+  test("with the demo's link an ended session is replaced by a new one", () => {
     const { visit, effects } = play(
       { type: "loaded", session: "s1", go: true },
       { type: "socket_open" },
@@ -219,7 +219,7 @@ describe("reload and other tabs", () => {
     assert.deepEqual(sent(effects), [["session/take", {}]]);
   });
 
-  test("a second tab is asked, and takes over only when it says so", () => {
+  test("a second tab asks, and takes over only when confirmed", () => {
     const { visit } = play(
       ...OPEN,
       { type: "drive" },
@@ -231,7 +231,7 @@ describe("reload and other tabs", () => {
     ]);
   });
 
-  test("a session that moved to another tab lets go of everything here", () => {
+  test("a session that moved to another tab releases everything here", () => {
     const { visit, effects } = play(
       ...DRIVING,
       message("session/ended", { session: "s1", outcome: "moved", reason: "" }),
@@ -244,7 +244,7 @@ describe("reload and other tabs", () => {
 describe("queue and turn", () => {
   const QUEUED = { session: "s2", place: 2, minutes: 7 };
 
-  test("whoever waits watches meanwhile", () => {
+  test("a waiting visitor watches", () => {
     const { visit, effects } = play(...OPEN, { type: "drive" }, message("session/queued", QUEUED));
     assert.equal(visit.phase, "queued");
     assert.deepEqual(sent(effects), [["session/observe", {}]]);
@@ -254,7 +254,7 @@ describe("queue and turn", () => {
     assert.equal(roleOf(watching.visit), "observer");
   });
 
-  test("who watches by the SFU comes back to it, hears why it is gone, drives without it", () => {
+  test("a viewer by the SFU returns to it, sees why it is down, and drives without it", () => {
     const watching = play(
       ...OPEN,
       { type: "watch" },
@@ -276,7 +276,7 @@ describe("queue and turn", () => {
     assert.deepEqual([left.visit.sfu, left.visit.sfuLost], [false, false]);
   });
 
-  test("waiting goes on without a picture when all places are taken", () => {
+  test("a visitor waits without video when all places are taken", () => {
     const { visit } = play(
       ...OPEN,
       { type: "drive" },
@@ -286,7 +286,7 @@ describe("queue and turn", () => {
     assert.equal(visit.phase, "queued");
   });
 
-  test("a private drive is not shown to who waits, and ends the page of who watches", () => {
+  test("a private drive is not shown to waiting visitors, and ends the page of viewers", () => {
     const refused = message("session/refused", { reason: "private", session: null });
     const observing = message("session/observing", { iceServers: [] });
     const waits = play(
@@ -304,7 +304,7 @@ describe("queue and turn", () => {
     assert.deepEqual([visit.phase, visit.link], ["lobby", "none"], "which says why");
   });
 
-  test("news of the queue change the place and nothing else", () => {
+  test("updates of the queue change the place only", () => {
     const { visit, effects } = play(
       ...OPEN,
       { type: "drive" },
@@ -315,7 +315,7 @@ describe("queue and turn", () => {
     assert.deepEqual(effects, []);
   });
 
-  test("a turn is counted down from the moment it is offered, and started by the visitor", () => {
+  test("a turn is counted down from its offer, and started by the visitor", () => {
     const { visit, effects } = play(
       ...WAITED,
       message("session/queued", QUEUED),
@@ -327,7 +327,7 @@ describe("queue and turn", () => {
     ]);
   });
 
-  test("a turn that is offered once more calls nobody again, and never ends a drive", () => {
+  test("a repeated offer does not call again, and never ends a drive", () => {
     const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
     const again = message("session/offered", { session: "s1", seconds: 50 });
     const { visit, effects } = play(...turn, again);
@@ -336,7 +336,7 @@ describe("queue and turn", () => {
     assert.deepEqual([driving.visit.phase, driving.effects], ["driving", []]);
   });
 
-  test("a turn that is offered once more while Start is under way does not undo it", () => {
+  test("a repeated offer does not undo a start in progress", () => {
     const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
     const again = message("session/offered", { session: "s1", seconds: 50 });
     const { visit, effects } = play(...turn, { type: "start" }, again);
@@ -347,7 +347,7 @@ describe("queue and turn", () => {
     ]);
   });
 
-  test("a turn that was given up, or that is another page's, calls nobody", () => {
+  test("an offer of a declined turn, or for another page, does not call", () => {
     const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
     const again = message("session/offered", { session: "s1", seconds: 50 });
     const elsewhere = message("session/refused", { reason: "elsewhere", session: "s1" });
@@ -365,7 +365,7 @@ describe("queue and turn", () => {
     assert.deepEqual([visit.phase, visit.session, effects], ["queued", "s2", []]);
   });
 
-  test("who has just pressed and gets the turn at once is not asked to press again", () => {
+  test("a turn offered just after a press needs no other press", () => {
     const waiting = [
       message("session/queued", QUEUED),
       message("session/offered", { session: "s2", seconds: 60 }),
@@ -391,7 +391,7 @@ describe("queue and turn", () => {
     }
   });
 
-  test("a turn that went by is given up and said so", () => {
+  test("a missed turn is given up with a notice", () => {
     const { visit, effects } = play(
       ...WAITED,
       message("session/offered", { session: "s2", seconds: 60 }),
@@ -401,7 +401,7 @@ describe("queue and turn", () => {
     assert.deepEqual(sent(effects), [["session/leave", {}]]);
   });
 
-  test("who is asked for a sign is called, and left in peace once there was one", () => {
+  test("a visitor who is asked for activity is called once", () => {
     const asked = play(...DRIVING, message("session/asked_there", { session: "s1", seconds: 30 }));
     assert.equal(asked.visit.askedUntil, 130);
     assert.deepEqual(asked.effects, [{ type: "call", word: "idle" }]);
@@ -429,7 +429,7 @@ describe("queue and turn", () => {
     );
   });
 
-  test("who gave no sign is told so when the visit ends, and is asked no more", () => {
+  test("a visitor without activity sees that when the session ends", () => {
     const { visit } = play(
       ...DRIVING,
       message("session/asked_there", { session: "s1", seconds: 30 }),
@@ -438,7 +438,7 @@ describe("queue and turn", () => {
     assert.deepEqual([visit.phase, visit.reason, visit.askedUntil], ["ended", "idle", null]);
   });
 
-  test("a warning tells when the turn ends", () => {
+  test("a warning shows when the turn ends", () => {
     assert.equal(
       play(...DRIVING, message("session/turn_warning", { session: "s1", remaining: 90 })).visit
         .turnEnds,
@@ -453,7 +453,7 @@ describe("a page that is open for hours", () => {
   const fresh = [{ ...iceServers[0], credential: "new" }];
   const LATE = { type: "link_lost", now: 100 + 5 * HOUR };
 
-  test("a driver whose link is lost opens another with new credentials for the relay", () => {
+  test("opens a lost link with new credentials for the relay", () => {
     const granted = message("session/granted", { ...GRANTED, iceServers });
     const lost = play(...DRIVING, granted, { type: "link_live" }, LATE);
     assert.deepEqual(sent(lost.effects), [["session/take", { session: "s1", peer: "p1" }]]);
@@ -464,7 +464,7 @@ describe("a page that is open for hours", () => {
     assert.deepEqual(sent(after(again.visit, { ...LATE, now: LATE.now + 60 }).effects), []);
   });
 
-  test("one who watches or waits asks for new ones as well", () => {
+  test("requests new ones also for viewers and waiting visitors", () => {
     const observing = message("session/observing", { iceServers, sfu: false });
     const queued = message("session/queued", { session: "s2", place: 1, minutes: 1 });
     for (const before of [[{ type: "watch" }], [{ type: "drive", now: 50 }, queued]]) {
@@ -473,7 +473,7 @@ describe("a page that is open for hours", () => {
     }
   });
 
-  test("nothing is asked for early, or where there is no relay", () => {
+  test("requests none early, or without a relay", () => {
     const granted = message("session/granted", { ...GRANTED, iceServers });
     const early = play(...DRIVING, granted, { type: "link_live" }, { ...LATE, now: 100 + HOUR });
     assert.deepEqual(sent(early.effects), []);
@@ -481,8 +481,8 @@ describe("a page that is open for hours", () => {
   });
 });
 
-describe("silence", () => {
-  test("a question that the server does not answer is asked again, while it matters", () => {
+describe("a missing answer", () => {
+  test("a request without an answer is repeated, while it matters", () => {
     const asking = play(...OPEN, { type: "drive" });
     assert.deepEqual(sent(after(asking.visit, { type: "no_answer" }).effects), [
       ["session/take", {}],
@@ -490,7 +490,7 @@ describe("silence", () => {
     assert.deepEqual(play(...DRIVING, { type: "no_answer" }).effects, []);
   });
 
-  test("a visit that was left is left again until the server says it is over or another's", () => {
+  test("leaving is repeated until the server confirms the end", () => {
     const left = play(...DRIVING, { type: "leave" });
     assert.ok(awaitsAnswer(left.visit));
     const repeated = [["session/leave", { session: "s1", peer: "p1" }]];
@@ -513,7 +513,7 @@ describe("silence", () => {
     assert.ok(!awaitsAnswer(play(...DRIVING).visit));
   });
 
-  test("an end while the turn was offered is a missed turn, unless an operator ended it", () => {
+  test("an end during an offered turn is a missed turn, unless by an operator", () => {
     const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
     const end = (outcome) =>
       play(...turn, message("session/ended", { session: "s1", outcome, reason: "" })).visit.reason;
@@ -525,13 +525,13 @@ describe("silence", () => {
 });
 
 describe("ends", () => {
-  test("leaving lets go first and tells the server last", () => {
+  test("leaving releases the robot first and informs the server last", () => {
     const { visit, effects } = play(...DRIVING, { type: "leave" });
     assert.deepEqual([visit.phase, visit.reason, visit.session], ["ended", "left", null]);
     assert.deepEqual(kinds(effects), ["control", "close_link", "forget", "send"]);
   });
 
-  test("leaving without a connection is said first when there is one, until confirmed", () => {
+  test("leaving without a connection is repeated with the next one, until confirmed", () => {
     const left = play(...DRIVING, { type: "socket_closed", code: 1006 }, { type: "leave" });
     assert.equal(left.visit.phase, "ended");
     assert.deepEqual(sent(left.effects), []);
@@ -546,7 +546,7 @@ describe("ends", () => {
     assert.deepEqual(sent(after(confirmed.visit, { type: "socket_open" }).effects), []);
   });
 
-  test("a visit that was left says so before the next one is asked for", () => {
+  test("leaving is repeated before a new session is requested", () => {
     const { effects } = play(
       ...DRIVING,
       { type: "socket_closed", code: 1006 },
@@ -560,7 +560,7 @@ describe("ends", () => {
     );
   });
 
-  test("the end of another session is not ours", () => {
+  test("the end of another session is ignored", () => {
     assert.equal(
       play(
         ...DRIVING,
@@ -575,14 +575,14 @@ describe("ends", () => {
     [4403, "not_allowed"],
     [4404, "no_such_robot"],
   ]) {
-    test(`close code ${code} ends the visit for good: ${reason}`, () => {
+    test(`close code ${code} closes the page for good: ${reason}`, () => {
       const { visit, effects } = play(...DRIVING, { type: "socket_closed", code });
       assert.deepEqual([visit.phase, visit.reason], ["closed", reason]);
       assert.ok(kinds(effects).includes("close_socket"));
     });
   }
 
-  test("an observer for whom there is no place is told so", () => {
+  test("a viewer without a free place sees so", () => {
     const { visit } = play(
       ...OPEN,
       { type: "watch" },
@@ -592,7 +592,7 @@ describe("ends", () => {
     assert.deepEqual([visit.phase, visit.reason], ["refused", "observers_full"]);
   });
 
-  test("after an end the visitor can begin anew", () => {
+  test("after an end the visitor can start again", () => {
     const { visit } = play(
       ...DRIVING,
       message("session/ended", { session: "s1", outcome: "timed_out", reason: "" }),
@@ -600,7 +600,7 @@ describe("ends", () => {
     assert.deepEqual(sent(after(visit, { type: "drive" }).effects), [["session/take", {}]]);
   });
 
-  test("something unknown that happens changes nothing", () => {
+  test("an unknown event changes nothing", () => {
     const { visit } = play(...DRIVING);
     assert.deepEqual(after(visit, { type: "weather" }), { visit, effects: [] });
   });

@@ -71,7 +71,7 @@ test("packets of an abandoned socket are ignored", (context) => {
   socket.close();
 });
 
-test("an open socket that has been silent for too long is dialled again", (context) => {
+test("a silent open socket is dialled again", (context) => {
   context.mock.timers.enable({ apis: ["setTimeout"] });
   const { socket, dialled, log, open } = rig();
   socket.open();
@@ -86,7 +86,7 @@ test("an open socket that has been silent for too long is dialled again", (conte
   socket.close();
 });
 
-test("a message that cannot be sent, or is old in a full buffer, is dropped", () => {
+test("a message is dropped without a connection, or if it would wait too long", () => {
   const { socket, dialled, open } = rig();
   socket.open();
   assert.equal(socket.send("a"), false);
@@ -99,13 +99,13 @@ test("a message that cannot be sent, or is old in a full buffer, is dropped", ()
   socket.close();
 });
 
-test("pauses grow, have a bound, and are spread out", () => {
+test("pauses grow up to a bound, and are random", () => {
   const whole = [0, 1, 2, 3, 30].map((attempt) => backoff(attempt, { random: () => 1 }));
   assert.deepEqual(whole, [0.25, 0.5, 1, 2, 5]);
   assert.equal(backoff(2, { random: () => 0 }), 0.5);
 });
 
-test("an id is of the shape that the Robot API takes, and not given twice", () => {
+test("an id has the form of the Robot API, and is unique", () => {
   const ids = new Set(Array.from({ length: 100 }, () => freshId("stop-")));
   assert.equal(ids.size, 100);
   assert.ok([...ids].every((id) => /^[A-Za-z0-9_-]{1,64}$/.test(id)));

@@ -20,7 +20,7 @@ import { AnnouncerQueue, roundLeft } from "../../../static/js/study/announcer_qu
 import { marksFor } from "../../../static/js/study/course.js";
 import { Changes, Shown, layoutOf } from "../../../static/js/study/page_events.js";
 import { sentence } from "../../../static/js/study/task_panel.js";
-import { pursue, windowFor } from "../../../static/js/study/photo.js";
+import { answerAfter, windowFor } from "../../../static/js/study/photo.js";
 import { pointTo } from "../../../static/js/study/direction_arrow.js";
 import { Snapshots } from "../../../static/js/study/snapshots.js";
 
@@ -141,24 +141,24 @@ describe("the guide", () => {
     assert.equal(sentence(guide, words), "Go to checkpoint 1.");
   });
 
-  test("falls back to a general sentence for a cue that it does not know", () => {
+  test("has a general sentence for an unknown cue", () => {
     assert.equal(
       sentence(guideFor(state({ told: told({ cue: "juggle" }) })), words),
       "Continue the task.",
     );
   });
 
-  test("waits for the picture until the session manager has spoken", () => {
+  test("waits for the video until the session manager has sent a task", () => {
     assert.equal(guideFor(state({ told: null })).cue, "cue.wait_for_picture");
   });
 
-  test("guides nobody who does not drive, and nobody without a study", () => {
+  test("is only for the driver of a study", () => {
     assert.equal(guideFor(state({}, { phase: "queued", link: "none" })), null);
     assert.equal(guideFor(state({}, { phase: "watching" })), null);
     assert.equal(guideFor(state({ study: null })), null);
   });
 
-  test("puts the station last, and marks exactly one stop as next until all is done", () => {
+  test("puts the dock last, and has exactly one next stop until all are passed", () => {
     const statuses = (more) =>
       stopsOf(STUDY, told(more)).map(({ number, status }) => `${number} ${status}`);
     assert.deepEqual(statuses({}), ["1 next", "2 later", "0 later"]);
@@ -176,7 +176,7 @@ describe("the guide", () => {
     ]);
   });
 
-  test("counts the last minutes down by the page's clock, and not below nothing", () => {
+  test("counts the last minutes down by the page's clock, and not below zero", () => {
     const last = told({ remaining: 90 }, 100);
     assert.equal(guideFor(state({ told: last, now: 130 })).left, 60);
     assert.equal(guideFor(state({ told: last, now: 999 })).left, 0);
@@ -186,14 +186,14 @@ describe("the guide", () => {
     );
   });
 
-  test("says how long one has driven, which a screen without dials shows", () => {
+  test("has the time driven, for screens without dials", () => {
     const began = { at: 40, distance: 0 };
     assert.equal(guideFor(state({ began })).driven, 60);
     assert.equal(guideFor(state()).driven, null);
     assert.equal(words.say("reading.driven", { time: "1:00" }), "Time 1:00");
   });
 
-  test("shows a practice drive's time in its last minute, even if nobody says so", () => {
+  test("shows the time of a practice drive in its last minute", () => {
     const practice = { ...STUDY, kind: "practice", minutes: 3, checkpoints: [] };
     const at = (now, more = {}) =>
       guideFor(state({ study: practice, told: null, began: { at: 0, distance: 0 }, now, ...more }))
@@ -205,13 +205,13 @@ describe("the guide", () => {
 
 describe("the arrow", () => {
   const at = (x, y, theta) => pointTo({ x: 0, y: 0, theta }, { x, y }, Math.PI / 2);
-  test("stands where the target lies in the picture", () => {
+  test("is above the target in the video", () => {
     assert.deepEqual([at(2, 0, 0).side, at(2, 0, 0).distance], ["ahead", 2]);
     assert.ok(Math.abs(at(2, 1, 0).share + 0.5) < 1e-9);
     assert.ok(Math.abs(at(2, -1, 0).share - 0.5) < 1e-9);
   });
 
-  test("points aside to a target out of the picture, and back to one behind, at any angle", () => {
+  test("points aside to a target out of view, and back to one behind", () => {
     assert.deepEqual(
       [at(0, 2, 0).side, at(0, -2, 0).side, at(-2, 0.1, 0).side],
       ["left", "right", "behind"],
@@ -223,7 +223,7 @@ describe("the arrow", () => {
     assert.deepEqual([at(0, 2, 0).share, at(0, -2, 0).share], [-1, 1]);
   });
 
-  test("asks nobody to leave the station while the robot does so", () => {
+  test("does not ask to leave the dock while the robot does so", () => {
     const leaves = (status) =>
       guideFor(state({ told: told({ cue: "leave_station" }), task: { type: "undock", status } }))
         .cue;
@@ -234,7 +234,7 @@ describe("the arrow", () => {
     ]);
   });
 
-  test("leads nowhere while docked, while a photo is judged, and once it is over", () => {
+  test("is hidden while docked, during a review, and after the end", () => {
     assert.deepEqual(targetOf(state()), { x: 2, y: 0, number: 1 });
     for (const more of [
       { cue: "leave_station" },
@@ -249,7 +249,7 @@ describe("the arrow", () => {
 });
 
 describe("the map", () => {
-  test("marks every stop where it is, the station at its docked pose", () => {
+  test("has every stop in its place, the dock at its docked pose", () => {
     const { stops, zones, path } = marksFor(STUDY, told({ passed: [1] }));
     assert.deepEqual(
       stops.map(({ number, x, y, status }) => [number, x, y, status]),
@@ -273,7 +273,7 @@ describe("the photo's window", () => {
     state({ told: told({ cue: "photo_turn_left", window: "open", passed: [1, 2], ...more }) });
   const review = told({ cue: "photo_review", window: "review", photo: "p1", passed: [1, 2] });
 
-  test("opens by itself with the hint, and is shut again", () => {
+  test("opens with a hint, and closes", () => {
     assert.deepEqual(windowFor(open()), {
       mode: "hint",
       word: "photo.photo_turn_left",
@@ -295,7 +295,7 @@ describe("the photo's window", () => {
     );
   });
 
-  test("lets a photo be taken wherever the robot looks, once at a time, again if it failed", () => {
+  test("lets a photo be taken anywhere, one at a time, again after a failure", () => {
     const snap = ask({ type: "photo" }, "p1", 100);
     assert.equal(windowFor(open()).busy, false);
     assert.deepEqual(
@@ -314,7 +314,7 @@ describe("the photo's window", () => {
     );
   });
 
-  test("shows the picture to be judged, and is busy while an answer is on its way", () => {
+  test("shows the photo to review, and is busy while an answer is sent", () => {
     assert.deepEqual(windowFor(state({ told: review })), {
       mode: "review",
       word: "photo.review",
@@ -332,38 +332,30 @@ describe("the photo's window", () => {
     );
   });
 
-  test("says an answer again until the question is not asked any more", () => {
+  test("repeats an answer until it is confirmed", () => {
     const answer = { id: "a", photo: "p1", choice: "again", at: 100, saidAt: 100 };
-    assert.deepEqual(pursue(answer, review, 100.5), { answer, say: false });
-    assert.deepEqual(pursue(answer, review, 102), {
+    assert.deepEqual(answerAfter(answer, review, 100.5), { answer, say: false });
+    assert.deepEqual(answerAfter(answer, review, 102), {
       answer: { ...answer, saidAt: 102 },
       say: true,
     });
-    assert.equal(pursue(answer, told({ window: "open" }), 102).answer, null);
+    assert.equal(answerAfter(answer, told({ window: "open" }), 102).answer, null);
     assert.equal(
-      pursue({ ...answer, photo: "", choice: "skip" }, told({ window: "open" }), 102).say,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "open" }), 102).say,
       true,
     );
     assert.equal(
-      pursue({ ...answer, photo: "", choice: "skip" }, told({ window: "shut" }), 102).answer,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "shut" }), 102).answer,
       null,
     );
   });
 
-  test("looks for the picture until the server has it, through errors, while wanted", async () => {
+  test("requests the photo until the server has it, despite errors, while wanted", async () => {
     const replies = [
       () => Promise.reject(new TypeError("no network")),
-      () => Promise.resolve({ ok: false }),
-      () =>
-        Promise.resolve({
-          ok: true,
-          json: async () => ({ snapshots: [{ actionId: "other", url: "/x" }] }),
-        }),
-      () =>
-        Promise.resolve({
-          ok: true,
-          json: async () => ({ snapshots: [{ actionId: "p1", url: "/p1.jpg" }] }),
-        }),
+      () => Promise.reject(new Error("503")),
+      async () => ({ snapshots: [{ actionId: "other", url: "/x" }] }),
+      async () => ({ snapshots: [{ actionId: "p1", url: "/p1.jpg" }] }),
     ];
     const found = [];
     const asked = [];
@@ -385,12 +377,7 @@ describe("the photo's window", () => {
     assert.deepEqual(found, [["p1", "/p1.jpg"]]);
     assert.equal(asked.length, 4);
 
-    replies.push(() =>
-      Promise.resolve({
-        ok: true,
-        json: async () => ({ snapshots: [{ actionId: "p2", url: "/p2.jpg" }] }),
-      }),
-    );
+    replies.push(async () => ({ snapshots: [{ actionId: "p2", url: "/p2.jpg" }] }));
     snapshots.want("p2");
     snapshots.want("");
     await settle();
@@ -400,7 +387,7 @@ describe("the photo's window", () => {
 });
 
 describe("what a study fixes", () => {
-  test("is not offered: going to places, leaving the dock by itself, a level of assistance", () => {
+  test("is not offered: places, leaving the dock by itself, assistance", () => {
     const docked = state({
       robot: robot({ docked: true }),
       plan: { places: [{ name: "sofa", title: "Sofa" }] },
@@ -414,7 +401,7 @@ describe("what a study fixes", () => {
     assert.equal(isAssistFixed(state({ study: { ...STUDY, assist: null } })), false);
   });
 
-  test("can be places and not the map, or the map and not places", () => {
+  test("can allow places without the map, or the map without places", () => {
     const sent = (...ownActions) =>
       state({
         study: { ...STUDY, ownActions, actions: ["goto"] },
@@ -425,7 +412,7 @@ describe("what a study fixes", () => {
     assert.deepEqual([goes(sent("map")), maySend(sent("map"), "map")], [false, true]);
   });
 
-  test("offers no way out of the station where the robot may not leave it by itself", () => {
+  test("offers no button out of the dock where the robot may not leave by itself", () => {
     const docked = (study) =>
       offerFor(state({ study: { ...STUDY, ...study }, robot: robot({ docked: true }) }));
     const forbidden = { actions: ["stop"], ownActions: [] };
@@ -437,7 +424,7 @@ describe("what a study fixes", () => {
     assert.equal(docked({ ...forbidden, controllers: [] }), null);
   });
 
-  test("is what the terms of the visit say, once they are known", () => {
+  test("follows the terms of the session, once they are known", () => {
     const terms = { controllers: ["stick"], actions: null, assist: null };
     const granted = state({}, { terms });
     assert.deepEqual(
@@ -451,7 +438,7 @@ describe("what a study fixes", () => {
     );
   });
 
-  test("comes with the grant and goes with the visit", () => {
+  test("starts with the grant and ends with the session", () => {
     const terms = { controllers: ["keyboard"], actions: [], assist: "off" };
     const granted = reduce(
       { ...newVisit(), phase: "taking", socket: "open" },
@@ -472,7 +459,7 @@ describe("what a study fixes", () => {
     );
   });
 
-  test("leaves everything to visitors without a study", () => {
+  test("does not restrict visitors without a study", () => {
     const free = state({ study: null, robot: robot({ docked: true }) });
     assert.deepEqual(
       [
@@ -485,7 +472,7 @@ describe("what a study fixes", () => {
     );
   });
 
-  test("is said when somebody tries it", () => {
+  test("is explained when a visitor tries it", () => {
     assert.deepEqual(alertFor(state({ barred: { method: "keyboard", at: 99 } })), {
       word: "off.keyboard",
       tone: "busy",
@@ -527,7 +514,7 @@ describe("what a study fixes", () => {
   });
 });
 
-describe("a way of control that is fixed", () => {
+describe("a fixed transport of control", () => {
   const carrierOf = (only, { open = true, fresh = true } = {}) => {
     const sent = [];
     const [socket, link] = [
@@ -545,7 +532,7 @@ describe("a way of control that is fixed", () => {
     return { router, sent };
   };
 
-  test("takes velocities and actions alone, and a stop on both", () => {
+  test("takes velocities and actions only, and a stop uses both", () => {
     for (const only of ["mqtt", "datachannel"]) {
       for (const state of [{}, { open: false }, { fresh: false }]) {
         const { router, sent } = carrierOf(only, state);
@@ -561,7 +548,7 @@ describe("a way of control that is fixed", () => {
     }
   });
 
-  test("is no limit where free: an action takes the server's way, and both when said again", () => {
+  test("without a limit an action takes the server, and both when repeated", () => {
     const { router, sent } = carrierOf("any");
     router.sendAction({ type: "photo" }, false);
     assert.deepEqual(sent.splice(0), ["mqtt"]);
@@ -577,7 +564,7 @@ describe("the end of a drive", () => {
   const ended = (reason, more = {}) =>
     state({ endedAt: 100, ...more }, { phase: "ended", link: "none", session: null, reason });
 
-  test("has words for every outcome, one button on, and goes on by itself", () => {
+  test("has words for every outcome, one button to continue, and continues by itself", () => {
     for (const reason of [...OUTCOMES, "left", "abducted"]) {
       const card = cardFor(ended(reason));
       assert.ok(
@@ -592,14 +579,14 @@ describe("the end of a drive", () => {
     }
   });
 
-  test("counts down to going on, and not beyond", () => {
+  test("counts down to the next step, and not below zero", () => {
     assert.deepEqual(
       [99, 104, 200].map((now) => cardFor(ended("completed", { now })).countdown),
       [10, 6, 0],
     );
   });
 
-  test("speaks of the task's own outcome where that says more than the session's", () => {
+  test("shows the task's outcome where it says more than the session's", () => {
     assert.equal(
       cardFor(ended("completed", { told: told({ outcome: "timed_out" }) })).word,
       "study.ended.timed_out",
@@ -610,7 +597,7 @@ describe("the end of a drive", () => {
     );
   });
 
-  test("of a visit left somewhere else is not praised, one whose last word is missing is", () => {
+  test("does not praise a drive that was left elsewhere", () => {
     assert.equal(
       cardFor(ended("completed", { told: told({ passed: [1] }) })).word,
       "study.ended.left",
@@ -625,7 +612,7 @@ describe("the end of a drive", () => {
     );
   });
 
-  test("says what the study says comes next, at the end and before leaving", () => {
+  test("names the next step, at the end and before leaving", () => {
     const study = { ...STUDY, next: "Another drive is next." };
     const texts = [ended("completed", { study }), state({ study, leaving: true })].map((one) => {
       const { word, values } = cardFor(one);
@@ -637,7 +624,7 @@ describe("the end of a drive", () => {
     );
   });
 
-  test("of a practice leads on to the study, and not to questions", () => {
+  test("of practice leads to the study, and not to questions", () => {
     const practice = { ...STUDY, kind: "practice" };
     assert.equal(cardFor(ended("timed_out", { study: practice })).word, "practice.ended");
     assert.equal(
@@ -654,13 +641,13 @@ describe("the end of a drive", () => {
     );
   });
 
-  test("is none when the visit went on in another tab, or a turn was missed", () => {
+  test("is not reached by a moved session or a missed turn", () => {
     assert.equal(cardFor(ended("moved")).main.action, "ask_to_take_over");
     assert.equal(cardFor(ended("turn_missed")).main.action, "drive");
     assert.equal(hasEnded(ended("moved")), false);
   });
 
-  test("is asked for: leaving says that the task cannot be taken up again", () => {
+  test("is confirmed: leaving warns that the task cannot be resumed", () => {
     const card = cardFor(state({ leaving: true }));
     assert.deepEqual(
       [card.word, card.main.action, card.other.action],
@@ -669,7 +656,7 @@ describe("the end of a drive", () => {
     assert.ok(SENTENCES.has("study.leaving.title") && SENTENCES.has("study.leaving.text"));
   });
 
-  test("no card of a study leads to another robot, and each leads somewhere", () => {
+  test("no card of a study leads to another robot, and each has a button", () => {
     const visits = [
       ...["connecting", "lobby", "taking", "queued", "turn", "elsewhere"].map((phase) => ({
         phase,
@@ -698,8 +685,8 @@ describe("the end of a drive", () => {
   });
 });
 
-describe("what is read out", () => {
-  test("comes at most every few seconds, and of what came meanwhile only the last", () => {
+describe("announcements of the task", () => {
+  test("come at most every few seconds, only the last of several", () => {
     const announcerQueue = new AnnouncerQueue();
     assert.equal(announcerQueue.hear("Go to 1", 100), "Go to 1");
     assert.deepEqual(
@@ -714,7 +701,7 @@ describe("what is read out", () => {
     assert.equal(announcerQueue.hear("ready", 200), null);
   });
 
-  test("names the time that is left in few steps", () => {
+  test("have the time left in few steps", () => {
     assert.deepEqual([null, 300, 120, 61, 60, 31, 12, 9].map(roundLeft), [
       null,
       null,
@@ -729,7 +716,7 @@ describe("what is read out", () => {
 });
 
 describe("the page's record", () => {
-  test("has each sentence with how long it was shown, without those that flickered by", () => {
+  test("has each sentence with its duration, without those too short to read", () => {
     const shown = new Shown("cue_shown");
     assert.equal(shown.hear("cue.go_to_checkpoint", 1, 10), null);
     assert.equal(shown.hear("cue.go_to_checkpoint", 1, 12), null);
@@ -741,7 +728,7 @@ describe("the page's record", () => {
     assert.equal(shown.hear("cue.lost", 2, 20), null);
   });
 
-  test("has changes once, and everything again when a visit begins", () => {
+  test("has changes once, and everything again when a session starts", () => {
     const map = new Changes("map");
     assert.deepEqual(map.hear({ open: true }), { type: "map", data: { open: true } });
     assert.equal(map.hear({ open: true }), null);

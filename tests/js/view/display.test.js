@@ -33,7 +33,7 @@ const state = (more = {}, visit = {}) => ({
 const settled = () => new Promise((resolve) => setImmediate(resolve));
 
 describe("the profile in force", () => {
-  test("is the study's, else the visitor's own, else the standard one", () => {
+  test("is the study's, else the visitor's, else the standard one", () => {
     assert.equal(nameOf(state()), "standard");
     assert.equal(nameOf(state({ profile: "technical" })), "technical");
     assert.equal(nameOf(state({ profile: "technical", study: { interface: "expert" } })), "expert");
@@ -48,19 +48,19 @@ describe("the profile in force", () => {
     );
   });
 
-  test("is the visitor's where the terms of the visit leave it open", () => {
+  test("is the visitor's where the terms leave it open", () => {
     assert.equal(fixedProfile(state({ profile: "expert" }, { terms: { interface: "" } })), null);
     assert.equal(nameOf(state({ profile: "expert" }, { terms: { interface: "" } })), "expert");
     assert.equal(nameOf(state({ profile: "expert", study: { interface: null } })), "expert");
   });
 
-  test("is told as what is really shown when its name is unknown", () => {
+  test("is recorded as shown when its name is unknown", () => {
     assert.equal(nameOf(state({}, { terms: { interface: "plain" } })), "standard");
     assert.equal(nameOf(state({ profile: "toString" })), "standard");
     assert.equal(profileOf(state({ profile: "hasOwnProperty" })), PROFILES.standard);
   });
 
-  test("begins a drive with its speed, and its assistance where there is any to decide on", () => {
+  test("starts a drive with its speed, and its assistance if it can be chosen", () => {
     const able = { factsheet: { capabilities: ["assist"] } };
     assert.deepEqual(beginningOf(state({ ...able, profile: "novice" }), false), {
       step: 0,
@@ -91,7 +91,7 @@ describe("the profile in force", () => {
     );
   });
 
-  test("draws the laser, or not, unless the visitor says otherwise", () => {
+  test("draws the laser points, or not, unless the visitor chose otherwise", () => {
     assert.equal(showsLaser(state()), true, "the robot assists");
     assert.equal(showsLaser(state({ profile: "novice" })), false);
     assert.equal(showsLaser(state({ profile: "novice", laser: true })), true);
@@ -101,7 +101,7 @@ describe("the profile in force", () => {
     );
   });
 
-  test("explains assistance or leaves that out, and always says why the robot is held", () => {
+  test("explains assistance or not, and always why the robot does not move", () => {
     const helped = (profile, why) =>
       alertFor(state({ profile, help: { why, side: "left", point: [1, 1] } }))?.word;
     assert.equal(helped("novice", "steer"), "assist.steer.left");
@@ -113,8 +113,8 @@ describe("the profile in force", () => {
   });
 });
 
-describe("what a browser remembers of a person", () => {
-  test("is the profile, apart for each user; forbidden storage breaks nothing", () => {
+describe("the browser's storage of a person", () => {
+  test("has the profile, separately for each user, and may be forbidden", () => {
     const kept = new Map();
     globalThis.localStorage = {
       getItem: (key) => kept.get(key) ?? null,
@@ -132,7 +132,7 @@ describe("what a browser remembers of a person", () => {
   });
 });
 
-describe("the screen stays lit", () => {
+describe("the wake lock", () => {
   const browser = ({ refuses = false } = {}) => {
     const document = Object.assign(new EventTarget(), { visibilityState: "visible" });
     const given = [];
@@ -151,7 +151,7 @@ describe("the screen stays lit", () => {
     return { document, given, see, locks: { request } };
   };
 
-  test("while somebody drives, again after the page was out of sight, and no longer", async () => {
+  test("is held during a drive, again after the page was hidden, and no longer", async () => {
     const { given, see, ...rest } = browser();
     const keep = createWakeLock(rest);
     keep(true);
@@ -173,7 +173,7 @@ describe("the screen stays lit", () => {
     assert.equal(given.length, 2);
   });
 
-  test("a drive that ends while the browser still thinks about it leaves no lock", async () => {
+  test("is released when a drive ends while the browser still decides", async () => {
     const { given, ...rest } = browser();
     const keep = createWakeLock(rest);
     keep(true);
@@ -185,7 +185,7 @@ describe("the screen stays lit", () => {
     );
   });
 
-  test("a refusal, or a browser without it, changes nothing", async () => {
+  test("may be refused or missing", async () => {
     const { see, ...rest } = browser({ refuses: true });
     const keep = createWakeLock(rest);
     keep(true);
@@ -197,7 +197,7 @@ describe("the screen stays lit", () => {
   });
 });
 
-describe("the whole screen", () => {
+describe("full screen", () => {
   const make = (names) => {
     const document = Object.assign(new EventTarget(), { documentElement: {} });
     document.documentElement[names.enter] = () => {
@@ -224,7 +224,7 @@ describe("the whole screen", () => {
   };
 
   for (const names of [TODAY, PREFIXED]) {
-    test(`is left by the button or by Escape, and the page can tell which (${names.enter})`, () => {
+    test(`is left by the button or by Escape, which the page tells apart (${names.enter})`, () => {
       const document = make(names);
       const left = [];
       const screen = createFullScreen({ document, onLeft: (byButton) => left.push(byButton) });
@@ -249,7 +249,7 @@ describe("the whole screen", () => {
   });
 });
 
-describe("the connection in figures", () => {
+describe("the figures of the connection", () => {
   const report = (n, more = {}) => [
     {
       id: "v",
@@ -289,7 +289,7 @@ describe("the connection in figures", () => {
     return shown(rows);
   };
 
-  test("are taken over a second, and what the robot says comes with them", () => {
+  test("are taken over a second, with the robot's own", () => {
     const robot = {
       ...ROBOT,
       applied: [{ age: 0.02 }, { age: 0.0456, frameAge: 0.087 }],
@@ -313,7 +313,7 @@ describe("the connection in figures", () => {
     });
   });
 
-  test("what is not known is a dash, never a nought", () => {
+  test("are a dash while unknown, never a zero", () => {
     const now = shown(
       new Figures(String, "en").read(
         raw({
@@ -329,7 +329,7 @@ describe("the connection in figures", () => {
     assert.deepEqual([...new Set(Object.values(now))], ["–"]);
   });
 
-  test("the age of the last command stays to be read after the hand has let go", () => {
+  test("keep the age of the last command after its release", () => {
     const figures = new Figures(String, "en");
     figures.read(
       raw({ state: state({ robot: { ...ROBOT, applied: [{ age: 0.02 }] } }) }),
@@ -342,20 +342,20 @@ describe("the connection in figures", () => {
     );
   });
 
-  test("the middle of the last glimpses counts, so that one late frame changes nothing", () => {
+  test("use the median delay, so that one late frame changes nothing", () => {
     const figures = new Figures(String, "en");
     const read = (glass, n) => shown(figures.read(raw({ glass }), report(n))).glass;
     assert.deepEqual([0.03, 0.031, 0.4, 0.03].map(read), ["30", "31", "31", "31"]);
   });
 
-  test("another connection begins anew", () => {
+  test("start again with another connection", () => {
     const figures = new Figures(String, "en");
     read(figures, 3);
     const now = shown(figures.read(raw({ connection: {} }), report(1)));
     assert.deepEqual([now.fps, now.size], ["–", "640×480 VP8"]);
   });
 
-  test("pictures through the server have figures of their own", () => {
+  test("have their own sources for frames through the server", () => {
     const network = { fps: 4, bitrate: 800_000, path: "server/jpeg" };
     const now = shown(
       new Figures((way) => way, "es").read(
@@ -369,7 +369,7 @@ describe("the connection in figures", () => {
     );
   });
 
-  test("are written as the visitor's language writes numbers", () => {
+  test("are written in the visitor's language", () => {
     const now = read(new Figures(String, "es"), 5);
     assert.deepEqual([now.loss, now.freezes, now.rate], ["10,0", "2 (1,3 s)", "1000"]);
   });
@@ -381,7 +381,7 @@ describe("the connection in figures", () => {
     );
   });
 
-  test("a browser that tells neither codec nor freezes breaks nothing", () => {
+  test("work in browsers without codec and freezes", () => {
     assert.deepEqual(pickMore([]), { codec: "", freezes: 0, frozen: 0 });
   });
 });

@@ -154,7 +154,7 @@ const everyState = () => [
 ];
 
 describe("cards", () => {
-  test("every state that the page can be in has its words, and every button as well", () => {
+  test("every state of the page has its words, and so has every button", () => {
     for (const one of everyState()) {
       const card = cardFor(one);
       const keys = card
@@ -176,7 +176,7 @@ describe("cards", () => {
     }
   });
 
-  test("a robot that nobody can drive is not called ready, and can be waited for", () => {
+  test("a robot that cannot be driven is not shown as ready, and has a queue", () => {
     const told = STANDSTILLS.map((robot) => {
       const one = state({ phase: "lobby" }, { robot });
       return [cardFor(one).word, cardFor(one).main.word, statusFor(one).word];
@@ -191,7 +191,7 @@ describe("cards", () => {
     assert.deepEqual([cardFor(well).word, statusFor(well).word], ["lobby", "status.ready"]);
   });
 
-  test("a robot that was stopped between visits says so, and who takes it releases it", () => {
+  test("a robot stopped between sessions shows it, and is released by its next driver", () => {
     const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
     const told = (more) => {
       const one = state({ phase: "lobby" }, { robot, room: free(""), ...more });
@@ -217,7 +217,7 @@ describe("cards", () => {
     assert.equal(operated(waits).detail.word, "release.held");
   });
 
-  test("who watches a robot that was stopped between visits reads who can release it", () => {
+  test("a viewer of a robot stopped between sessions reads who can release it", () => {
     const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
     const watching = (more) =>
       alertFor(state({ phase: "watching", link: "live" }, { robot, room: free(""), ...more }));
@@ -227,7 +227,7 @@ describe("cards", () => {
     assert.ok(SENTENCES.has("alert.held"));
   });
 
-  test("a robot that moves although it should stand still is not called free", () => {
+  test("a robot that moves although it should be at rest is not shown as free", () => {
     const robot = { ...ROBOT, errors: ["runs_on: the robot keeps moving"] };
     const one = state({ phase: "lobby" }, { robot, room: free("") });
     assert.deepEqual(
@@ -237,7 +237,7 @@ describe("cards", () => {
     assert.ok(SENTENCES.has("lobby.runs_on.title") && SENTENCES.has("lobby.runs_on.text"));
   });
 
-  test("that a robot runs on is said before any stop of it, also to who waits in line", () => {
+  test("a robot that does not stop is shown before any stop of it, also in the queue", () => {
     const errors = ["runs_on: the robot keeps moving", "adapter_lost: no answer"];
     for (const robot of STANDSTILLS.map((one) => ({ ...one, errors }))) {
       assert.equal(standstillOf(robot), "runs_on");
@@ -252,7 +252,7 @@ describe("cards", () => {
     }
   });
 
-  test("a card says which part fails or what was denied, whatever is said of the robot", () => {
+  test("a card shows the part that fails or the denial, whatever the robot's state", () => {
     const faults = [{ part: "broker", then: "stops", at: 110 }];
     const denial = { word: "denied.action", at: 99, until: 108 };
     const card = (visit, more) =>
@@ -281,7 +281,7 @@ describe("cards", () => {
     assert.equal(leaving({}, { faults: disk }), "fault.disk_full");
   });
 
-  test("an alert that no card says stays in sight while one is open", () => {
+  test("an alert that no card shows stays visible over a card", () => {
     for (const word of ["estop", "estop_screen", "runs_on", "stop_unconfirmed"]) {
       assert.ok(staysOverCards(`alert.${word}`) && SENTENCES.has(`alert.${word}`), word);
     }
@@ -289,7 +289,7 @@ describe("cards", () => {
     assert.ok(!staysOverCards("alert.turn_ends") && !staysOverCards(""));
   });
 
-  test("a robot between two visits is called the same before, after and while one waits", () => {
+  test("a robot between sessions has the same name before, after and while waiting", () => {
     for (const [pause, status, word] of BETWEEN) {
       const more = { room: free(pause), robot: { ...ROBOT, docked: false } };
       const [lobby, left] = [state({ phase: "lobby" }, more), state({ phase: "ended" }, more)];
@@ -307,7 +307,7 @@ describe("cards", () => {
     assert.equal(cardFor(released).main.word, "do.queue");
   });
 
-  test("who comes while others wait for a robot that nobody drives is told their place", () => {
+  test("a visitor who joins a queue at a robot without a driver reads the place", () => {
     const card = cardFor(state({ phase: "lobby" }, { room: { ...free(""), waiting: 2 } }));
     assert.deepEqual(
       [card.word, card.values.place, card.main.word],
@@ -315,7 +315,7 @@ describe("cards", () => {
     );
   });
 
-  test("a robot that is on its way home is not said to have stopped", () => {
+  test("a robot that returns to its dock is not shown as stopped", () => {
     const ended = (reason, docked) =>
       cardFor(state({ phase: "ended", reason }, { returnsHome: true, robot: { ...ROBOT, docked } }))
         .word;
@@ -326,7 +326,7 @@ describe("cards", () => {
     assert.equal(cardFor(state({ phase: "ended", reason: "left" })).word, "ended.left");
   });
 
-  test("who waits for a robot that did not get home reads one thing, and which are free", () => {
+  test("a visitor waiting for an undocked robot reads one reason, and free robots", () => {
     const freeRobots = [{ action: "Drive Rhodon", url: "/robots/rhodon/?go=1" }];
     const waits = (reason, docked = false) =>
       cardFor(
@@ -355,7 +355,7 @@ describe("cards", () => {
     assert.ok(SENTENCES.has("because.held"));
   });
 
-  test("only others that are free, and that the visitor may drive, are offered instead", () => {
+  test("only free robots that the visitor may drive are offered instead", () => {
     const list = {
       robots: [
         { name: "giraff", state: "available", drives: true, action: "Drive Giraff", url: "/g" },
@@ -372,7 +372,7 @@ describe("cards", () => {
     ]);
   });
 
-  test("a simulated robot is never called switched off", () => {
+  test("a simulated robot is never shown as switched off", () => {
     for (const kind of [{ guest: true }, { practising: true }]) {
       const words = [
         state({ phase: "refused", reason: "offline" }, kind),
@@ -386,7 +386,7 @@ describe("cards", () => {
     assert.equal(cardFor(state({ phase: "refused", reason: "offline" })).word, "refused.offline");
   });
 
-  test("a simulated robot is asked for again, as nobody starts it otherwise", () => {
+  test("a simulated robot is requested again, as it does not start by itself", () => {
     const actions = (kind) =>
       [
         state({ phase: "refused", reason: "offline" }, kind),
@@ -404,7 +404,7 @@ describe("cards", () => {
     assert.ok(!actions({}).includes("practise_again"));
   });
 
-  test("who waits for a robot with a fault reads so, and which place they keep", () => {
+  test("a visitor waiting for a robot with a fault reads it and keeps the place", () => {
     for (const [reason, word] of [
       ["fault", "reason.fault"],
       ["not_connected", "reason.not_connected"],
@@ -416,21 +416,21 @@ describe("cards", () => {
     assert.deepEqual([stopped.word, stopped.values.place], ["queued.estop", 2]);
   });
 
-  test("a page that does nothing by itself always offers a way on", () => {
+  test("a page that has ended always offers a button", () => {
     for (const one of everyState()) {
       const card = cardFor(one);
       assert.ok(!card || card.busy || card.main || card.other, JSON.stringify(one.visit));
     }
   });
 
-  test("while the picture is there, nothing lies over it; a lost link has a line, no card", () => {
+  test("no card covers the video; a lost link has an alert instead", () => {
     assert.equal(cardFor(state({ phase: "driving", link: "live" }, { playing: true })), null);
     const lost = state({ phase: "driving", link: "lost" });
     assert.equal(cardFor(lost), null);
     assert.equal(alertFor(lost).word, "alert.link_driver");
   });
 
-  test("whoever watches through the SFU reads that it is down, or has lost the robot", () => {
+  test("a viewer by the SFU reads that it is down, or has lost the robot", () => {
     const watching = { phase: "watching", link: "lost", online: true, sfu: true };
     assert.equal(
       alertFor(state({ ...watching, sfuLost: true }, { robot: ROBOT })).word,
@@ -443,12 +443,12 @@ describe("cards", () => {
     assert.equal(alertFor(still).word, "alert.link_observer");
   });
 
-  test("whoever has tried a simulated robot is invited to sign up", () => {
+  test("a guest of a simulated robot is invited to sign up", () => {
     const card = cardFor(state({ phase: "ended", reason: "timed_out" }, { guest: true }));
     assert.deepEqual([card.word, card.main.action], ["ended.guest", "sign_up"]);
   });
 
-  test("who has driven may keep a picture of it, and nobody else is offered one", () => {
+  test("a driver may save a picture of the drive, other visitors may not", () => {
     const ended = (reason, changes) =>
       cardFor(state({ phase: "ended", reason }, changes)).extra?.action;
     const trip = { session: "s", metres: 4, minutes: 1, trail: [] };
@@ -460,12 +460,12 @@ describe("cards", () => {
     assert.equal(ended("left", { trip, study: { kind: "task", stops: [] } }), undefined);
   });
 
-  test("an unknown outcome of a newer server still ends in a card with a way home", () => {
+  test("an unknown outcome of a newer server has a general card", () => {
     const card = cardFor(state({ phase: "ended", reason: "abducted" }));
     assert.deepEqual([card.word, card.main.action], ["ended.completed", "home"]);
   });
 
-  test("whoever is asked for a sign has one button for it and sees how long robots wait", () => {
+  test("a visitor asked for activity has one button and sees the time left", () => {
     const card = cardFor(
       state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }),
     );
@@ -477,7 +477,7 @@ describe("cards", () => {
     });
   });
 
-  test("of a private drive nobody is shown anything, nor offered to watch", () => {
+  test("a private drive is neither shown nor offered to watch", () => {
     const waits = cardFor(
       state({ phase: "queued", place: 2, mayObserve: true }, { room: PRIVATE }),
     );
@@ -493,7 +493,7 @@ describe("cards", () => {
     assert.deepEqual([looks?.word, looks?.main?.action], ["refused.private", "home"]);
   });
 
-  test("whoever waits reads who drives, where that is what they wait for", () => {
+  test("a waiting visitor reads who drives, if that is the reason", () => {
     const waits = (pause, driver) =>
       cardFor(state({ phase: "queued", place: 2, pause }, { room: { ...ROOM, driver } })).detail;
     assert.deepEqual(waits("", "Ana"), { word: "queued.driver", values: { driver: "Ana" } });
@@ -502,13 +502,13 @@ describe("cards", () => {
     assert.equal(waits("paused: estop", "Ana"), undefined);
   });
 
-  test("whoever waits may ask to be told, while the browser can still ask for permission", () => {
+  test("a waiting visitor may ask for a notification, while the browser can ask", () => {
     const waits = (notifiable) =>
       cardFor(state({ phase: "queued", place: 2 }, { notifiable })).main?.action;
     assert.deepEqual([waits(true), waits(false)], ["tell_me", undefined]);
   });
 
-  test("whoever waits may practise where a robot is for it, and sees one being made ready", () => {
+  test("a waiting visitor may practise where there is a robot for it", () => {
     const card = (practice) =>
       cardFor(state({ phase: "queued", place: 2 }, { practice, notifiable: true }));
     assert.deepEqual(
@@ -521,7 +521,7 @@ describe("cards", () => {
     );
   });
 
-  test("a robot that somebody drives is in use, and says which place one would have", () => {
+  test("a robot with a driver is shown as in use, with the place in its queue", () => {
     const one = state(
       { phase: "lobby" },
       { room: { driver: "Ana", driving: true, observers: 0, waiting: 2, pause: "" } },
@@ -540,19 +540,19 @@ describe("cards", () => {
     }
   });
 
-  test("a turn counts down to zero and not beyond", () => {
+  test("a turn counts down to zero and not below", () => {
     assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 100.2 })).countdown, 30);
     assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 140 })).countdown, 0);
   });
 });
 
 describe("alerts", () => {
-  test("an unconfirmed stop is said before everything else", () => {
+  test("an unconfirmed stop comes first", () => {
     const one = state({ phase: "driving", link: "lost", online: false }, { stopUnconfirmed: true });
     assert.deepEqual(alertFor(one), { word: "alert.stop_unconfirmed", tone: "danger" });
   });
 
-  test("but not where the emergency stop is on, whose end is said, too", () => {
+  test("but not with the emergency stop, whose release is shown, too", () => {
     const robot = { safety: { ...ROBOT.safety, estop: true, estopSource: "screen:hall" } };
     const driving = { phase: "driving", link: "live" };
     const one = state(driving, { stopUnconfirmed: true, robot });
@@ -562,7 +562,7 @@ describe("alerts", () => {
     assert.deepEqual([after(2), after(9)], ["alert.released", undefined]);
   });
 
-  test("a latched e-stop, a fault and a contact are said to whoever drives or watches", () => {
+  test("an e-stop, a fault and a contact are shown to drivers and viewers", () => {
     const say = (safety) =>
       alertFor(
         state(
@@ -576,7 +576,7 @@ describe("alerts", () => {
     assert.equal(say({}), undefined);
   });
 
-  test("a contact is said with its side until the robot has backed away from it", () => {
+  test("a contact is shown with its side until the robot has backed off", () => {
     const say = (...touched) =>
       alertFor(
         state(
@@ -599,14 +599,14 @@ describe("alerts", () => {
     }
   });
 
-  test("a lost server does not alarm whoever drives over a living link", () => {
+  test("a lost server is no danger for a driver with a live link", () => {
     assert.equal(
       alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word,
       "alert.server_only",
     );
   });
 
-  test("a robot that talks to the page is not called lost because the server has lost it", () => {
+  test("a robot with a live link is not shown as offline when the server has lost it", () => {
     assert.equal(
       alertFor(state({ phase: "driving", link: "live", online: false })).word,
       "alert.server_only",
@@ -621,7 +621,7 @@ describe("alerts", () => {
     );
   });
 
-  test("the driver is warned of a robot whose own navigation nothing stops", () => {
+  test("the driver is warned of a robot whose own navigation cannot be stopped", () => {
     const word = (mode, navigationControl, visit = {}) =>
       alertFor(
         state(
@@ -647,7 +647,7 @@ describe("alerts", () => {
   const driving = (more, visit = {}) =>
     alertFor(state({ phase: "driving", link: "live", ...visit }, more));
 
-  test("every part that fails has words for what follows, whoever looks", () => {
+  test("every part that fails has words for its consequences, for all visitors", () => {
     for (const phase of ["driving", "watching", "queued", "turn", "taking"]) {
       for (const part of PARTS) {
         for (const [then, at] of [
@@ -675,7 +675,7 @@ describe("alerts", () => {
     }
   });
 
-  test("who waits hears of their place, and who watches of the robot", () => {
+  test("a waiting visitor reads about the queue, a viewer about the robot", () => {
     for (const part of PARTS) {
       for (const then of ["waits", "stops", "stopped"]) {
         const say = (/** @type {string} */ phase) =>
@@ -690,7 +690,7 @@ describe("alerts", () => {
     assert.equal(alertFor(gone).word, "fault.robot.stopped");
   });
 
-  test("the seconds until the robot stops are counted down, and then it has stopped", () => {
+  test("the seconds until the robot stops are counted down", () => {
     const stops = fault("session_manager", "stops", 107.2);
     assert.deepEqual(driving(stops), {
       word: "fault.session_manager.stops",
@@ -701,18 +701,18 @@ describe("alerts", () => {
     assert.equal(driving({ ...stops, faults: [] }), null);
   });
 
-  test("without a direct way to the robot it stops with the broker, and not seconds later", () => {
+  test("without a direct connection the robot stops with the broker at once", () => {
     const stops = fault("broker", "stops", 107);
     assert.equal(driving(stops, { online: false }).word, "fault.broker.stops");
     assert.equal(driving(stops, { online: false, link: "lost" }).word, "fault.broker.stopped");
   });
 
-  test("a robot that the server does not hear is no matter while it talks to the page", () => {
+  test("a robot silent to the server has no alert while its link is live", () => {
     assert.equal(driving(fault("robot", "stopped")), null);
     assert.equal(driving(fault("robot", "stopped"), { link: "lost" }).word, "fault.robot.stopped");
   });
 
-  test("a server that falls silent is out of reach, and what it said last is not repeated", () => {
+  test("a silent server counts as unreachable, and its last faults are not shown", () => {
     const silent = { ...fault("session_manager", "stops", 107), serverSilent: true };
     assert.equal(driving(silent).word, "alert.server_only");
     assert.equal(driving(silent, { link: "lost" }).word, "alert.server_driver");
@@ -723,7 +723,7 @@ describe("alerts", () => {
     assert.equal(alertFor(state({ phase: "queued" }, { serverSilent: true })).word, "alert.server");
   });
 
-  test("an e-stop comes before a server's part, a full disk after what stops the robot", () => {
+  test("an e-stop comes before faults of the server, a full disk after them", () => {
     const estop = { robot: { safety: { ...ROBOT.safety, estop: true } } };
     assert.equal(driving({ ...fault("database", "stops", 107), ...estop }).word, "alert.estop");
     const disk = fault("disk_full", "goes_on");
@@ -736,7 +736,7 @@ describe("alerts", () => {
     );
   });
 
-  test("whoever practises in a frame is told the end of the turn by the page around it", () => {
+  test("a practice drive in a frame leaves the end of the turn to the page around it", () => {
     const framed = state(
       { phase: "driving", link: "live", turnEnds: 175 },
       { now: 100, robot: ROBOT, practising: true },
@@ -765,7 +765,7 @@ describe("words", () => {
     assert.deepEqual([words.say("w", { n: 1 }), words.say("w", { n: 3 })], ["1 Gast", "3 Gäste"]);
   });
 
-  test("a name in braces without a value stays, and a value is not read as a pattern", () => {
+  test("braces without a value stay, and values are not patterns", () => {
     const words = createWords(new Map([["w", "{a} {b}"]]), "en");
     assert.equal(words.say("w", { a: "$&{b}" }), "$&{b} {b}");
   });
@@ -791,7 +791,7 @@ describe("dials", () => {
     [0, 3],
   ];
 
-  test("a point is in a room of any shape or it is not", () => {
+  test("a point is inside or outside of a room of any shape", () => {
     assert.deepEqual(
       [contains(L, 0.5, 2), contains(L, 3, 0.5), contains(L, 3, 2), contains(L, -1, 1)],
       [true, true, false, false],
@@ -800,13 +800,13 @@ describe("dials", () => {
     assert.equal(roomAt(null, { x: 0, y: 0 }), "");
   });
 
-  test("time is minutes and seconds", () => {
+  test("a time is minutes and seconds", () => {
     assert.deepEqual([clockTime(0), clockTime(65.9), clockTime(3600)], ["0:00", "1:05", "60:00"]);
   });
 });
 
 describe("store", () => {
-  test("changes are merged and told once a frame", () => {
+  test("changes are merged and published once a frame", () => {
     const frames = [];
     const store = createStore(newState(), (callback) => frames.push(callback));
     const told = [];
@@ -838,19 +838,19 @@ describe("modules", () => {
     }
   });
 
-  test("no sentence for the visitor stands in a module", () => {
+  test("no module has a sentence for the visitor", () => {
     for (const name of files) {
       assert.ok(!/textContent = ["'`]|innerHTML|alert\(|confirm\(/.test(source(name)), name);
     }
   });
 });
 
-describe("a camera that gives no video", () => {
+describe("a camera without video", () => {
   const camera = (status, reason = "") => ({
     robot: { ...ROBOT, cameraStatus: { status, reason } },
   });
 
-  test("is said to start while it does, though the link is there", () => {
+  test("is shown as starting, although the link is live", () => {
     assert.equal(
       cardFor(state({ phase: "driving", link: "live" }, camera("starting"))).word,
       "link",
@@ -858,7 +858,7 @@ describe("a camera that gives no video", () => {
     assert.equal(cardFor(state({ phase: "driving", link: "live" }, { robot: ROBOT })), null);
   });
 
-  test("is said with its reason when it failed or is tried again, before any other finding", () => {
+  test("has its reason when it has failed or is tried again, before other findings", () => {
     for (const status of ["failed", "starting"]) {
       const card = cardFor(
         state(
@@ -878,7 +878,7 @@ describe("a camera that gives no video", () => {
     }
   });
 
-  test("is said over the last picture when it goes midway, and not while it only starts", () => {
+  test("has an alert over the last frame when it fails, and not while it starts", () => {
     const shown = (status, reason) =>
       alertFor(
         state({ phase: "driving", link: "live" }, { ...camera(status, reason), playing: true }),
@@ -888,7 +888,7 @@ describe("a camera that gives no video", () => {
     assert.notEqual(shown("starting", ""), "alert.camera");
   });
 
-  test("is not blamed while the robot is out of reach, or whatever moves it: that is said", () => {
+  test("is not blamed while the robot is offline or moves by itself", () => {
     const said = (visit, more = {}) => {
       const one = state({ phase: "driving", ...visit }, { ...camera("failed", "gone"), ...more });
       return [cardFor(one)?.word, alertFor(one)?.word];
@@ -906,8 +906,8 @@ describe("a camera that gives no video", () => {
   });
 });
 
-describe("what is not known any more", () => {
-  test("a fault or a stop that the robot told last is not said once the server is lost", () => {
+describe("outdated states", () => {
+  test("a fault or a stop is not shown once the robot and the server are lost", () => {
     for (const robot of STANDSTILLS) {
       const said = (visit) => alertFor(state({ phase: "driving", ...visit }, { robot })).word;
       assert.equal(said({ link: "lost", socket: "lost" }), "alert.server_driver");
@@ -915,7 +915,7 @@ describe("what is not known any more", () => {
     }
   });
 
-  test("the speed of a robot that has gone is a dash", () => {
+  test("the speed of an offline robot is a dash", () => {
     const elements = new Map();
     const element = (id) => elements.get(id) ?? elements.set(id, { textContent: "" }).get(id);
     const show = createDials(element, "en");
@@ -928,13 +928,13 @@ describe("what is not known any more", () => {
   });
 });
 
-describe("a drive of one's own on another page", () => {
+describe("the visitor's drive on another page", () => {
   const told = (visit, room = {}) => {
     const one = state({ phase: "lobby", ...visit }, { room: { ...free(), ...room } });
     return [cardFor(one).word, statusFor(one).word];
   };
 
-  test("is called so by the card and beside it, also where that page has gone", () => {
+  test("is named by the card and the status, also when that page has closed", () => {
     const there = { liveElsewhere: true, liveSince: 1e9 };
     assert.deepEqual(told(there), ["elsewhere", "status.own"]);
     assert.deepEqual(told({ phase: "elsewhere" }), ["elsewhere", "status.own"]);
@@ -943,7 +943,7 @@ describe("a drive of one's own on another page", () => {
     assert.equal(cardFor(state({ phase: "lobby", ...gone })).main.action, "drive");
   });
 
-  test("is over for this page when nobody has the robot any more, and when it drove itself", () => {
+  test("is over when the robot has no driver, and when this page drove itself", () => {
     const there = { ...state().visit, liveElsewhere: true, liveSince: 1e9 };
     const freed = (phase) => reduce({ ...there, phase }, { type: "freed" }).visit;
     assert.deepEqual(told(freed("lobby")), ["lobby", "status.ready"]);
@@ -955,7 +955,7 @@ describe("a drive of one's own on another page", () => {
 });
 
 describe("the distance of a drive", () => {
-  test("goes on where an agent that was started again counts from nothing", () => {
+  test("continues when a restarted agent counts from zero", () => {
     const began = { at: 1, distance: 10 };
     const known = { boot: "a", distance: 13 };
     assert.equal(odometerAt(began, known, { boot: "a", distance: 14 }), began);
@@ -965,11 +965,11 @@ describe("the distance of a drive", () => {
   });
 });
 
-describe("a picture that comes through the server", () => {
+describe("frames through the server", () => {
   const slow = (link, more = {}) =>
     state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
 
-  test("is marked in the bar and over the picture, whatever becomes of the direct way", () => {
+  test("are marked in the bar and by an alert", () => {
     for (const link of ["connecting", "lost"]) {
       assert.deepEqual(statusFor(slow(link)), { word: "status.slow", tone: "slow" });
       assert.equal(alertFor(slow(link)).word, "alert.slow_picture");
@@ -977,19 +977,19 @@ describe("a picture that comes through the server", () => {
     }
   });
 
-  test("gives way to what is more urgent, and keeps its mark in the bar", () => {
+  test("have an alert after more urgent ones, and keep their mark", () => {
     const touching = slow("lost", { robot: { safety: { ...ROBOT.safety, collision: true } } });
     assert.equal(alertFor(touching).word, "alert.collision");
     assert.equal(statusFor(touching).word, "status.slow");
   });
 
-  test("is not called slow when it does not come at all", () => {
+  test("are not called slow when none arrive", () => {
     const stuck = slow("lost", { playing: false });
     assert.equal(alertFor(stuck).word, "alert.link_driver");
     assert.equal(statusFor(stuck).word, "status.reconnecting");
   });
 
-  test("does not tell a watcher to drive gently", () => {
+  test("do not ask a viewer to drive gently", () => {
     const watching = state(
       { phase: "watching", link: "lost" },
       { slow: true, playing: true, robot: ROBOT },
@@ -1003,7 +1003,7 @@ describe("an emergency stop", () => {
     state({ phase }, { robot: { ...ROBOT, ...STANDSTILLS[0] }, now: 100, ...more });
   const asked = { id: "release-1", since: 99, refused: false };
 
-  test("is released by who operates the robot, whether they drive, watch or wait", () => {
+  test("is released by its operators, whether they drive, watch or wait", () => {
     for (const phase of ["driving", "watching"]) {
       assert.equal(offerFor(stopped(phase)), null);
       const offer = offerFor(stopped(phase, { operates: true }));
@@ -1016,7 +1016,7 @@ describe("an emergency stop", () => {
     }
   });
 
-  test("is being released, until the robot does, refuses or has not answered", () => {
+  test("is being released, until the robot does, refuses or does not answer", () => {
     const at = (release, now = 100) =>
       offerFor(stopped("driving", { operates: true, release, now }));
     assert.deepEqual([at(asked).word, at(asked).main], ["release.asked", undefined]);

@@ -31,7 +31,7 @@ const rig = (show = async (_jpeg, isWanted) => isWanted()) => {
 const picture = (stamp) => ({ stamp, jpeg: new Uint8Array(JPEG) });
 const at = (now) => () => now;
 
-test("nothing is asked for before it is needed, and then one picture", () => {
+test("no frame is requested before it is needed, and then one", () => {
   const { slow, seen } = rig();
   slow.tick(1, LOOKED_AT);
   slow.start();
@@ -41,7 +41,7 @@ test("nothing is asked for before it is needed, and then one picture", () => {
   assert.deepEqual(seen.asked, [{ stamp: 2, seen: undefined, roundTrip: 0.03 }]);
 });
 
-test("a picture lost with a broker or an agent is asked for as soon as the robot is back", () => {
+test("a frame lost with a broker or an agent is requested when the robot is back", () => {
   const { slow, seen } = rig();
   slow.start();
   for (let now = 2; now < 12; now += 0.05) {
@@ -55,7 +55,7 @@ test("a picture lost with a broker or an agent is asked for as soon as the robot
   assert.equal(seen.asked.length, before + 2, "and after the usual patience again");
 });
 
-test("the next picture is asked for when the last is on the screen, and names it", async () => {
+test("the next frame is requested when the last one is shown, and names it", async () => {
   const { slow, seen } = rig();
   slow.start();
   slow.tick(2, LOOKED_AT);
@@ -66,7 +66,7 @@ test("the next picture is asked for when the last is on the screen, and names it
   assert.equal(seen.asked.length, 2);
 });
 
-test("a picture that does not come is asked for again, with growing patience", () => {
+test("a missing frame is requested again, with growing patience", () => {
   const { slow, seen } = rig();
   slow.start();
   for (let now = 0; now < 30; now += 0.05) {
@@ -77,7 +77,7 @@ test("a picture that does not come is asked for again, with growing patience", (
   assert.ok(pauses.at(-1) >= 6 && pauses.at(-1) < 6.1, String(pauses));
 });
 
-test("what could not be sent is sent as soon as it can be", () => {
+test("a request that could not be sent is sent as soon as possible", () => {
   const { slow, seen } = rig();
   slow.start();
   seen.open = false;
@@ -87,14 +87,14 @@ test("what could not be sent is sent as soon as it can be", () => {
   assert.equal(seen.asked.length, 1);
 });
 
-test("nobody who looks elsewhere is sent pictures", () => {
+test("a hidden page requests no frames", () => {
   const { slow, seen } = rig();
   slow.start();
   slow.tick(1, { roundTrip: null, visible: false });
   assert.equal(seen.asked.length, 0);
 });
 
-test("a picture older than the one on the screen is not shown, and another asked for", async () => {
+test("an older frame than the shown one is dropped, and another is requested", async () => {
   const { slow, seen } = rig();
   slow.start();
   slow.tick(1, LOOKED_AT);
@@ -104,7 +104,7 @@ test("a picture older than the one on the screen is not shown, and another asked
   assert.equal(seen.asked.length, 3);
 });
 
-test("a robot whose clock was set back is seen again", async () => {
+test("a robot whose clock was set back is shown again", async () => {
   const { slow } = rig();
   slow.start();
   await slow.received(picture(5000), at(1));
@@ -112,7 +112,7 @@ test("a robot whose clock was set back is seen again", async () => {
   assert.equal(slow.stamp, 50);
 });
 
-test("a picture that is not wanted any more when it comes or is drawn is not shown", async () => {
+test("a frame that is no longer wanted is not shown", async () => {
   let finish = () => undefined;
   const { slow, seen } = rig(
     (_jpeg, isWanted) => new Promise((resolve) => (finish = () => resolve(isWanted()))),
@@ -130,7 +130,7 @@ test("a picture that is not wanted any more when it comes or is drawn is not sho
   assert.equal(slow.stamp, null);
 });
 
-test("a picture that cannot be drawn is followed by another", async () => {
+test("a frame that cannot be decoded is followed by another", async () => {
   const { slow, seen } = rig(async () => false);
   slow.start();
   slow.tick(0, LOOKED_AT);
@@ -140,7 +140,7 @@ test("a picture that cannot be drawn is followed by another", async () => {
   assert.equal(seen.asked.length, 2);
 });
 
-test("pictures that come while one is being drawn are left out", async () => {
+test("frames that arrive while one is decoded are dropped", async () => {
   let drawn = 0;
   let finish = () => undefined;
   const { slow } = rig(
@@ -157,7 +157,7 @@ test("pictures that come while one is being drawn are left out", async () => {
   assert.equal(drawn, 1);
 });
 
-test("a picture on the screen for two seconds is not of the present", async () => {
+test("a frame shown for two seconds is outdated", async () => {
   const { slow } = rig();
   slow.start();
   assert.equal(slow.isFresh(1), false);
@@ -166,14 +166,14 @@ test("a picture on the screen for two seconds is not of the present", async () =
   assert.equal(slow.isFresh(3.1), false);
 });
 
-test("the page looks for a direct way for seconds, or shortly with nothing to connect", () => {
+test("a direct connection is tried for seconds, or shortly without addresses", () => {
   assert.equal(isStuck({ lookingSince: null, barren: true }, 100), false);
   assert.equal(isStuck({ lookingSince: 94, barren: false }, 100), false);
   assert.equal(isStuck({ lookingSince: 92, barren: false }, 100), true);
   assert.equal(isStuck({ lookingSince: 98.5, barren: true }, 100), true);
 });
 
-test("a picture is read as it was written", () => {
+test("a frame is read as it was written", () => {
   const { suffix, message } = decodePacket(frameOf(1766000000.25));
   assert.equal(suffix, "picture");
   assert.equal(message.stamp, 1766000000.25);
@@ -193,7 +193,7 @@ for (const [why, frame, reason] of [
     "oversized",
   ],
 ]) {
-  test(`a picture that must be refused: ${why}`, () => {
+  test(`a frame is refused: ${why}`, () => {
     assert.throws(
       () => decodePacket(frame),
       (error) => error instanceof Rejection && error.reason === reason,

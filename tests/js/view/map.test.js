@@ -18,7 +18,7 @@ const close = (actual, expected, tolerance = 1e-9) =>
     assert.ok(Math.abs(value - expected[i]) <= tolerance, `${actual} is not ${expected}`),
   );
 
-test("to the screen and back is where it was", () => {
+test("to the screen and back is the same point", () => {
   const view = fit(BOUNDS, 344, 500);
   for (const point of [
     [0, 0],
@@ -29,12 +29,12 @@ test("to the screen and back is where it was", () => {
   }
 });
 
-test("y of the world goes up on the screen", () => {
+test("y of the world points up on the screen", () => {
   const view = fit(BOUNDS, 344, 500);
   assert.ok(toScreen(view, 0, 1)[1] < toScreen(view, 0, 0)[1]);
 });
 
-test("a fitted view shows everything with its margin, in the middle, undistorted", () => {
+test("a fitted view shows everything with its margin, centred and undistorted", () => {
   for (const [width, height] of [
     [344, 500],
     [160, 170],
@@ -54,11 +54,11 @@ test("a fitted view shows everything with its margin, in the middle, undistorted
   }
 });
 
-test("a view of nothing and of no size is still a view", () => {
+test("an empty view without a size is still a view", () => {
   assert.ok(fit({ left: 1, bottom: 1, right: 1, top: 1 }, 0, 0).scale > 0);
 });
 
-test("an image of a map lies where ROS says, turned origins included", () => {
+test("an image of a map is placed as ROS defines, also with a turned origin", () => {
   const view = fit(BOUNDS, 344, 500);
   for (const theta of [0, 0.5, -2]) {
     const map = { resolution: 0.05, origin: [-0.3, -0.4, theta], height: 164 };
@@ -83,7 +83,7 @@ test("an image of a map lies where ROS says, turned origins included", () => {
   }
 });
 
-test("a site is as large as its rooms, or as its image when it has no plan", () => {
+test("a site is as large as its rooms, or as its image without a plan", () => {
   const grid = { resolution: 0.5, origin: [1, 2, 0], width: 4, height: 6 };
   assert.deepEqual(
     boundsOfSite({
@@ -122,7 +122,7 @@ test("the trail keeps a point every few centimetres and breaks where the robot j
   assert.equal(trail.pieces.length, 2);
 });
 
-test("the trail forgets its oldest points instead of growing for ever", () => {
+test("the trail drops its oldest points", () => {
   const trail = new Trail();
   for (let i = 0; i < 5000; i += 1) {
     trail.add(i * 0.1, 0);
@@ -131,12 +131,12 @@ test("the trail forgets its oldest points instead of growing for ever", () => {
   assert.ok(Math.abs(trail.pieces[0][0][0] - 200) < 1e-6);
 });
 
-describe("looking around", () => {
+describe("moving the map", () => {
   const bounds = { left: 0, right: 12, bottom: 0, top: 8 };
   const robot = { x: 2, y: 3, theta: 0.5 };
   const view = (look) => viewOf({ ...ALL, ...look }, bounds, robot, 400, 300, 48);
 
-  test("a turned map is found again by hand, and what the robot looks at is above it", () => {
+  test("a turned map is moved correctly, with the robot's heading up", () => {
     const turned = view({ zoom: 3, follows: true, turns: true });
     assert.deepEqual(toScreen(turned, robot.x, robot.y), [200, 150]);
     const [x, y] = toScreen(
@@ -149,7 +149,7 @@ describe("looking around", () => {
     assert.ok(Math.hypot(px - 37, py - 91) < 1e-9);
   });
 
-  test("nearer keeps what lies under the cursor there, and farther ends at the whole", () => {
+  test("zooming keeps the point under the cursor, and ends at the whole map", () => {
     const whole = view({});
     const under = toWorld(whole, 120, 80);
     const nearer = zoomed(ALL, whole, bounds, 2, 120, 80);
@@ -163,7 +163,7 @@ describe("looking around", () => {
     });
   });
 
-  test("who moves the map by hand follows the robot no more, and never loses the map", () => {
+  test("moving the map by hand ends following, and never loses the map", () => {
     const near = view({ zoom: 4, follows: true });
     const there = moved(near, bounds, -30, 0);
     assert.equal(there.follows, false);

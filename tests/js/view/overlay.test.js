@@ -38,10 +38,10 @@ const close = (one, other, within) =>
     `${one} is not within ${within} of ${other}`,
   );
 
-describe("the sides of the picture", () => {
+describe("the sides of the video", () => {
   const PICTURE = { width: 640, height: 480 };
 
-  test("are a finger wide at least, and whatever lies beside the picture", () => {
+  test("are a finger wide at least, and include the bars beside it", () => {
     const wide = boxOf(PICTURE, 1000, 480, "contain"); // 180 px beside it on either side
     assert.deepEqual(
       [20, 200, 230, 500, 770, 800, 999].map((px) => sideOf(wide, PICTURE, px)),
@@ -49,7 +49,7 @@ describe("the sides of the picture", () => {
     );
   });
 
-  test("are those of what is seen of a picture that is cut off", () => {
+  test("are those of the visible part of a cut video", () => {
     const narrow = boxOf(PICTURE, 390, 400, "cover");
     assert.deepEqual(
       [0, 43, 45, 345, 347].map((px) => sideOf(narrow, PICTURE, px)),
@@ -60,7 +60,7 @@ describe("the sides of the picture", () => {
 
 describe("lens", () => {
   for (const [series, { camera, cases }] of Object.entries(TRUTH)) {
-    test(`a pixel of ${series} lies where its simulator draws it, within 2 cm and 2 in 100`, () => {
+    test(`a pixel of ${series} is where its simulator draws it, within 2 cm and 2 %`, () => {
       assert.ok(cases.length >= 250);
       for (const {
         pose: [x, y, theta],
@@ -76,7 +76,7 @@ describe("lens", () => {
     });
   }
 
-  test("at the horizon and above there is no floor, and behind the lens there is no depth", () => {
+  test("there is no floor at the horizon and above, and no depth behind the lens", () => {
     const { pitch, ...level } = GIRAFF.camera;
     assert.equal(pitch, 0, "what is the usual is left out of messages");
     assert.equal(toFloor(level, 0, [320, 240]), null);
@@ -85,7 +85,7 @@ describe("lens", () => {
     assert.ok(depthOf(level, 0, [-1, 0]) < 0);
   });
 
-  test("a picture is found where it is shown, with bars beside it or cut at its edges", () => {
+  test("a video is located in its element, with bars or with cut edges", () => {
     const contained = boxOf({ width: 640, height: 480 }, 1000, 480, "contain");
     assert.deepEqual(contained, { left: 180, top: 0, scale: 1, width: 1000, height: 480 });
     const covering = boxOf({ width: 640, height: 480 }, 1280, 800, "cover");
@@ -102,7 +102,7 @@ describe("track", () => {
     tilt,
   });
 
-  test("knows whether anybody knows where the head looks", () => {
+  test("knows whether the angle of the head is known", () => {
     const track = new Track();
     track.add(said(1, 0, null));
     assert.equal(track.at(null).aimed, false);
@@ -110,7 +110,7 @@ describe("track", () => {
     assert.equal(track.at(1.05).aimed, true);
   });
 
-  test("tells pose and tilt of the moment at which a picture was taken", () => {
+  test("has pose and tilt of the time of a frame", () => {
     const track = new Track();
     track.add(said(10, 0, 0.1, 3.1));
     track.add(said(10.2, 0.2, 0.3, -3.1));
@@ -122,7 +122,7 @@ describe("track", () => {
     assert.equal(track.at(null).x, 0.2);
   });
 
-  test("takes every moment once, forgets the oldest, begins anew when the clock was set", () => {
+  test("takes each pose once, drops the oldest, restarts when the clock was set", () => {
     const track = new Track();
     for (let i = 0; i < 200; i += 1) {
       track.add(said(10 + i / 30, i));
@@ -139,7 +139,7 @@ describe("track", () => {
   });
 });
 
-describe("swath", () => {
+describe("the swept path", () => {
   test("an arc ends where driving it ends", () => {
     const [linear, angular] = [0.5, 0.4];
     let place = { x: 0, y: 0, theta: 0 };
@@ -157,7 +157,7 @@ describe("swath", () => {
   });
 
   for (const [series, { drives, limits }] of Object.entries(TRUTH)) {
-    test(`what a held command will do is where the simulated ${series} gets, within 10 cm`, () => {
+    test(`a held command leads where the simulated ${series} gets, within 10 cm`, () => {
       const own = Object.fromEntries(
         Object.entries(limits).map(([name, value]) => [
           name.replace(/_(.)/g, (_, letter) => letter.toUpperCase()),
@@ -181,11 +181,11 @@ describe("swath", () => {
     });
   }
 
-  test("a robot that turns on the spot sweeps no way", () => {
+  test("a robot that turns on the spot sweeps no path", () => {
     assert.deepEqual(heldSteps(ORIGIN, { linear: 0, angular: 0.6 }, LIMITS, 2.5), []);
   });
 
-  test("no corner of the footprint leaves what is swept, straight on and in every curve", () => {
+  test("no corner of the footprint leaves the swept path, straight on and in curves", () => {
     for (const curvature of [-4, -1.2, -0.3, 0, 0.3, 1.2, 4]) {
       const [left, right] = reachOf(GIRAFF.footprint, curvature);
       const radius = curvature ? 1 / curvature : 0;
@@ -202,7 +202,7 @@ describe("swath", () => {
     assert.deepEqual(reachOf(GIRAFF.footprint, 0), [0.28, 0.28]);
   });
 
-  test("a way ends before what stands in it, and tells how near it comes to what is beside", () => {
+  test("a path ends before an obstacle, and has the clearance beside it", () => {
     const steps = arcSteps(ORIGIN, 0, 3);
     const free = sweep(steps, GIRAFF.footprint, []);
     assert.equal(free.blocked, false);
@@ -218,7 +218,7 @@ describe("swath", () => {
     assert.ok(back.blocked && back.length < 0.7);
   });
 
-  test("a line that is followed is shown from the robot on", () => {
+  test("a followed line is shown from the robot on", () => {
     const steps = lineSteps({ x: 1, y: 0.05, theta: 0 }, [
       [0, 0],
       [1, 0],
@@ -237,20 +237,20 @@ describe("swath", () => {
   });
 });
 
-describe("sight", () => {
+describe("visibility", () => {
   const plan = {
     walls: [{ start: [0, 2], end: [4, 2] }],
     doors: [{ start: [1, 2.02], end: [2, 2.02] }],
   };
 
-  test("walls hide, doorways do not", () => {
+  test("walls hide points, doorways do not", () => {
     assert.equal(hidesWall(plan, [3, 0], [3, 4]), true);
     assert.equal(hidesWall(plan, [1.5, 0], [1.5, 4]), false);
     assert.equal(hidesWall(plan, [1.5, 0], [1.5, 1.5]), false);
     assert.equal(hidesWall(null, [0, 0], [9, 9]), false);
   });
 
-  test("what lies beyond what the laser saw is behind it", () => {
+  test("a point beyond an obstacle of the laser is behind it", () => {
     const seen = [
       [2, -0.05],
       [2, 0.02],

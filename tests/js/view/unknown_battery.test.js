@@ -51,7 +51,7 @@ const shown = (battery, more = {}) => {
   };
 };
 
-test("an unknown battery is called so, with a cell that shows no level and is not low", () => {
+test("an unknown battery is shown as such, without a level and not as low", () => {
   const charge = null;
   assert.deepEqual(shown({ charge, voltage: null, charging: null }), {
     said: "Battery unknown",
@@ -73,7 +73,7 @@ test("an unknown battery is called so, with a cell that shows no level and is no
   });
 });
 
-test("the battery of a robot that has not been heard of for seconds is not shown", () => {
+test("the battery of a robot that is silent for seconds is not shown", () => {
   const battery = { charge: 0.5, voltage: null, charging: false };
   assert.notEqual(shown(battery, { robotAt: 98, now: 100 }), null);
   assert.equal(shown(battery, { robotAt: 90, now: 100 }), null);

@@ -6,25 +6,25 @@ import { ShownFrame, captureStamp } from "../../../static/js/view/video/capture_
 
 const CLOCK = { rtp: 4294967000, stamp: 1000, rate: 90000 };
 
-test("a frame after the told moment is later, one before it earlier", () => {
+test("a frame after the time of media is later, one before it earlier", () => {
   assert.equal(captureStamp(4294967000 + 180, CLOCK), 1000.002);
   assert.equal(captureStamp(4294967000 - 90000, CLOCK), 999);
 });
 
-test("the counter wraps without anybody noticing", () => {
+test("the counter wraps unnoticed", () => {
   assert.ok(Math.abs(captureStamp(90000 - 296, CLOCK) - 1001) < 1e-9);
   assert.ok(Math.abs(captureStamp(4294967295, { ...CLOCK, rtp: 5 }) - (1000 - 6 / 90000)) < 1e-9);
 });
 
-test("a frame far away from the told moment belongs to another stream", () => {
+test("a frame far from the time of media belongs to another stream", () => {
   assert.equal(captureStamp(2 ** 31, CLOCK), null);
 });
 
-test("the shown frame's stamp is known with both frame and clock, not after a new stream", () => {
+test("the shown frame has a stamp with both frame and clock, not after a new stream", () => {
   const shown = new ShownFrame();
   shown.shown(4294967000);
   assert.equal(shown.stamp, null);
-  shown.told(CLOCK);
+  shown.clock = CLOCK;
   assert.equal(shown.stamp, 1000);
   shown.reset();
   assert.equal(shown.stamp, null);
@@ -79,7 +79,7 @@ test("a second of the connection is the difference of two reports", () => {
   });
 });
 
-test("counters that begin anew, a negative loss and two reports at once give no nonsense", () => {
+test("restarted counters, a negative loss and simultaneous reports give no nonsense", () => {
   const second = between(
     pick(report({ packetsLost: 5 })),
     pick(
@@ -96,7 +96,7 @@ test("counters that begin anew, a negative loss and two reports at once give no 
   assert.equal(between(pick(report()), pick(report())), null);
 });
 
-test("a browser that names no transport still has its pair found; no picture, no sample", () => {
+test("a browser without a named transport has its pair found; without video no sample", () => {
   const firefox = [
     report()[0],
     { id: "p", type: "candidate-pair", nominated: true, state: "succeeded", localCandidateId: "l" },

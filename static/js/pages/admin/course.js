@@ -1,7 +1,6 @@
 /**
- * The map of a course in the study builder. The fields of the form are the state: what is dragged
- * or moved by keys writes into them, and what is written into them moves on the map. What makes a
- * new checkpoint or zone is the form's own button, told where.
+ * The map of a course in the study builder. The form's own buttons add checkpoints and zones, at
+ * the point that the map writes into a field.
  */
 
 import {
@@ -13,159 +12,77 @@ import {
   withPoint,
 } from "./course_points.js";
 import { readDecimal } from "../../lib/decimal.js";
+import { make } from "../../lib/dom.js";
 import { element, ground, pointList, UNIT, viewBoxOf } from "./course_ground.js";
-import { MapEditor } from "./map_editor.js";
-import { GRIP } from "./map_handles.js";
+import { MapEditor, fieldsOf } from "./map_editor.js";
+import { spot } from "./plan_handles.js";
 
-/**
- * @typedef {object} Handle something on the map that can be moved
- * @property {string} id
- * @property {string} kind spot, point or corner
- * @property {string} label
- * @property {Point} at m
- * @property {(at: Point) => void} move
- * @property {(() => void) | null} remove
- * @property {string} [number]
- * @property {number} [radius] m
- * @property {string} [item] the part of the form that it belongs to
- */
+/** @typedef {import("./plan_handles.js").Handle & {radius?: number}} Handle radius in m */
 
-const PAUSE = 500; // ms without a change before the server is asked
+const PAUSE = 500; // ms without a change until the server checks the course
 const TOOL = "course-tool";
 
 const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
 const form = /** @type {HTMLFormElement} */ (document.getElementById("part"));
+const fields = fieldsOf(form);
 
-/** A field of the form. @param {string} name */
-const field = (name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
-
-/** @param {string} name @param {string} value */
-const write = (name, value) => {
-  const input = field(name);
-  if (input) {
-    input.value = value;
-    input.dispatchEvent(new Event("input", { bubbles: true }));
-  }
-};
-
-/** Shows which part of the form is chosen. @param {string} item */
-const mark = (item) => {
-  for (const part of form.querySelectorAll("[data-item]")) {
-    part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
-  }
-};
-
-/** @param {string} title of a checkpoint in general @returns {Handle[]} */
-const checkpoints = (title) => {
+/** The names of the parts of a list. @param {string} list @returns {string[]} */
+const partsOf = (list) => {
   const found = [];
-  for (let n = 0; field(`checkpoints.${n}`); n += 1) {
-    const [x, y, radius] = ["x", "y", "radius"].map((key) =>
-      readDecimal(field(`checkpoints.${n}.${key}`)?.value ?? ""),
-    );
-    if (Number.isFinite(x) && Number.isFinite(y)) {
-      found.push({
-        id: `c${n}`,
-        kind: "spot",
-        label: `${title} ${n}`,
-        at: /** @type {Point} */ ([x, y]),
-        number: String(n),
-        item: `checkpoints.${n}`,
-        radius: Number.isFinite(radius) ? radius : 0.6,
-        remove: null,
-        move: (/** @type {Point} */ at) =>
-          ["x", "y"].forEach((key, axis) =>
-            write(`checkpoints.${n}.${key}`, String(rounded(at[axis]))),
-          ),
-      });
-    }
+  while (fields.read(`${list}.${found.length}`) !== null) {
+    found.push(`${list}.${found.length}`);
   }
   return found;
 };
 
+/** @param {string} title @returns {Handle[]} */
+const checkpoints = (title) =>
+  partsOf("checkpoints").flatMap((name, n) => {
+    const part = { part: name, kind: "spot", label: `${title} ${n}`, number: String(n) };
+    const handle = spot(part, fields, ["x", "y"], part.label);
+    const radius = readDecimal(fields.read(`${name}.radius`) ?? "");
+    return handle
+      ? [{ ...handle, remove: null, radius: Number.isFinite(radius) ? radius : 0.6 }]
+      : [];
+  });
+
 /**
- * @param {string} name @param {string} kind @param {number} least @param {string} [item]
+ * @param {string} name @param {string} kind @param {number} least @param {string} part of the form
  * @returns {Handle[]}
  */
-const pointsOf = (name, kind, least, item) => {
-  const points = parsePoints(field(name)?.value ?? "") ?? [];
-  const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
+const pointsOf = (name, kind, least, part) => {
+  const points = parsePoints(fields.read(name) ?? "") ?? [];
+  const field = /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  const label = field?.labels?.[0]?.textContent?.trim() ?? name;
   return points.map((at, n) => ({
     id: `${name}${n}`,
     kind,
     label: `${label} ${n + 1}`,
     at,
-    item,
-    move: (to) => write(name, formatPoints(withMoved(points, n, to))),
-    remove: () => write(name, formatPoints(without(points, n, least))),
+    part,
+    move: (to) => fields.write(name, formatPoints(withMoved(points, n, to))),
+    remove: () => fields.write(name, formatPoints(without(points, n, least))),
   }));
 };
 
-/** @returns {Handle[]} */
-const corners = () => {
-  const found = [];
-  for (let n = 0; field(`zones.${n}`); n += 1) {
-    found.push(...pointsOf(`zones.${n}.polygon`, "corner", 3, `zones.${n}`));
-  }
-  return found;
+const corners = () =>
+  partsOf("zones").flatMap((zone) => pointsOf(`${zone}.polygon`, "corner", 3, zone));
+
+/**
+ * The line of the points in a field, none without points.
+ * @param {string} name @param {string} tag @param {string} look @param {number} width
+ */
+const line = (name, tag, look, width) => {
+  const points = parsePoints(fields.read(name) ?? "");
+  const shape = { class: look, points: pointList(points ?? []), "stroke-width": width };
+  return points ? [element(tag, shape)] : [];
 };
 
-/** Zones and path. @returns {SVGElement[]} */
-const lines = () => {
-  const found = [];
-  for (let n = 0; field(`zones.${n}`); n += 1) {
-    const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
-    found.push(
-      ...(zone
-        ? [
-            element("polygon", {
-              class: "course__zone",
-              points: pointList(zone),
-              "stroke-width": 2,
-            }),
-          ]
-        : []),
-    );
-  }
-  const path = parsePoints(field("path")?.value ?? "");
-  return [
-    ...found,
-    ...(path
-      ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })]
-      : []),
-  ];
-};
-
-/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
-const drawn = (handle, pixel) => {
-  const parts = [];
-  if (handle.kind === "spot") {
-    parts.push(
-      element("circle", {
-        class: "course__near",
-        r: (handle.radius ?? 0.6) * UNIT,
-        "stroke-width": 1.5,
-      }),
-    );
-    parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
-    const number = element("text", { class: "course__number", "font-size": 14 * pixel });
-    number.textContent = handle.number ?? "";
-    parts.push(number);
-  } else {
-    parts.push(
-      element("circle", {
-        class: `course__${handle.kind}`,
-        r: 5 * pixel,
-        "stroke-width": 2 * pixel,
-      }),
-    );
-  }
-  const size = handle.kind === "spot" ? GRIP : GRIP / 2;
-  parts.push(
-    element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }),
-  );
-  parts.push(element("circle", { class: "course__grip", r: size * pixel }));
-  return element("g", {}, parts);
-};
+/** Zones and path. */
+const lines = () => [
+  ...partsOf("zones").flatMap((zone) => line(`${zone}.polygon`, "polygon", "course__zone", 2)),
+  ...line("path", "polyline", "course__path", 5),
+];
 
 /** @extends {MapEditor<Handle>} */
 class CourseMap extends MapEditor {
@@ -173,9 +90,9 @@ class CourseMap extends MapEditor {
   constructor(page) {
     const text = document.getElementById("course-ground")?.textContent ?? "";
     const { plan: site, robot } = JSON.parse(text);
-    super("course-map", viewBoxOf(site), TOOL, "move");
+    super(form, "course-map", viewBoxOf(site), TOOL, "move");
     this.words = page.dataset;
-    // The top layer receives clicks first: checkpoints over the path over zones.
+    // the top layer receives clicks first
     this.layers = /** @type {Record<string, SVGElement>} */ ({
       drawn: element("g"),
       corner: element("g"),
@@ -199,21 +116,29 @@ class CourseMap extends MapEditor {
   }
 
   /** @param {Handle} handle */
-  choose({ item }) {
-    mark(item ?? "");
+  choose({ part }) {
+    this.mark(form.querySelector(`[data-item="${part}"]`));
+  }
+
+  /** @param {Handle} handle @returns {SVGElement} */
+  #drawn({ kind, number, radius = 0.6 }) {
+    const isSpot = kind === "spot";
+    const near = { class: "course__near", r: radius * UNIT, "stroke-width": 1.5 };
+    const marks = this.marks(`course__${kind}`, isSpot ? 12 : 5, number, !isSpot);
+    return element("g", {}, isSpot ? [element("circle", near), ...marks] : marks);
   }
 
   draw() {
-    const { layers, pixel } = this;
+    const { layers } = this;
     layers.drawn.replaceChildren(...lines());
     const handles = [
       ...corners(),
-      ...pointsOf("path", "point", 0),
+      ...pointsOf("path", "point", 0, ""),
       ...checkpoints(this.words.wordsCheckpoint ?? ""),
     ];
     this.drawHandles(
       handles,
-      (handle) => drawn(handle, pixel),
+      (handle) => this.#drawn(handle),
       ({ kind }) => layers[kind],
     );
     for (const { group, handle } of this.shown.values()) {
@@ -222,28 +147,21 @@ class CourseMap extends MapEditor {
     }
   }
 
-  /** Ask the server what it says of the course. */
+  /** Has the server check the course. */
   async check() {
     this.asked.abort();
     this.asked = new AbortController();
     const place = /** @type {HTMLElement} */ (document.getElementById("course-check"));
     try {
-      const answer = await fetch(this.words.check ?? "", {
-        method: "POST",
-        body: new FormData(form),
-        signal: this.asked.signal,
-      });
+      const [body, { signal }] = [new FormData(form), this.asked];
+      const answer = await fetch(this.words.check ?? "", { method: "POST", body, signal });
       if (!answer.ok) {
         throw new TypeError(String(answer.status));
       }
       const { problems, checkpoints: wrong } = await answer.json();
       this.unreachable = wrong;
-      const list = document.createElement("ul");
-      list.append(
-        ...problems.map((/** @type {string} */ problem) =>
-          Object.assign(document.createElement("li"), { textContent: problem }),
-        ),
-      );
+      const list = make("ul");
+      list.append(...problems.map((/** @type {string} */ problem) => make("li", "", problem)));
       place.replaceChildren(...(problems.length ? [list] : [this.words.wordsFree ?? ""]));
       this.draw();
     } catch (error) {
@@ -253,7 +171,7 @@ class CourseMap extends MapEditor {
     }
   }
 
-  /** Choose the tool that was used last. */
+  /** Chooses the last tool. */
   #chooseTool() {
     const last = sessionStorage.getItem(TOOL) ?? "move";
     const button = document.querySelector(`[name="${TOOL}"][value="${last}"]`);
@@ -266,10 +184,13 @@ class CourseMap extends MapEditor {
   /** @param {Point} at */
   add(at) {
     if (this.tool === "path") {
-      write("path", formatPoints(withPoint(parsePoints(field("path")?.value ?? "") ?? [], at)));
+      fields.write(
+        "path",
+        formatPoints(withPoint(parsePoints(fields.read("path") ?? "") ?? [], at)),
+      );
     } else {
-      write("at", `${rounded(at[0])} ${rounded(at[1])}`);
-      this.submit(form);
+      fields.write("at", `${rounded(at[0])} ${rounded(at[1])}`);
+      this.submit();
     }
   }
 

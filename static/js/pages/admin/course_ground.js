@@ -4,6 +4,7 @@
  */
 
 import { boundsOfSite } from "../../view/map/floor_plan.js";
+import { boundsOf } from "../../view/map/transform.js";
 
 export const UNIT = 100; // units a metre
 const MARGIN = 0.4; // m
@@ -31,24 +32,14 @@ export const pointList = (points) => points.map((point) => toUnits(point).join("
 /** @param {string} kind @param {any} line @param {number} width m */
 const segment = (kind, { start, end }, width) => {
   const [[x1, y1], [x2, y2]] = [toUnits(start), toUnits(end)];
-  return element("line", {
-    class: `course__${kind}`,
-    x1,
-    y1,
-    x2,
-    y2,
-    "stroke-width": width * UNIT,
-  });
+  const name = `course__${kind}`;
+  return element("line", { class: name, x1, y1, x2, y2, "stroke-width": width * UNIT });
 };
 
 /** @param {any} room */
 const roomName = (room) => {
-  const xs = room.polygon.map((/** @type {number[]} */ [x]) => x);
-  const ys = room.polygon.map((/** @type {number[]} */ [, y]) => y);
-  const [x, y] = toUnits([
-    (Math.min(...xs) + Math.max(...xs)) / 2,
-    (Math.min(...ys) + Math.max(...ys)) / 2,
-  ]);
+  const { left, right, bottom, top } = boundsOf(room.polygon);
+  const [x, y] = toUnits([(left + right) / 2, (bottom + top) / 2]);
   const text = element("text", { class: "course__name", x, y, "font-size": 28 });
   text.textContent = room.title;
   return text;
@@ -58,23 +49,13 @@ const roomName = (room) => {
 const furniture = (piece) => {
   const [x, y] = toUnits([piece.x, piece.y]);
   if (piece.shape === "cylinder") {
-    return element("circle", {
-      class: "course__furniture",
-      cx: x,
-      cy: y,
-      r: (piece.width / 2) * UNIT,
-    });
+    const r = (piece.width / 2) * UNIT;
+    return element("circle", { class: "course__furniture", cx: x, cy: y, r });
   }
   const [width, depth] = [piece.width * UNIT, (piece.depth ?? 0.5) * UNIT];
   const turn = `translate(${x} ${y}) rotate(${(-(piece.theta ?? 0) * 180) / Math.PI})`;
-  return element("rect", {
-    class: "course__furniture",
-    x: -width / 2,
-    y: -depth / 2,
-    width,
-    height: depth,
-    transform: turn,
-  });
+  const box = { x: -width / 2, y: -depth / 2, width, height: depth };
+  return element("rect", { class: "course__furniture", ...box, transform: turn });
 };
 
 /** @param {any} dock @param {string} robot */
@@ -97,12 +78,8 @@ export const picture = ({ origin: [x, y, theta], resolution, width, height, imag
     `rotate(${(-theta * 180) / Math.PI})`,
     `translate(0 ${-height * resolution * UNIT})`,
   ].join(" ");
-  return element("image", {
-    href: image,
-    width: width * resolution * UNIT,
-    height: height * resolution * UNIT,
-    transform: turn,
-  });
+  const size = { width: width * resolution * UNIT, height: height * resolution * UNIT };
+  return element("image", { href: image, ...size, transform: turn });
 };
 
 /** @param {any} site @param {string} robot @returns {SVGElement} */

@@ -1,13 +1,14 @@
-/** Points of a course as they stand in the fields of its form, in metres. Pure. */
+/** Points of a course in the fields of its form, in metres. Pure. */
 
 import { readDecimal } from "../../lib/decimal.js";
+import { distanceTo } from "../../lib/swept_path.js";
 
-const NEAR = 0.4; // m: a click so near to a line of the path goes between its ends
+const NEAR = 0.4; // m: a click so near to a line of the path is inserted into it
 
 /**
  * @param {string} text one point a line, "x y"
- * @param {string} [language] of the page, as it is
- * @returns {Point[] | null} null when a line is none
+ * @param {string} [language] without it the page's
+ * @returns {Point[] | null} null when a line is no point
  */
 export const parsePoints = (text, language) => {
   const lines = text
@@ -29,21 +30,12 @@ export const formatPoints = (points) =>
 /** @param {number} value m @returns {number} to the centimetre */
 export const rounded = (value) => Math.round(value * 100) / 100 + 0;
 
-/** @param {Point} from @param {Point} to @param {Point} point @returns {number} m */
-const distanceToLine = ([ax, ay], [bx, by], [x, y]) => {
-  const [dx, dy] = [bx - ax, by - ay];
-  const square = dx * dx + dy * dy;
-  const share =
-    square === 0 ? 0 : Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / square));
-  return Math.hypot(ax + share * dx - x, ay + share * dy - y);
-};
-
 /**
- * Where a new point goes: into the line of the path that it is near to, else at the end.
+ * The points with a new one: in the line of the path that is near to it, else at the end.
  * @param {Point[]} points @param {Point} point @returns {Point[]}
  */
 export const withPoint = (points, point) => {
-  const distances = points.slice(1).map((to, n) => distanceToLine(points[n], to, point));
+  const distances = points.slice(1).map((to, n) => distanceTo(point, points[n], to));
   const nearest = distances.indexOf(Math.min(...distances));
   const place = distances.length && distances[nearest] <= NEAR ? nearest + 1 : points.length;
   return [...points.slice(0, place), point, ...points.slice(place)];
@@ -62,7 +54,7 @@ export const without = (points, n, least) =>
   points.length > least ? points.filter((_, index) => index !== n) : points;
 
 /**
- * How far the arrow keys move what is chosen.
+ * The step of an arrow key.
  * @param {string} key @param {boolean} small
  * @returns {Point | null} m
  */

@@ -1,14 +1,33 @@
 /**
- * What the maps of a course and of a plan share: a handle for each thing that can be moved, and a
- * tool that adds things where the map is clicked. The fields of the form are the state: a handle
- * writes into them, and the map follows them.
+ * The map of a course or of a plan: handles to move things, and a tool that adds things where the
+ * map is clicked. The fields of the form are the state: handles write into them, and the map
+ * follows.
  */
 
-import { toUnits } from "./course_ground.js";
+import { element, toUnits } from "./course_ground.js";
 import { rounded } from "./course_points.js";
-import { movable, pointAt } from "./map_handles.js";
+import { GRIP, movable, pointAt } from "./map_handles.js";
 
 /** @typedef {import("./map_handles.js").Movable & {id: string, label: string}} AnyHandle */
+
+/** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
+export const fieldsOf = (form) => {
+  const field = (/** @type {string} */ name) =>
+    /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  return {
+    read: (name) => {
+      const input = field(name);
+      return input && (input.type !== "checkbox" || input.checked) ? input.value : null;
+    },
+    write: (name, value) => {
+      const input = field(name);
+      if (input) {
+        input.type === "checkbox" ? (input.checked = Boolean(value)) : (input.value = value);
+        input.dispatchEvent(new Event("input", { bubbles: true }));
+      }
+    },
+  };
+};
 
 /**
  * A subclass has `draw()`, `add(at)`, which adds a thing with the chosen tool, and
@@ -17,10 +36,12 @@ import { movable, pointAt } from "./map_handles.js";
  */
 export class MapEditor {
   /**
-   * @param {string} id of the SVG @param {[number, number, number, number]} viewBox
+   * @param {HTMLFormElement} form @param {string} id of the SVG
+   * @param {[number, number, number, number]} viewBox
    * @param {string} toolName of the radio buttons @param {string} idle the tool that adds nothing
    */
-  constructor(id, viewBox, toolName, idle) {
+  constructor(form, id, viewBox, toolName, idle) {
+    this.form = form;
     this.svg = /** @type {any} */ (document.getElementById(id));
     this.viewBox = viewBox;
     this.svg.setAttribute("viewBox", viewBox.join(" "));
@@ -55,11 +76,16 @@ export class MapEditor {
     this.svg.classList.toggle("is-adding", this.tool !== this.idle);
   }
 
-  /** @param {HTMLFormElement} form whose button for the tool makes a new part */
-  submit(form) {
-    form.requestSubmit(
-      /** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.tool}"]`)),
-    );
+  /** With the form's button for the tool, which makes a new part. */
+  submit() {
+    const button = this.form.querySelector(`[data-add="${this.tool}"]`);
+    this.form.requestSubmit(/** @type {HTMLElement} */ (button));
+  }
+
+  /** Marks a part of the form, or none. @param {Element | null} part */
+  mark(part) {
+    this.form.querySelector(".is-chosen")?.classList.remove("is-chosen");
+    part?.classList.add("is-chosen");
   }
 
   /**
@@ -85,6 +111,22 @@ export class MapEditor {
         layerOf(handle).append(group);
       }
     }
+  }
+
+  /**
+   * The parts of a handle: its mark, number, ring and grip.
+   * @param {string} name class of the mark @param {number} size its radius, CSS px
+   * @param {string | undefined} number @param {boolean} isSmall
+   */
+  marks(name, size, number, isSmall) {
+    const { pixel } = this;
+    const mark = element("circle", { class: name, r: size * pixel, "stroke-width": 2 * pixel });
+    const text = element("text", { class: "course__number", "font-size": 14 * pixel });
+    text.textContent = number ?? "";
+    const width = { "stroke-width": 3 * pixel };
+    const ring = element("circle", { class: "course__ring", r: (size + 4) * pixel, ...width });
+    const r = (isSmall ? 0.55 * GRIP : GRIP) * pixel;
+    return [mark, ...(number ? [text] : []), ring, element("circle", { class: "course__grip", r })];
   }
 
   /** @param {string} id */

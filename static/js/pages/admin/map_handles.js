@@ -1,4 +1,4 @@
-/** Something on a map of the administration that a mouse, a finger or keys move. */
+/** Handles on a map of the administration, moved by a mouse, a finger or keys. */
 
 import { isShortcut } from "../../input/key_dispatcher.js";
 import { element, UNIT } from "./course_ground.js";
@@ -38,12 +38,9 @@ const drag = (event, group, { now, mayChange, worldAt }) => {
     const to = worldAt(moved);
     now().move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
   };
-  group.addEventListener("pointermove", follow);
-  for (const end of ["pointerup", "pointercancel"]) {
-    group.addEventListener(end, () => group.removeEventListener("pointermove", follow), {
-      once: true,
-    });
-  }
+  const over = new AbortController();
+  group.addEventListener("pointermove", follow, over);
+  group.addEventListener("lostpointercapture", () => over.abort(), over);
 };
 
 /**

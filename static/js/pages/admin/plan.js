@@ -1,80 +1,30 @@
 /**
- * The map of the page that finishes a plan. The fields are the state: what is dragged or moved by
- * keys writes into them, and what is written into them moves on the map. New things are made by the
- * form's own buttons, told where.
+ * The map of the page that finishes a plan. The form's own buttons add things, at the point that
+ * the map writes into its fields.
  */
 
 import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
 import { rounded } from "./course_points.js";
-import { MapEditor } from "./map_editor.js";
-import { GRIP } from "./map_handles.js";
+import { MapEditor, fieldsOf } from "./map_editor.js";
 import { handlesOf } from "./plan_handles.js";
 
 /** @typedef {import("./plan_handles.js").Handle} Handle */
 /** @typedef {import("./plan_handles.js").Part} Part */
 
 const TOOL = "plan-tool";
-const SIZES = /** @type {Record<string, number>} */ ({
-  opening: 7,
-  dock: 12,
-  heading: 6,
-  place: 8,
-  checkpoint: 12,
-}); // CSS px
-const LOOKS = /** @type {Record<string, string>} */ ({
-  opening: "course__point",
-  dock: "plan__dock",
-  heading: "course__point",
-  place: "plan__place",
-  checkpoint: "course__spot",
-});
+/** @type {Record<string, [string, number]>} class and radius, CSS px */
+const LOOKS = {
+  opening: ["course__point", 7],
+  dock: ["plan__dock", 12],
+  heading: ["course__point", 6],
+  place: ["plan__place", 8],
+  checkpoint: ["course__spot", 12],
+};
 
 const form = /** @type {HTMLFormElement | null} */ (document.getElementById("plan"));
 
-/** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
-const fieldsOf = (form) => {
-  const field = (/** @type {string} */ name) =>
-    /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
-  return {
-    read: (name) => {
-      const input = field(name);
-      return input && (input.type !== "checkbox" || input.checked) ? input.value : null;
-    },
-    write: (name, value) => {
-      const input = field(name);
-      if (input) {
-        input.type === "checkbox" ? (input.checked = Boolean(value)) : (input.value = value);
-        input.dispatchEvent(new Event("input", { bubbles: true }));
-      }
-    },
-  };
-};
-
-/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
-const drawn = ({ kind, number }, pixel) => {
-  const size = SIZES[kind];
-  const parts = [
-    element("circle", { class: LOOKS[kind], r: size * pixel, "stroke-width": 2 * pixel }),
-  ];
-  if (number) {
-    const text = element("text", { class: "course__number", "font-size": 14 * pixel });
-    text.textContent = number;
-    parts.push(text);
-  }
-  parts.push(
-    element("circle", { class: "course__ring", r: (size + 4) * pixel, "stroke-width": 3 * pixel }),
-  );
-  parts.push(
-    element("circle", {
-      class: "course__grip",
-      r: (kind === "dock" || kind === "checkpoint" ? GRIP : GRIP * 0.6) * pixel,
-    }),
-  );
-  return element("g", {}, parts);
-};
-
 /**
- * Openings between their ends, and docks to where they look.
+ * Lines between the ends of openings, and from docks to their headings.
  * @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]}
  */
 const lines = (handles, pixel) =>
@@ -94,8 +44,7 @@ class PlanMap extends MapEditor {
   constructor(form) {
     const text = document.getElementById("plan-site")?.textContent ?? "";
     const site = JSON.parse(text);
-    super("plan-map", viewBoxOf(site), TOOL, "");
-    this.form = form;
+    super(form, "plan-map", viewBoxOf(site), TOOL, "");
     this.fields = fieldsOf(form);
     this.site = site;
     this.layers = {
@@ -107,7 +56,7 @@ class PlanMap extends MapEditor {
     this.svg.append(...Object.values(this.layers));
     form.addEventListener("input", (event) => this.#changed(event));
     form.addEventListener("focusin", (event) =>
-      this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")),
+      this.mark(/** @type {Element} */ (event.target).closest("[data-part]")),
     );
     this.showTool();
     this.#drawGround();
@@ -126,18 +75,14 @@ class PlanMap extends MapEditor {
     }));
   }
 
-  /** What nothing on this page moves, under the names that the rooms have now. */
+  /** The fixed parts of the plan, with the present titles of rooms. */
   #drawGround() {
     const rooms = this.site.plan.rooms.map((/** @type {any} */ room, /** @type {number} */ n) => ({
       ...room,
       title: this.fields.read(`rooms.${n}.title`) ?? room.title,
     }));
-    this.layers.ground.replaceChildren(
-      ground(
-        { ...this.site, plan: { ...this.site.plan, rooms, doors: [], passages: [], docks: [] } },
-        "",
-      ),
-    );
+    const plan = { ...this.site.plan, rooms, doors: [], passages: [], docks: [] };
+    this.layers.ground.replaceChildren(ground({ ...this.site, plan }, ""));
   }
 
   draw() {
@@ -148,28 +93,24 @@ class PlanMap extends MapEditor {
     layers.lines.replaceChildren(...lines(handles, pixel));
     this.drawHandles(
       handles,
-      (handle) => drawn(handle, pixel),
+      ({ kind, number }) => {
+        const isSmall = kind !== "dock" && kind !== "checkpoint";
+        return element("g", {}, this.marks(...LOOKS[kind], number, isSmall));
+      },
       () => layers.handles,
     );
   }
 
   /** @param {Handle} handle */
   choose({ part }) {
-    this.#mark(this.form.querySelector(`[data-part="${part}"]`));
-  }
-
-  /** @param {Element | null} chosen */
-  #mark(chosen) {
-    for (const part of this.form.querySelectorAll("[data-part]")) {
-      part.classList.toggle("is-chosen", part === chosen);
-    }
+    this.mark(this.form.querySelector(`[data-part="${part}"]`));
   }
 
   /** @param {Point} at */
   add([x, y]) {
     this.fields.write("at_x", String(rounded(x)));
     this.fields.write("at_y", String(rounded(y)));
-    this.submit(this.form);
+    this.submit();
   }
 
   /** @param {Event} event */

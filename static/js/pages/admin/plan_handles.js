@@ -1,7 +1,4 @@
-/**
- * What of the page that finishes a plan can be moved: read from its fields and written back to
- * them.
- */
+/** The handles of a plan, which read and write the fields of its form. */
 
 import { readDecimal } from "../../lib/decimal.js";
 import { rounded } from "./course_points.js";
@@ -20,8 +17,6 @@ import { rounded } from "./course_points.js";
 /**
  * @typedef {{read: (name: string) => string | null, write: (name: string, value: string) => void}}
  *   Fields
- */
-/**
  * @typedef {{part: string, kind: string, label: string, number?: string}} Part a fieldset of the
  *   page
  */
@@ -42,10 +37,11 @@ export const ahead = ([x, y], degrees) => [
 ];
 
 /**
+ * The handle of a point, null without one.
  * @param {Part} part @param {Fields} fields @param {string[]} names @param {string} label
  * @returns {Handle | null}
  */
-const spot = ({ part, kind, number: shown }, fields, names, label) => {
+export const spot = ({ part, kind, number: shown }, fields, names, label) => {
   const at = /** @type {Point} */ (names.map((name) => number(fields.read(`${part}.${name}`))));
   if (!at.every(Number.isFinite)) {
     return null;
@@ -68,28 +64,21 @@ const spot = ({ part, kind, number: shown }, fields, names, label) => {
  * @returns {Handle[]}
  */
 const heading = ({ part, label }, fields, dock, word) => {
-  const degrees = number(fields.read(`${part}.heading`));
-  return Number.isFinite(degrees)
-    ? [
-        {
-          id: `${part}.heading`,
-          kind: "heading",
-          label: `${label}, ${word}`,
-          part,
-          at: ahead(dock.at, degrees),
-          remove: null,
-          move: ([x, y]) =>
-            fields.write(
-              `${part}.heading`,
-              String(wrapped((Math.atan2(y - dock.at[1], x - dock.at[0]) * 180) / Math.PI)),
-            ),
-        },
-      ]
-    : [];
+  const name = `${part}.heading`;
+  const degrees = number(fields.read(name));
+  if (!Number.isFinite(degrees)) {
+    return [];
+  }
+  const at = ahead(dock.at, degrees);
+  const move = (/** @type {Point} */ [x, y]) => {
+    const turn = Math.atan2(y - dock.at[1], x - dock.at[0]);
+    fields.write(name, String(wrapped((turn * 180) / Math.PI)));
+  };
+  return [{ id: name, kind: "heading", label: `${label}, ${word}`, part, at, remove: null, move }];
 };
 
 /**
- * The handles of a part, none when it is to be removed or has no numbers.
+ * The handles of a part, none when it is removed or has no numbers.
  * @param {Part} part @param {Fields} fields @param {{end: string, heading: string}} words
  * @returns {Handle[]}
  */

@@ -1,7 +1,4 @@
-/**
- * What the drive page wants to know when its connection does not come about: one piece of advice,
- * and what goes into the record.
- */
+/** Checks the connection of the drive page: gives an advice, and an entry for the record. */
 
 import { probe } from "./probe.js";
 import { advice, forRecord, judge } from "./verdict.js";

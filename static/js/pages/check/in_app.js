@@ -1,9 +1,6 @@
-/**
- * Browsers inside other apps, which open links that somebody sent. Many of them carry no live
- * video, and the way out is a menu of theirs.
- */
+/** Browsers inside other apps, which open links in messages. Many of them have no live video. */
 
-/** What their names look like in the user agent, and the app that visitors know them by. */
+/** Their names in the user agent, and the names of the apps. */
 const APPS = /** @type {[RegExp, string][]} */ ([
   [/\bInstagram\b/, "Instagram"],
   [/\bFB(?:AN|AV|_IAB)\b/, "Facebook"],
@@ -26,9 +23,6 @@ const APPS = /** @type {[RegExp, string][]} */ ([
  */
 export const appOf = (userAgent) => APPS.find(([name]) => name.test(userAgent))?.[1] ?? "";
 
-/**
- * The browser that such a device surely has.
- * @param {string} userAgent @returns {"Safari" | "Chrome"}
- */
+/** The browser of such a device. @param {string} userAgent @returns {"Safari" | "Chrome"} */
 export const browserFor = (userAgent) =>
   /\b(?:iPhone|iPad|iPod)\b/.test(userAgent) ? "Safari" : "Chrome";

@@ -1,29 +1,20 @@
-/** The page that checks browser and network: one line a topic, and above them what it comes to. */
+/** The page that checks browser and network: a summary, and a line for each topic. */
 
+import { element, readConfig } from "../../lib/dom.js";
+import { find } from "../../lib/page_poll.js";
 import { readWords } from "../../lib/words.js";
 import { copy } from "../../lib/clipboard.js";
 import { browserFor } from "./in_app.js";
 import { probe } from "./probe.js";
 import { judge, overall } from "./verdict.js";
 
-const element = (/** @type {string} */ id) =>
-  /** @type {HTMLElement} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent ?? "{}");
-const words = readWords(
-  /** @type {HTMLTemplateElement} */ (element("words")),
-  document.documentElement.lang,
-);
-const section = element("check");
-const again = /** @type {HTMLButtonElement} */ (element("check-again"));
-const link = /** @type {HTMLButtonElement} */ (element("check-copy"));
+const [config, words] = [readConfig(), readWords()];
+const [section, again, link] = [element("check"), element("check-again"), element("check-copy")];
 
 /** @param {import("./verdict.js").Line} line */
 const draw = ({ topic, mark, word, values }) => {
-  const row = /** @type {HTMLTemplateElement} */ (element("check-row")).content.cloneNode(true);
-  const part = (/** @type {string} */ name) =>
-    /** @type {HTMLElement} */ (
-      /** @type {DocumentFragment} */ (row).querySelector(`[data-${name}]`)
-    );
+  const row = element("check-row").content.cloneNode(true);
+  const part = (/** @type {string} */ name) => find(`[data-${name}]`, row);
   part("mark").dataset.mark = mark;
   part("mark-text").textContent = words.say(`check.mark.${mark}`);
   part("topic").textContent = words.say(`check.topic.${topic}`);

@@ -1,7 +1,6 @@
 /**
- * What this browser and its network can do, found out without asking the visitor for anything:
- * nothing is allowed, nothing is sent but a few words to the server and to the address servers that
- * the site has. What it means stands in verdict.js.
+ * Checks this browser and its network without any permission: it only exchanges a few messages with
+ * the server, and requests addresses from the site's ICE servers. verdict.js judges the findings.
  */
 
 import { appOf } from "./in_app.js";
@@ -12,18 +11,17 @@ const ADDRESS_SECONDS = 6;
 
 /**
  * @typedef {object} Found
- * @property {boolean} reached whether a live line to the server opens
+ * @property {boolean} reached whether a WebSocket to the server opens
  * @property {number | null} roundTrip s, the median of a few
- * @property {boolean} live whether the browser carries live video at all
- * @property {string} app whose browser this is, empty for a browser proper
- * @property {string[]} codecs of video that it shows, such as video/VP8
+ * @property {boolean} live whether the browser has live video at all
+ * @property {string} app whose browser this is, empty for others
+ * @property {string[]} codecs of video, such as video/VP8
  * @property {string[]} ways kinds of addresses: host, srflx (seen from outside), relay
  * @property {Device} microphone
  * @property {Device} camera
  * @property {string} gamepad its name, empty without one
  *
- * @typedef {"there" | "none" | "blocked" | "barred"} Device barred: the page came over an address
- *   where browsers give none
+ * @typedef {"there" | "none" | "blocked" | "barred"} Device barred: on an insecure page
  */
 
 /** @param {{socket: string, iceServers: RTCIceServer[]}} config @returns {Promise<Found>} */
@@ -36,16 +34,8 @@ export const probe = async (config) => {
     device("videoinput", "camera"),
   ]);
   const gamepad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected)?.id ?? "";
-  return {
-    ...server,
-    live,
-    app: appOf(navigator.userAgent),
-    codecs: live ? codecs() : [],
-    ways,
-    microphone,
-    camera,
-    gamepad,
-  };
+  const app = appOf(navigator.userAgent);
+  return { ...server, live, app, codecs: live ? codecs() : [], ways, microphone, camera, gamepad };
 };
 
 /** @param {number} seconds @returns {Promise<void>} */
@@ -99,10 +89,7 @@ const addresses = async (iceServers) => {
   return [...kinds];
 };
 
-/**
- * @param {RTCIceCandidate} candidate a line of it says its kind also where the browser does not;
- *   some end with an empty one
- */
+/** @param {RTCIceCandidate} candidate in some browsers without a type; it may be empty */
 const kindOf = ({ candidate, type }) => type ?? / typ (\w+)/.exec(candidate)?.[1] ?? "";
 
 const codecs = () => [
@@ -128,7 +115,7 @@ const device = async (kind, name) => {
       return "blocked";
     }
   } catch {
-    // Not every browser knows every permission by name: then whether there is one has to do.
+    // the browser does not know the permission
   }
   const devices = await navigator.mediaDevices.enumerateDevices();
   return devices.some((one) => one.kind === kind) ? "there" : "none";

@@ -1,13 +1,12 @@
 /**
- * What the findings of a check mean for a visitor: a line a topic, with what to do. Pure. The words
- * stand in templates/sessions/_check_words.html under `check.<topic>.<word>`.
+ * Judges the findings of a check: a line for each topic, with advice. Pure. The words are in
+ * templates/sessions/_check_words.html, as `check.<topic>.<word>`.
  */
 
-const QUICK = 0.3; // s: from here on driving is noticeably late
+const QUICK = 0.3; // s; a longer round trip is noticeable
 
 /**
- * @typedef {"good" | "note" | "poor" | "bad"} Mark note: nothing that driving needs; bad: it does
- *   not work
+ * @typedef {"good" | "note" | "poor" | "bad"} Mark note: not needed to drive; bad: does not work
  * @typedef {{topic: string, mark: Mark, word: string, values: Record<string, string | number>}}
  *   Line
  */
@@ -50,9 +49,9 @@ const server = ({ reached, roundTrip }) => {
   if (!reached || roundTrip === null) {
     return line("server", "bad", "blocked");
   }
-  return line("server", roundTrip < QUICK ? "good" : "poor", roundTrip < QUICK ? "quick" : "slow", {
-    ms: Math.round(roundTrip * 1000),
-  });
+  const values = { ms: Math.round(roundTrip * 1000) };
+  const isQuick = roundTrip < QUICK;
+  return line("server", isQuick ? "good" : "poor", isQuick ? "quick" : "slow", values);
 };
 
 /** @param {import("./probe.js").Found} found */
@@ -92,7 +91,7 @@ const detour = ({ ways }) =>
 const device = (topic, state) => line(topic, state === "there" ? "good" : "note", state);
 
 /**
- * What it comes to: one can drive, drive by slow pictures, or not at all.
+ * The summary: one can drive, drive with slow video, or not at all.
  * @param {Line[]} lines @returns {"good" | "slow" | "bad"}
  */
 export const overall = (lines) => {
@@ -101,17 +100,15 @@ export const overall = (lines) => {
 };
 
 /**
- * The one thing to tell somebody whose connection does not come about; null when nothing was found.
+ * The most important problem; null without one.
  * @param {Line[]} lines
- * @param {boolean} [connected] whether the page reaches the server by now: then nothing blocks
- *   that, whatever was tried
+ * @param {boolean} [connected] whether the page has reached the server since
  * @returns {Line | null}
  */
 export const advice = (lines, connected = false) => {
-  const told = connected ? lines.filter(({ word }) => word !== "check.server.blocked") : lines;
-  return (
-    told.find(({ mark }) => mark === "bad") ?? told.find(({ mark }) => mark === "poor") ?? null
-  );
+  const left = connected ? lines.filter(({ word }) => word !== "check.server.blocked") : lines;
+  const first = (/** @type {Mark} */ wanted) => left.find(({ mark }) => mark === wanted);
+  return first("bad") ?? first("poor") ?? null;
 };
 
 /**
@@ -119,9 +116,7 @@ export const advice = (lines, connected = false) => {
  * @param {Line[]} lines @param {import("./probe.js").Found} found
  */
 export const forRecord = (lines, { roundTrip, app }) => ({
-  ...Object.fromEntries(
-    lines.map(({ topic, word }) => [topic, word.slice(word.lastIndexOf(".") + 1)]),
-  ),
+  ...Object.fromEntries(lines.map(({ topic, word }) => [topic, word.split(".").at(-1)])),
   overall: overall(lines),
   roundTrip,
   ...(app ? { app } : {}),

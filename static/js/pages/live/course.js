@@ -1,15 +1,12 @@
-/**
- * What the live view draws of a study on a robot's map: the course, and the path driven so far.
- * Pure.
- */
+/** The course of a study on a robot's map in the live view, and the driven path. Pure. */
 
 import { marksFor } from "../../study/course.js";
 
 const TASK = { window: "shut", outcome: "" };
 
 /**
- * The course of whoever drives, with what was passed; while nobody drives that of the version that
- * is shown, and nothing of it is next. A drive without a task, to practise, has none.
+ * The course of the drive, with its passed checkpoints; without a drive, that of the version that
+ * is shown, with no next checkpoint. A practice drive has none.
  * @param {Record<string, any>} courses by version of the study
  * @param {number | null} version
  * @param {any} drive or null
@@ -27,7 +24,7 @@ export const courseOf = (courses, version, drive) => {
 };
 
 /**
- * The places where a robot knew where it was.
+ * The localized positions.
  * @param {{x: number[], y: number[], localized: number[]}} states columns of a record
  * @returns {Point[]} m
  */

@@ -1,19 +1,15 @@
-/** What the live view says of robots and drives, as text. Pure. */
+/** The texts of the live view about robots and drives. Pure. */
 
+import { formatted, inMs, inPercent, listed, NONE } from "../replay/readings.js";
 import { written } from "../replay/timeline.js";
 
-const OLD = 5; // s after which a state is called old
-const NONE = "–";
+const OLD = 5; // s after which a state is old
 
 /** @param {number} stamp Unix seconds @returns {string} */
 export const timeOf = (stamp) => new Date(stamp * 1000).toLocaleTimeString();
 
-/**
- * How long, in minutes and seconds.
- * @param {number | null | undefined} seconds @returns {string}
- */
-export const lasted = (seconds) =>
-  seconds === null || seconds === undefined ? NONE : written(Math.max(0, seconds));
+/** Minutes and seconds. @param {number | null | undefined} seconds */
+export const lasted = (seconds) => formatted(seconds, (value) => written(Math.max(0, value)));
 
 /** @param {any} robot @param {any} drive or null @param {Words} words @returns {string} */
 export const stateOf = (robot, drive, words) => {
@@ -39,15 +35,10 @@ export const driverOf = (drive, words) => {
   }
   const old =
     drive.heard !== null && drive.heard > OLD ? words.say("old", { s: lasted(drive.heard) }) : "";
-  const parts = [
-    drive.code,
-    words.say(drive.kind),
-    words.say("session", { k: drive.number }),
-    drive.condition,
-    words.say(drive.state),
-    old,
-  ];
-  return parts.filter(Boolean).join(" · ");
+  const errors = drive.script_errors ? words.say("script_errors", { n: drive.script_errors }) : "";
+  const session = words.say("session", { k: drive.number });
+  const state = words.say(drive.state);
+  return listed(drive.code, words.say(drive.kind), session, drive.condition, state, old, errors);
 };
 
 /** @param {any} drive or null @param {Words} words @returns {string} */
@@ -60,7 +51,7 @@ export const wizardOf = (drive, words) => {
   const step = wizard.step
     ? words.say("wizard_step", { step: wizard.step, s: lasted(wizard.age) })
     : "";
-  return [words.say(`wizard_${wizard.status}`), step, deviation].filter(Boolean).join(" · ");
+  return listed(words.say(`wizard_${wizard.status}`), step, deviation);
 };
 
 /** @param {any} drive or null @param {Words} words @returns {string} */
@@ -70,9 +61,7 @@ export const taskOf = (drive, words) => {
     return NONE;
   }
   const cue = task.cue ? words.say(`cue.${task.cue}`, { k: task.number ?? "" }) : "";
-  return [words.say("passed", { n: task.passed.length, all: task.checkpoints }), cue]
-    .filter(Boolean)
-    .join(" · ");
+  return listed(words.say("passed", { n: task.passed.length, all: task.checkpoints }), cue);
 };
 
 /** @param {any} network or null @param {Words} words @returns {string} */
@@ -80,34 +69,25 @@ export const networkOf = (network, words) => {
   if (!network || network.age > OLD) {
     return NONE;
   }
-  const { roundTrip, loss, fps } = network;
-  const parts = [
-    roundTrip === null || roundTrip === undefined ? "" : `${Math.round(roundTrip * 1000)} ms`,
-    loss === null || loss === undefined ? "" : `${(loss * 100).toFixed(1)} % ${words.say("loss")}`,
-    fps === null || fps === undefined ? "" : `${Math.round(fps)} ${words.say("fps")}`,
-    network.path,
-  ];
-  return parts.filter(Boolean).join(" · ") || NONE;
+  const { roundTrip, loss, fps, path } = network;
+  const trip = roundTrip == null ? "" : inMs(roundTrip);
+  const lost = loss == null ? "" : `${inPercent(loss, 1)} ${words.say("loss")}`;
+  const rate = fps == null ? "" : `${Math.round(fps)} ${words.say("fps")}`;
+  return listed(trip, lost, rate, path) || NONE;
 };
 
 /** @param {any} robot @param {Words} words @returns {string} */
-export const batteryOf = (robot, words) => {
-  const charge = robot.battery?.charge;
-  const share = charge === undefined || charge === null ? NONE : `${Math.round(charge * 100)} %`;
-  return [
-    share,
-    robot.battery?.charging ? words.say("charging") : "",
-    robot.docked ? words.say("docked") : "",
-  ]
-    .filter(Boolean)
-    .join(" · ");
-};
+export const batteryOf = ({ battery, docked }, words) =>
+  listed(
+    inPercent(battery?.charge),
+    battery?.charging ? words.say("charging") : "",
+    docked ? words.say("docked") : "",
+  );
 
 /**
- * How each door is, as far as is known: as the robot says, else as it was set, by the condition
- * where somebody drives in one.
- * @param {any} robot
- * @param {any} drive or null
+ * The state of each door: as the robot reports it, else as set for the condition of the drive, or
+ * for the robot.
+ * @param {any} robot @param {any} drive or null
  * @returns {Record<string, string>} open or closed, by name
  */
 export const doorStates = (robot, drive) =>
@@ -119,11 +99,8 @@ export const doorStates = (robot, drive) =>
   );
 
 /**
- * Each door as it was set, by the condition where somebody drives in one, and as the robot says it
- * is.
- * @param {any} robot
- * @param {any} drive or null
- * @param {Words} words @returns {string}
+ * Each door as it was set, and as the robot reports it.
+ * @param {any} robot @param {any} drive or null @param {Words} words @returns {string}
  */
 export const doorsOf = (robot, drive, words) =>
   robot.doors
@@ -136,9 +113,6 @@ export const doorsOf = (robot, drive, words) =>
     })
     .join("; ") || NONE;
 
-/**
- * @param {string[]} queue codes, empty for those outside the study
- * @param {Words} words @returns {string}
- */
+/** @param {string[]} queue codes, empty for visitors outside the study @param {Words} words */
 export const queueOf = (queue, words) =>
   queue.map((code) => code || words.say("somebody")).join(", ") || words.say("nobody");

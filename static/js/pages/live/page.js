@@ -1,13 +1,12 @@
-/**
- * The live view's page: asks every two seconds while somebody looks, and changes only what changed.
- */
+/** The live view's page: requests its data every two seconds while it is visible. */
 
-import { write } from "../../lib/dom.js";
-import { pollWhileVisible } from "../../lib/page_poll.js";
+import { element, make, readConfig, write } from "../../lib/dom.js";
+import { fetchJson, pollWhileVisible } from "../../lib/page_poll.js";
 import { readWords } from "../../lib/words.js";
-import { drawGround, drawStops } from "../../study/course.js";
+import { layersOf } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
 import { courseOf, trailOf } from "./course.js";
+import { formatted } from "../replay/readings.js";
 import {
   batteryOf,
   doorStates,
@@ -24,11 +23,9 @@ import {
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
-const RECORD_PATIENCE_MS = 20000; // of a long session it is large
-const NOBODYS = "00000000-0000-0000-0000-000000000000"; // stands in addresses for a session
-const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent);
-const words = readWords(element("words"), document.documentElement.lang);
+const RECORD_PATIENCE_MS = 20000; // that of a long session is large
+const NO_SESSION = "00000000-0000-0000-0000-000000000000"; // its place in addresses
+const [config, words] = [readConfig(), readWords()];
 /**
  * @typedef {{card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null,
  *   stops: string | null}} Card stops: as they are drawn
@@ -51,33 +48,18 @@ const cardOf = (robot) => {
   );
   card.dataset.robot = robot.name;
   element("robots").append(card);
-  const made = {
-    card,
-    parts,
-    map: new RobotMap({ canvas: parts.map }),
-    session: null,
-    stops: null,
-  };
+  const map = new RobotMap({ canvas: parts.map });
+  const made = { card, parts, map, session: null, stops: null };
   cards.set(robot.name, made);
   const site = config.sites[robot.name];
   parts.map.parentElement.hidden = !site;
   if (site) {
-    showSite(made.map, site);
+    map.open(site);
   }
   parts.form?.addEventListener("submit", (/** @type {SubmitEvent} */ event) =>
     act(event, robot.name),
   );
   return made;
-};
-
-/** @param {RobotMap} map @param {any} site */
-const showSite = (map, site) => {
-  map.show(site, null);
-  if (!site.plan?.rooms?.length && site.image) {
-    const image = new Image();
-    image.addEventListener("load", () => map.show(site, image));
-    image.src = site.image;
-  }
 };
 
 /** @param {any} robot @param {any} drive or null @param {string[]} queue */
@@ -86,7 +68,7 @@ const showRobot = (robot, drive, queue) => {
   const { card, parts, map } = shown;
   if (shown.session !== (drive?.session ?? null)) {
     shown.session = drive?.session ?? null;
-    map.setTrail([]); // another visitor's path
+    map.setTrail([]); // without the path of another visitor
     showTrail(shown, shown.session);
   }
   const newest = drive?.pose && drive.stamp >= (robot.stamp ?? 0) ? drive : robot;
@@ -106,10 +88,8 @@ const showRobot = (robot, drive, queue) => {
   write(parts.wizard, wizardOf(drive, words));
   parts.wizard.parentElement.hidden = !drive?.wizard;
   write(parts.remaining, lasted(drive?.task?.remaining));
-  write(
-    parts.speed,
-    drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`,
-  );
+  const speed = formatted(drive?.speed, (value) => `${value.toFixed(2)} m/s`);
+  write(parts.speed, speed);
   write(parts.network, networkOf(drive?.network, words));
   write(parts.battery, batteryOf(robot, words));
   write(parts.queue, queueOf(queue, words));
@@ -118,9 +98,8 @@ const showRobot = (robot, drive, queue) => {
 };
 
 /**
- * Checkpoints and suggested path; the canvas tells in data-stops how it drew them.
- * @param {Card} shown @param {any} robot
- * @param {any} drive or null
+ * Draws the course; data-stops of the canvas is for tests.
+ * @param {Card} shown @param {any} robot @param {any} drive or null
  */
 const showCourse = (shown, robot, drive) => {
   const marks = courseOf(config.courses[robot.name] ?? {}, config.version, drive);
@@ -128,17 +107,12 @@ const showCourse = (shown, robot, drive) => {
   if (stops !== shown.stops) {
     shown.stops = stops;
     shown.parts.map.dataset.stops = stops;
-    shown.map.setCourse(
-      marks && {
-        below: (context, view, paint) => drawGround(context, view, marks, paint),
-        above: (context, view, paint) => drawStops(context, view, marks, paint),
-      },
-    );
+    shown.map.setCourse(layersOf(marks));
   }
 };
 
 /**
- * What was driven before this page was opened.
+ * Draws the path before this page was opened.
  * @param {Card} shown @param {string | null} session
  */
 const showTrail = async (shown, session) => {
@@ -146,17 +120,14 @@ const showTrail = async (shown, session) => {
     return;
   }
   try {
-    const answer = await fetch(config.record.replace(NOBODYS, session), {
-      credentials: "same-origin",
-      signal: AbortSignal.timeout(RECORD_PATIENCE_MS),
-    });
-    const record = answer.ok ? await answer.json() : null;
-    if (record && shown.session === session) {
+    const address = config.record.replace(NO_SESSION, session);
+    const record = await fetchJson(address, RECORD_PATIENCE_MS);
+    if (shown.session === session) {
       shown.map.setTrail(trailOf(record.states));
       shown.parts.map.dataset.trail = session;
     }
   } catch {
-    // the path begins where the robot is now
+    // the path starts where the robot is now
   }
 };
 
@@ -165,12 +136,11 @@ const showLinks = (parts, robot, drive) => {
   parts.watch.hidden = !config.watch[robot.name];
   parts.watch.href = config.watch[robot.name] ?? "";
   parts.replay.hidden = !drive;
-  parts.replay.href = drive ? config.replay.replace(NOBODYS, drive.session) : "";
+  parts.replay.href = drive ? config.replay.replace(NO_SESSION, drive.session) : "";
+  /** @type {Record<string, unknown>} */
+  const enabled = { message: drive, end: drive, hold: !robot.held, release: robot.held };
   for (const button of parts.form?.querySelectorAll("button") ?? []) {
-    const wanted = { message: drive, end: drive, hold: !robot.held, release: robot.held }[
-      /** @type {"message"} */ (button.value)
-    ];
-    button.disabled = !wanted;
+    button.disabled = !enabled[button.value];
   }
 };
 
@@ -186,15 +156,10 @@ const act = async (event, name) => {
   body.set("robot", name);
   body.set("session", session ?? "");
   try {
-    const answer = await fetch(config.act, {
-      method: "POST",
-      body,
-      credentials: "same-origin",
-      signal: AbortSignal.timeout(PATIENCE_MS),
-    });
-    const { problem } = answer.headers.get("Content-Type")?.startsWith("application/json")
-      ? await answer.json()
-      : { problem: words.say("failed") };
+    const signal = AbortSignal.timeout(PATIENCE_MS);
+    const answer = await fetch(config.act, { method: "POST", body, signal });
+    const isJson = answer.headers.get("Content-Type")?.startsWith("application/json");
+    const { problem } = isJson ? await answer.json() : { problem: words.say("failed") };
     write(parts.said, problem || words.say("done"));
     if (!problem) {
       form.reset();
@@ -211,7 +176,7 @@ const act = async (event, name) => {
 const showPeople = (people) => {
   element("no-people").hidden = people.length > 0;
   const rows = people.map((person) => {
-    const row = document.createElement("tr");
+    const row = make("tr");
     const kind = words.say(person.kind);
     const cells = [
       kind ? `${person.code} (${kind})` : person.code,
@@ -221,17 +186,13 @@ const showPeople = (people) => {
       person.condition,
       lasted(person.seen),
     ];
-    row.append(
-      ...cells.map((text, i) =>
-        Object.assign(document.createElement(i ? "td" : "th"), { textContent: text || "–" }),
-      ),
-    );
+    row.append(...cells.map((text, i) => make(i ? "td" : "th", "", text || "–")));
     return row;
   });
   element("people").replaceChildren(...rows);
 };
 
-// --- asking --------------------------------------------------------------------------------------
+// --- requests ------------------------------------------------------------------------------------
 
 /** @param {any} news */
 const show = (news) => {
@@ -259,18 +220,9 @@ const showStale = (word) => {
 
 const refresh = async () => {
   try {
-    const answer = await fetch(config.data, {
-      credentials: "same-origin",
-      headers: { Accept: "application/json" },
-      signal: AbortSignal.timeout(PATIENCE_MS),
-    });
-    if (answer.ok && answer.headers.get("Content-Type")?.startsWith("application/json")) {
-      show(await answer.json());
-    } else {
-      showStale(answer.status === 404 ? "refused" : "stale");
-    }
-  } catch {
-    showStale("stale");
+    show(await fetchJson(config.data));
+  } catch (error) {
+    showStale(/** @type {any} */ (error).status === 404 ? "refused" : "stale");
   }
 };
 

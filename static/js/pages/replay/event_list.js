@@ -1,4 +1,4 @@
-/** Events and photos in order, each a button that leads to its moment. */
+/** Events and photos in order, each a button that seeks to its time. */
 
 import { make, makeButton } from "../../lib/dom.js";
 import { lastBefore } from "./record.js";
@@ -25,7 +25,7 @@ export const createEventList = (list, record, photos, words, go) => {
   let marked = -1;
 
   return {
-    /** Mark what happened last. @param {number} t */
+    /** Marks the last event. @param {number} t */
     mark: (t) => {
       const index = lastBefore(times, t);
       if (index !== marked) {
@@ -41,10 +41,7 @@ export const createEventList = (list, record, photos, words, go) => {
   };
 };
 
-/**
- * Scroll the list, and nothing but the list.
- * @param {HTMLElement} list @param {HTMLElement | undefined} row
- */
+/** Scrolls only the list. @param {HTMLElement} list @param {HTMLElement | undefined} row */
 const reveal = (list, row) => {
   if (row && list.scrollHeight > list.clientHeight) {
     list.scrollTop = row.offsetTop - list.offsetTop - list.clientHeight / 2;
@@ -60,8 +57,8 @@ const rowOf = ({ t, source, type, detail, photo }, words, go) => {
   button.append(
     make("span", "replay-event__time numbers", written(t, true)),
     make("span", "replay-event__source", words.say(`source.${source}`)),
+    make("span", "replay-event__name", name),
   );
-  button.append(make("span", "replay-event__name", name));
   if (detail) {
     button.append(make("span", "replay-event__detail", plain(detail)));
   }

@@ -1,9 +1,7 @@
-/**
- * The replay's page: wires record, player, map, strips and lists. Nothing is asked of the server
- * but the record, once.
- */
+/** The replay's page: wires record, player, map, strips and lists. The record is fetched once. */
 
-import { isShortcut, openHolder } from "../../input/key_dispatcher.js";
+import { onPageKey } from "../../input/key_dispatcher.js";
+import { element, readConfig } from "../../lib/dom.js";
 import { readWords } from "../../lib/words.js";
 import { CodingPanel } from "./coding/panel.js";
 import { createEventList } from "./event_list.js";
@@ -14,18 +12,10 @@ import { momentAt } from "./record.js";
 import { drawStrips } from "./strips.js";
 import { AXIS, asked, plotWidth, timeAt, written, xOf } from "./timeline.js";
 
-const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent);
-const words = readWords(element("words"), document.documentElement.lang);
-const [stage, strips, now, slider, playing, speed, clock] = [
-  "replay",
-  "strips",
-  "strips-now",
-  "slider",
-  "play",
-  "speed",
-  "clock",
-].map(element);
+const [config, words] = [readConfig(), readWords()];
+const [stage, strips, now] = [element("replay"), element("strips"), element("strips-now")];
+const [slider, playing, speed] = [element("slider"), element("play"), element("speed")];
+const PRESSED = "button, a, summary, input:not([type=range])"; // they use keys themselves
 const sources = new Set(["task", "server", "robot", "page", "lab"]);
 
 class ReplayPage {
@@ -33,7 +23,6 @@ class ReplayPage {
   constructor(record) {
     this.record = record;
     this.map = new ReplayMap(element("replay-map"), config.site, record, config.footprint);
-    loadImage(this.map);
     this.player = newPlayer(record.duration, asked(location.search, record.duration));
     this.list = createEventList(element("events"), record, config.photos, words, (t) =>
       this.update(seek(this.player, t)),
@@ -46,9 +35,11 @@ class ReplayPage {
     this.drawnWidth = 0;
     slider.max = String(record.duration);
     this.#listen();
-    new ResizeObserver(() => strips.clientWidth === this.drawnWidth || this.redraw()).observe(
-      strips,
-    ); // it tells of the first size, too
+    // an observer reports the first size, too
+    const observer = new ResizeObserver(
+      () => strips.clientWidth === this.drawnWidth || this.redraw(),
+    );
+    observer.observe(strips);
     stage.dataset.state = record.states.t.length ? "ready" : "empty";
     if (config.coding) {
       this.coding = new CodingPanel(element, config.coding, words, {
@@ -77,30 +68,25 @@ class ReplayPage {
     this.drawnWidth = strips.clientWidth;
     const method = (/** @type {string} */ name) =>
       words.has(`method.${name}`) ? say(`method.${name}`) : name;
-    drawStrips(
-      strips,
-      this.record,
-      { speed: say("speed"), trip: say("trip"), fps: say("fps"), loss: say("loss"), method },
-      sources,
-    );
+    const [fps, loss] = [say("fps"), say("loss")];
+    const texts = { speed: say("speed"), trip: say("trip"), fps, loss, method };
+    drawStrips(strips, this.record, texts, sources);
     this.#render();
   }
 
   #render() {
     const { player, record } = this;
     const { t } = player;
-    this.map.draw(momentAt(record.states, t), t);
+    this.map.setMoment(momentAt(record.states, t), t);
     now.style.translate = `${AXIS + xOf(t, record.duration, plotWidth(strips.clientWidth))}px 0`;
     slider.value = String(t);
     const text = written(t);
     if (text !== this.spoken) {
       this.spoken = text;
-      slider.setAttribute(
-        "aria-valuetext",
-        words.say("moment", { t: text, all: written(record.duration) }),
-      );
+      const moment = words.say("moment", { t: text, all: written(record.duration) });
+      slider.setAttribute("aria-valuetext", moment);
     }
-    clock.textContent = `${written(t, true)} / ${written(record.duration)}`;
+    element("clock").textContent = `${written(t, true)} / ${written(record.duration)}`;
     playing.dataset.playing = String(player.playing);
     playing.setAttribute("aria-label", words.say(player.playing ? "pause" : "play"));
     speed.value = String(player.speed);
@@ -123,25 +109,18 @@ class ReplayPage {
     slider.addEventListener("input", () => this.update(seek(this.player, Number(slider.value))));
     playing.addEventListener("click", () => this.update(toggle(this.player)));
     speed.addEventListener("change", () => this.update(setSpeed(this.player, Number(speed.value))));
-    scrub(strips, (x) =>
-      this.update(
-        seek(this.player, timeAt(x - AXIS, this.record.duration, plotWidth(strips.clientWidth))),
-      ),
-    );
-    document.addEventListener("keydown", (event) => {
-      const target = /** @type {Element} */ (event.target);
-      if (
-        isShortcut(event) ||
-        openHolder(document) ||
-        target.closest("select, button, a, summary, textarea, input:not([type=range])")
-      ) {
-        return;
-      }
-      const next = pressed(this.player, event.key, event.shiftKey);
-      if (next !== this.player) {
-        event.preventDefault();
+    scrub(strips, (x) => {
+      const t = timeAt(x - AXIS, this.record.duration, plotWidth(strips.clientWidth));
+      this.update(seek(this.player, t));
+    });
+    onPageKey(({ target, key, shiftKey }) => {
+      const hasOwn = /** @type {Element} */ (target).closest(PRESSED);
+      const next = hasOwn ? this.player : pressed(this.player, key, shiftKey);
+      const isChanged = next !== this.player;
+      if (isChanged) {
         this.update(next);
       }
+      return isChanged;
     });
     for (const box of document.querySelectorAll("[data-source]")) {
       box.addEventListener("change", () => {
@@ -171,15 +150,6 @@ const scrub = (target, moved) => {
       tell(event);
     }
   });
-};
-
-/** A site without a plan of rooms is drawn as its picture. @param {ReplayMap} map */
-const loadImage = (map) => {
-  if (config.site?.image && !config.site.plan?.rooms?.length) {
-    const image = new Image();
-    image.addEventListener("load", () => map.showImage(image));
-    image.src = config.site.image;
-  }
 };
 
 const load = async () => {

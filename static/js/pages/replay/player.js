@@ -1,7 +1,4 @@
-/**
- * What plays: a moment, a speed, and whether time goes on. Pure; the page tells it how much real
- * time has passed.
- */
+/** The state of the player: its time and speed, and whether it plays. Pure. */
 
 import { clamp } from "./timeline.js";
 
@@ -20,7 +17,7 @@ export const newPlayer = (duration, t = 0) => ({
 /** @param {Player} player @param {number} t @returns {Player} */
 export const seek = (player, t) => ({ ...player, t: clamp(t, player.duration) });
 
-/** Play or pause; at the end it begins again. @param {Player} player @returns {Player} */
+/** Plays or pauses; at the end it starts again. @param {Player} player @returns {Player} */
 export const toggle = (player) => {
   const again = !player.playing && player.t >= player.duration;
   return { ...player, playing: !player.playing && player.duration > 0, t: again ? 0 : player.t };
@@ -38,30 +35,21 @@ export const advance = (player, seconds) => {
   return { ...player, t, playing: t < player.duration };
 };
 
+/** @type {Record<string, (player: Player, step: number, speed: number) => Player>} */
+const KEYS = {
+  " ": toggle,
+  k: toggle,
+  ArrowLeft: (player, step) => seek(player, player.t - step),
+  ArrowRight: (player, step) => seek(player, player.t + step),
+  Home: (player) => seek(player, 0),
+  End: (player) => seek(player, player.duration),
+  "+": (player, _step, speed) => setSpeed(player, SPEEDS[speed + 1]),
+  "-": (player, _step, speed) => setSpeed(player, SPEEDS[speed - 1]),
+};
+
 /**
- * What a key does to it; the same player where it does nothing.
+ * The player after a key; the same one where that has no effect.
  * @param {Player} player @param {string} key @param {boolean} shift @returns {Player}
  */
-export const pressed = (player, key, shift) => {
-  const step = shift ? 10 : 1;
-  const turn = SPEEDS.indexOf(player.speed);
-  switch (key) {
-    case " ":
-    case "k":
-      return toggle(player);
-    case "ArrowLeft":
-      return seek(player, player.t - step);
-    case "ArrowRight":
-      return seek(player, player.t + step);
-    case "Home":
-      return seek(player, 0);
-    case "End":
-      return seek(player, player.duration);
-    case "+":
-      return setSpeed(player, SPEEDS[turn + 1]);
-    case "-":
-      return setSpeed(player, SPEEDS[turn - 1]);
-    default:
-      return player;
-  }
-};
+export const pressed = (player, key, shift) =>
+  KEYS[key]?.(player, shift ? 10 : 1, SPEEDS.indexOf(player.speed)) ?? player;

@@ -1,28 +1,28 @@
-/** What the record says of the moment, in words and numbers. */
+/** The readings of the record at a time, in words and numbers. */
+
+import { write } from "../../lib/dom.js";
 
 import { commandAt, momentAt, networkAt } from "./record.js";
 
-const NONE = "–";
+export const NONE = "–";
 
-/** @param {number | null | undefined} value @param {(value: number) => string} write */
-const told = (value, write) => (value === null || value === undefined ? NONE : write(value));
+/** @param {number | null | undefined} value @param {(value: number) => string} format */
+export const formatted = (value, format) => (value == null ? NONE : format(value));
+
+/** Milliseconds, per cent and frames. @param {number | null | undefined} value */
+export const inMs = (value) => formatted(value, (seconds) => `${Math.round(seconds * 1000)} ms`);
+/** @param {number | null | undefined} value @param {number} [digits] */
+export const inPercent = (value, digits = 0) =>
+  formatted(value, (share) => `${(share * 100).toFixed(digits)} %`);
 
 /**
  * @param {GetElement} element @param {SessionRecord} record @param {Words} words
  * @returns {(t: number) => void}
  */
 export const createReadings = (element, record, words) => {
-  const places = Object.fromEntries(
-    ["place", "driven", "command", "battery", "clearance", "network"].map((name) => [
-      name,
-      element(`reading-${name}`),
-    ]),
-  );
   return (t) => {
     for (const [name, text] of Object.entries(readingsAt(record, t, words))) {
-      if (places[name].textContent !== text) {
-        places[name].textContent = text;
-      }
+      write(element(`reading-${name}`), text);
     }
   };
 };
@@ -35,53 +35,42 @@ export const readingsAt = (record, t, words) => {
   const moment = momentAt(record.states, t);
   const { states } = record;
   const i = moment?.index ?? 0;
-  const place = () => (moment ? placeTold(moment) : NONE);
+  const lost = moment?.localized ? "" : words.say("lost");
+  const driven = `${states.v[i]?.toFixed(2)} m/s · ${states.w[i]?.toFixed(2)} rad/s`;
+  const docked = states.docked[i] ? words.say("docked") : "";
   return {
-    place: moment?.stale
-      ? words.say("unknown")
-      : moment && !moment.localized
-        ? `${place()} · ${words.say("lost")}`
-        : place(),
-    driven:
-      moment && !moment.stale
-        ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s`
-        : NONE,
-    command: commandTold(commandAt(record, t), words),
-    battery: moment ? batteryTold(states.charge[i], states.docked[i], words) : NONE,
-    clearance: told(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
-    network: networkTold(networkAt(record, t), words),
+    place: moment?.stale ? words.say("unknown") : moment ? listed(placeOf(moment), lost) : NONE,
+    driven: moment && !moment.stale ? driven : NONE,
+    command: commandText(commandAt(record, t), words),
+    battery: moment ? listed(inPercent(states.charge[i]), docked) : NONE,
+    clearance: formatted(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
+    network: networkText(networkAt(record, t), words),
   };
 };
 
+/** @param {string[]} parts without empty ones */
+export const listed = (...parts) => parts.filter(Boolean).join(" · ");
+
 /** @param {{x: number, y: number, theta: number}} pose */
-const placeTold = ({ x, y, theta }) =>
+const placeOf = ({ x, y, theta }) =>
   `${x.toFixed(2)}, ${y.toFixed(2)} m · ${((theta * 180) / Math.PI).toFixed(0)}°`;
 
-/** @param {number | null} charge @param {number} docked 0 or 1 @param {Words} words */
-const batteryTold = (charge, docked, words) => {
-  const level = told(charge, (share) => `${Math.round(share * 100)} %`);
-  return docked ? `${level} · ${words.say("docked")}` : level;
-};
-
 /** @param {ReturnType<typeof commandAt>} command @param {Words} words */
-const commandTold = (command, words) => {
+const commandText = (command, words) => {
   if (!command) {
     return NONE;
   }
-  const method = words.has(`method.${command.method}`)
-    ? words.say(`method.${command.method}`)
-    : command.method;
-  const age = told(command.age, (seconds) => `${Math.round(seconds * 1000)} ms`);
-  return `${method} · ${command.v.toFixed(2)} m/s · ${command.w.toFixed(2)} rad/s · ${age}`;
+  const { method, v, w, age } = command;
+  const name = words.has(`method.${method}`) ? words.say(`method.${method}`) : method;
+  return `${name} · ${v.toFixed(2)} m/s · ${w.toFixed(2)} rad/s · ${inMs(age)}`;
 };
 
 /** @param {Record<string, number | null> | null} network @param {Words} words */
-const networkTold = (network, words) => {
+const networkText = (network, words) => {
   if (!network) {
     return NONE;
   }
-  const trip = told(network.roundTrip, (value) => `${Math.round(value * 1000)} ms`);
-  const loss = told(network.loss, (value) => `${(value * 100).toFixed(1)} % ${words.say("loss")}`);
-  const rate = told(network.fps, (value) => `${Math.round(value)} ${words.say("fps")}`);
-  return `${trip} · ${loss} · ${rate}`;
+  const loss = formatted(network.loss, () => `${inPercent(network.loss, 1)} ${words.say("loss")}`);
+  const rate = formatted(network.fps, (fps) => `${Math.round(fps)} ${words.say("fps")}`);
+  return `${inMs(network.roundTrip)} · ${loss} · ${rate}`;
 };

@@ -1,7 +1,9 @@
 /**
- * A session's record, and what it says of a moment. Pure; the columns are those of
+ * A session's record, and its values at a time. Pure; the columns are those of
  * docs/reference/replay.md, times in seconds since the robot was granted.
  */
+
+import { wrap } from "../../lib/transforms.js";
 
 /**
  * @typedef {object} SessionRecord
@@ -11,10 +13,9 @@
  * @property {Record<string, number[]>} states t, x, y, theta, localized, v, w, charge, docked,
  *   clearance, contacts
  * @property {Record<string, number[]>} commands t, v, w, method, way, age
- * @property {string[]} words what `method` and `way` stand for
+ * @property {string[]} words of the codes of `method` and `way`
  * @property {Record<string, (number | null)[]>} network t, roundTrip, loss, fps, bitrate, frameAge
- * @property {[number, string, string, string][]} events seconds, who says so, type, what more is
- *   known
+ * @property {[number, string, string, string][]} events seconds, source, type, details
  */
 
 /**
@@ -22,14 +23,13 @@
  *   stale: boolean}} Moment
  */
 
-const GAP = 2; // s without a state: where the robot was in between is not known
-const JUMP = 1.5; // m; a robot that found itself somewhere else did not drive there
+const GAP = 2; // s without a state, in which the robot's path is unknown
+const JUMP = 1.5; // m; more between two states is a new localization
 const SPEED = 2.5; // m/s
 
 /**
  * The index of the last time that is not after `t`; -1 before the first.
- * @param {number[]} times ascending
- * @param {number} t @returns {number}
+ * @param {number[]} times ascending @param {number} t
  */
 export const lastBefore = (times, t) => {
   let [low, high] = [0, times.length];
@@ -45,33 +45,19 @@ export const lastBefore = (times, t) => {
 };
 
 /**
- * Whether the robot drove from one state to the next, as far as is known.
- * @param {Record<string, number[]>} states
- * @param {number} i of the earlier
- * @returns {boolean}
+ * Whether the robot drove from one state to the next.
+ * @param {Record<string, number[]>} states @param {number} i of the earlier
  */
 export const follows = ({ t, x, y, localized }, i) => {
   const seconds = t[i + 1] - t[i];
   const metres = Math.hypot(x[i + 1] - x[i], y[i + 1] - y[i]);
-  return (
-    Boolean(localized[i] && localized[i + 1]) && seconds <= GAP && metres <= JUMP + SPEED * seconds
-  );
+  const isKnown = Boolean(localized[i] && localized[i + 1]);
+  return isKnown && seconds <= GAP && metres <= JUMP + SPEED * seconds;
 };
 
 /**
- * @param {number} from rad
- * @param {number} to rad
- * @param {number} share
- * @returns {number} the short way round
- */
-const between = (from, to, share) =>
-  from + share * Math.atan2(Math.sin(to - from), Math.cos(to - from));
-
-/**
- * Where the robot was: as the states say, on a straight line between two of them, and where it was
- * last where nothing is known.
- * @param {Record<string, number[]>} states
- * @param {number} t s
+ * The robot's pose: of the states, on a straight line between two of them, or the last known one.
+ * @param {Record<string, number[]>} states @param {number} t s
  * @returns {Moment | null} null without any state
  */
 export const momentAt = (states, t) => {
@@ -91,15 +77,14 @@ export const momentAt = (states, t) => {
     return here;
   }
   const share = (t - states.t[i]) / (states.t[i + 1] - states.t[i]);
-  const [x, y] = [
-    here.x + share * (states.x[i + 1] - here.x),
-    here.y + share * (states.y[i + 1] - here.y),
-  ];
-  return { ...here, x, y, theta: between(here.theta, states.theta[i + 1], share), stale: false };
+  const x = here.x + share * (states.x[i + 1] - here.x);
+  const y = here.y + share * (states.y[i + 1] - here.y);
+  const theta = here.theta + share * wrap(states.theta[i + 1] - here.theta);
+  return { ...here, x, y, theta, stale: false };
 };
 
 /**
- * The command in force: the last one, unless it is too old to be.
+ * The command in force: the last one, unless it is too old.
  * @param {SessionRecord} record @param {number} t
  * @returns {{v: number, w: number, method: string, way: string, age: number | null} | null}
  */
@@ -118,7 +103,7 @@ export const commandAt = ({ commands, words }, t) => {
 };
 
 /**
- * The second of network that a moment lies in.
+ * The network sample of a time.
  * @param {SessionRecord} record @param {number} t @returns {Record<string, number | null> | null}
  */
 export const networkAt = ({ network }, t) => {

@@ -1,18 +1,16 @@
 /**
- * The path on the floor plan, coloured by time, and the robot's outline where it was. The still
- * part is drawn once a size into a picture of its own. data-marker-x, -y and -t on the canvas tell
- * where the robot was drawn, for tests.
+ * The map of a replay: the driven path, coloured by time, and the robot's outline. data-marker-t on
+ * the canvas is the time of the marker, for tests.
  */
 
-import { createPaint } from "../../lib/colours.js";
+import { stroke, trace } from "../../lib/canvas.js";
 import { mapFromRobot } from "../../lib/transforms.js";
-import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
-import { boundsOf, fit, toScreen } from "../../view/map/transform.js";
+import { RobotMap } from "../../view/map/robot_map.js";
+import { boundsOf, toScreen } from "../../view/map/transform.js";
 import { piecesOf } from "./record.js";
 
-const SHADES = 64; // colours that the time is told with
-const SMALLEST = 8; // CSS pixels from the robot's middle to its tip
-const COLOURS = ["floor", "wall", "furniture", "door", "dock", "name", "robot", "lost", "edge"];
+const SHADES = 64; // colours of the path
+const SMALLEST = 6.4; // CSS pixels, of the marker
 // petrol at the beginning, apricot at the end
 const HUES = { from: [118, 214, 200], to: [255, 138, 60] };
 
@@ -23,177 +21,90 @@ const shade = (share) => {
   return `rgb(${hue.join(" ")})`;
 };
 
-export class ReplayMap {
+export class ReplayMap extends RobotMap {
   /**
    * @param {HTMLCanvasElement} canvas @param {FloorPlan | null} site @param {SessionRecord} record
    * @param {Point[]} footprint m, in the robot's frame
    */
   constructor(canvas, site, record, footprint) {
-    this.canvas = canvas;
-    this.site = site;
+    super({ canvas, frame: (draw) => draw() });
     this.record = record;
     this.footprint = footprint;
-    /** @type {CanvasImageSource | null} */
-    this.image = null;
-    /** @type {MapView | null} */
-    this.view = null;
-    this.density = 1;
-    /** @type {() => any} */
-    this.colours = createPaint(canvas, "--map-", COLOURS, "600 12px");
-    /** @type {Paint & {robot: string, lost: string, edge: string}} */
-    this.paint = /** @type {any} */ ({});
-    this.still = document.createElement("canvas");
     this.pieces = piecesOf(record.states);
     /** @type {[import("./record.js").Moment | null, number]} */
     this.shown = [null, 0];
-    new ResizeObserver(() => this.#fits() || this.resize()).observe(canvas);
-    this.resize();
-  }
-
-  /** Whether it is drawn in the size that it has: an observer tells of the first size, too. */
-  #fits() {
-    const { clientWidth, clientHeight } = this.canvas;
-    return (
-      this.view?.width === clientWidth &&
-      this.view.height === clientHeight &&
-      this.density === devicePixelRatio
-    );
-  }
-
-  /** The image of a site that has no plan of rooms. @param {CanvasImageSource} image */
-  showImage(image) {
-    this.image = image;
-    this.resize();
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (!width || !height) {
-      return;
+    const { x, y } = record.states;
+    const path = x.map((each, i) => /** @type {Point} */ ([each, y[i]]));
+    this.area = boundsOf(path.length ? path : EMPTY);
+    if (site) {
+      this.open(site);
+    } else {
+      this.resize();
     }
-    this.density = devicePixelRatio;
-    this.view = fit(this.#bounds(), width, height);
-    this.paint = this.colours();
-    for (const canvas of [this.canvas, this.still]) {
-      canvas.width = Math.round(width * this.density);
-      canvas.height = Math.round(height * this.density);
-    }
-    const context = this.still.getContext("2d");
-    if (context) {
-      this.#drawStill(context);
-    }
-    this.draw(...this.shown);
   }
 
-  #bounds() {
-    const { x, y } = this.record.states;
-    return this.site
-      ? boundsOfSite(this.site)
-      : boundsOf(
-          x.length
-            ? x.map((each, i) => /** @type {Point} */ ([each, y[i]]))
-            : [
-                [-1, -1],
-                [1, 1],
-              ],
-        );
+  /** Of the site; without one, of the path. */
+  get bounds() {
+    return super.bounds ?? this.area;
   }
 
-  /** @param {Canvas2D} context */
-  #drawStill(context) {
-    const { states, duration } = this.record;
-    if (this.site && this.view) {
-      drawFloorPlan(context, this.view, this.density, this.site, this.image, this.paint);
-    }
+  /** @param {import("./record.js").Moment | null} moment @param {number} t s */
+  setMoment(moment, t) {
+    this.shown = [moment, t];
+    this.redraw();
+  }
+
+  /** @param {Canvas2D} context @param {MapView} view @param {Paint} paint */
+  drawStill(context, view, paint) {
+    super.drawStill(context, view, paint);
     context.setTransform(this.density, 0, 0, this.density, 0, 0);
-    context.lineWidth = 2.5;
     context.lineJoin = context.lineCap = "round";
     for (const [first, last] of this.pieces) {
-      this.#drawPiece(context, states, first, last, duration);
+      this.#drawPiece(context, view, first, last);
     }
   }
 
   /**
-   * One stroke a shade.
-   * @param {Canvas2D} context @param {any} states @param {number} first
-   * @param {number} last @param {number} duration
+   * One stroke for each shade.
+   * @param {Canvas2D} context @param {MapView} view @param {number} first @param {number} last
    */
-  #drawPiece(context, states, first, last, duration) {
-    let colour = "";
-    for (let i = first; i < last; i += 1) {
-      const wanted = shade(states.t[i] / duration);
-      if (wanted !== colour) {
-        if (colour) {
-          context.stroke();
-        }
-        colour = wanted;
-        context.beginPath();
-        context.strokeStyle = colour;
-        context.moveTo(...this.#at(states.x[i], states.y[i]));
+  #drawPiece(context, view, first, last) {
+    const { t, x, y } = this.record.states;
+    const colourAt = (/** @type {number} */ i) => shade(t[i] / this.record.duration);
+    for (let begin = first, end = first; begin < last; begin = end) {
+      const colour = colourAt(begin);
+      const points = [toScreen(view, x[begin], y[begin])];
+      while (end < last && colourAt(end) === colour) {
+        end += 1;
+        points.push(toScreen(view, x[end], y[end]));
       }
-      context.lineTo(...this.#at(states.x[i + 1], states.y[i + 1]));
+      trace(context, points);
+      stroke(context, colour, 2.5);
     }
-    context.stroke();
   }
 
-  /** @param {number} x m @param {number} y m @returns {Point} CSS pixels */
-  #at(x, y) {
-    return this.view ? toScreen(this.view, x, y) : [0, 0];
-  }
-
-  /** @param {import("./record.js").Moment | null} moment @param {number} t s */
-  draw(moment, t) {
-    this.shown = [moment, t];
-    const context = this.canvas.getContext("2d");
-    if (!context || !this.view) {
+  /** @param {Canvas2D} context @param {MapView} view @param {Paint} paint */
+  drawMoving(context, view, paint) {
+    const [moment, t] = this.shown;
+    if (!moment) {
       return;
     }
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    if (this.still.width) {
-      context.drawImage(this.still, 0, 0);
-    }
-    context.setTransform(this.density, 0, 0, this.density, 0, 0);
-    if (moment) {
-      this.#drawRobot(context, moment);
-      const [x, y] = this.#at(moment.x, moment.y);
-      Object.assign(this.canvas.dataset, {
-        markerX: x.toFixed(2),
-        markerY: y.toFixed(2),
-        markerT: t.toFixed(3),
-      });
-    }
-  }
-
-  /** @param {Canvas2D} context @param {import("./record.js").Moment} moment */
-  #drawRobot(context, moment) {
-    const { paint } = this;
     const colour = moment.localized && !moment.stale ? paint.robot : paint.lost;
     if (this.footprint.length) {
-      context.beginPath();
-      this.footprint.forEach((corner) =>
-        context.lineTo(...this.#at(...mapFromRobot(moment, corner))),
+      trace(
+        context,
+        this.footprint.map((corner) => toScreen(view, ...mapFromRobot(moment, corner))),
       );
       context.closePath();
-      context.strokeStyle = colour;
-      context.lineWidth = 1.5;
-      context.stroke();
+      stroke(context, colour, 1.5);
     }
-    const size = Math.max(SMALLEST, 0.25 * (this.view?.scale ?? 0));
-    context.save();
-    context.translate(...this.#at(moment.x, moment.y));
-    context.rotate(-moment.theta);
-    context.beginPath();
-    context.moveTo(size, 0);
-    context.lineTo(-0.7 * size, 0.65 * size);
-    context.lineTo(-0.35 * size, 0);
-    context.lineTo(-0.7 * size, -0.65 * size);
-    context.closePath();
-    context.fillStyle = colour;
-    context.strokeStyle = paint.edge;
-    context.lineWidth = 2;
-    context.stroke();
-    context.fill();
-    context.restore();
+    this.drawRobot(context, view, moment, Math.max(SMALLEST, 0.2 * view.scale), colour, paint.edge);
+    this.canvas.dataset.markerT = t.toFixed(3);
   }
 }
+
+/** @type {Point[]} the bounds of a record without a state */
+const EMPTY = [
+  [-1, -1],
+  [1, 1],
+];

@@ -1,15 +1,17 @@
 /**
  * The strips over the time line: events, speed with the input method, network and packet loss,
- * between axes with their units. Drawn once a size; the line of the present moment is an element of
- * its own over them, so that playing draws nothing anew. x counts from the left axis.
+ * between axes with their units. Drawn once for each size; the line of the present time is an
+ * element over them. x counts from the left axis.
  */
+
+import { stroke } from "../../lib/canvas.js";
 
 import { AXIS, plotWidth, ticks, written, xOf } from "./timeline.js";
 
 const ROWS = { events: 26, speed: 76, network: 76, loss: 48, time: 20 }; // CSS pixels
 const PADDING = 4;
-const COMMANDS = 5; // CSS pixels of the band that tells by what was driven
-const COMMAND_SECONDS = 0.12; // how long a command counts in it
+const COMMANDS = 5; // CSS pixels of the band of input methods
+const COMMAND_SECONDS = 0.12; // of a command in it
 // m/s, ms, 1/s, %: the least ends of the scales, and the ends of the last two
 const MOST = { speed: 0.5, trip: 100, fps: 40, loss: 20 };
 const HEADROOM = 1.15; // room for the legend
@@ -34,7 +36,7 @@ export const drawStrips = (canvas, record, words, sources) => {
   if (!context || !width) {
     return;
   }
-  // A coder who is blind to it has no network.
+  // blind coding has no network
   const rows = record.network.t.length ? ROWS : { ...ROWS, network: 0, loss: 0 };
   const whole = Object.values(rows).reduce((sum, each) => sum + each);
   canvas.style.blockSize = `${whole}px`;
@@ -53,18 +55,11 @@ export const drawStrips = (canvas, record, words, sources) => {
     return color;
   });
   context.font = `600 ${TEXT}px ${style.fontFamily}`;
-  const row = (/** @type {number} */ top, /** @type {number} */ height) => ({
-    context,
-    width,
-    top,
-    height,
-    colour,
-    duration: record.duration,
-  });
-  drawEvents(
-    row(0, rows.events),
-    record.events.filter(([, source]) => sources.has(source)),
-  );
+  const { duration } = record;
+  const row = (/** @type {number} */ top, /** @type {number} */ height) =>
+    /** @type {Row} */ ({ context, width, top, height, colour, duration });
+  const events = record.events.filter(([, source]) => sources.has(source));
+  drawEvents(row(0, rows.events), events);
   drawSpeed(row(rows.events, rows.speed), record, words);
   if (rows.network) {
     drawNetwork(row(rows.events + rows.speed, rows.network), record, words);
@@ -74,7 +69,7 @@ export const drawStrips = (canvas, record, words, sources) => {
 };
 
 /**
- * Ask once for each name: a browser computes a style each time that it is asked.
+ * Asks once for each name, as a browser computes a style each time.
  * @param {(name: string) => string} ask @returns {(name: string) => string}
  */
 const remembered = (ask) => {
@@ -88,32 +83,19 @@ const drawEvents = ({ context, width, top, height, colour, duration }, events) =
   for (const [t, source] of events) {
     const lane = Math.max(0, SOURCES.indexOf(source));
     context.fillStyle = colour(`strip-${source}`);
-    context.fillRect(
-      Math.min(xOf(t, duration, width), width - 2),
-      top + 2 + lane * 5,
-      2,
-      height - 4 - lane * 5,
-    );
+    const x = Math.min(xOf(t, duration, width), width - 2);
+    context.fillRect(x, top + 2 + lane * 5, 2, height - 4 - lane * 5);
   }
 };
 
 /**
  * A line of values, broken where one is missing or late.
  * @param {Row} row @param {number[]} times @param {(number | null)[]} values
- * @param {[number, number]} range @param {string} stroke
- * @param {number} gap s
+ * @param {[number, number]} range @param {string} colour @param {number} gap s
  */
-const drawLine = (
-  { context, width, top, height, duration },
-  times,
-  values,
-  [low, high],
-  stroke,
-  gap,
-) => {
+const drawLine = (row, times, values, [low, high], colour, gap) => {
+  const { context, width, top, height, duration } = row;
   context.beginPath();
-  context.strokeStyle = stroke;
-  context.lineWidth = 1.5;
   let last = -Infinity;
   values.forEach((value, i) => {
     if (value === null || value === undefined) {
@@ -132,7 +114,7 @@ const drawLine = (
     }
     last = times[i];
   });
-  context.stroke();
+  stroke(context, colour, 1.5);
 };
 
 /**
@@ -146,21 +128,11 @@ const drawSpeed = (row, { states, commands, words: names }, words) => {
   axis({ ...row, height: height - COMMANDS }, [-most, 0, most], "m/s", "left");
   for (const [from, to, method] of stretches(commands)) {
     context.fillStyle = colour(methodColour(method));
-    context.fillRect(
-      xOf(from, duration, width),
-      top + height - COMMANDS,
-      Math.max(1, xOf(to - from, duration, width)),
-      COMMANDS,
-    );
+    const wide = Math.max(1, xOf(to - from, duration, width));
+    context.fillRect(xOf(from, duration, width), top + height - COMMANDS, wide, COMMANDS);
   }
-  drawLine(
-    { ...row, height: height - COMMANDS },
-    states.t,
-    states.v,
-    [-most, most],
-    colour("ink"),
-    2,
-  );
+  const above = { ...row, height: height - COMMANDS };
+  drawLine(above, states.t, states.v, [-most, most], colour("ink"), 2);
   const methods = [...new Set(commands.method)].map(
     (i) => /** @type {[string, string]} */ ([words.method(names[i]), colour(methodColour(i))]),
   );
@@ -168,8 +140,7 @@ const drawSpeed = (row, { states, commands, words: names }, words) => {
 };
 
 /**
- * Stretches of time that were driven with one input method without a pause, so that thousands of
- * commands are a few rectangles.
+ * Stretches of time that were driven with one input method without a pause.
  * @param {Record<string, number[]>} commands
  * @returns {[number, number, number][]} from s, to s, method
  */
@@ -197,9 +168,7 @@ const methodColour = (i) => `strip-method-${i % METHODS}`;
 const drawNetwork = (row, { network }, words) => {
   const { top, colour } = row;
   const times = /** @type {number[]} */ (network.t);
-  const trips = network.roundTrip.map((value) =>
-    value === null || value === undefined ? null : value * 1000,
-  );
+  const trips = network.roundTrip.map((value) => (value == null ? null : value * 1000));
   const slowest = scaleEnd(Math.max(MOST.trip, largest(trips) * HEADROOM));
   rule(row, top, colour("line"));
   axis(row, [0, slowest / 2, slowest], "ms", "left");
@@ -220,12 +189,8 @@ const drawLoss = (row, { network }, words) => {
   context.fillStyle = colour("strip-loss");
   network.loss.forEach((value, i) => {
     const tall = Math.min(1, ((value ?? 0) * 100) / MOST.loss) * (height - 2 * PADDING);
-    context.fillRect(
-      xOf(Number(network.t[i]), duration, width),
-      top + height - PADDING - tall,
-      2,
-      tall,
-    );
+    const x = xOf(Number(network.t[i]), duration, width);
+    context.fillRect(x, top + height - PADDING - tall, 2, tall);
   });
   legend(row, [[words.loss, colour("strip-loss")]]);
 };
@@ -258,11 +223,8 @@ const axis = (row, values, unit, side) => {
     }
     context.fillStyle = colour("ink-2");
     const text = String(value).replace("-", "−");
-    context.fillText(
-      value === high ? `${text} ${unit}` : text,
-      x,
-      Math.min(Math.max(y, top + TEXT / 2 + 1), top + height - TEXT / 2),
-    );
+    const middle = Math.min(Math.max(y, top + TEXT / 2 + 1), top + height - TEXT / 2);
+    context.fillText(value === high ? `${text} ${unit}` : text, x, middle);
   }
 };
 
@@ -277,9 +239,8 @@ const rule = ({ context, width }, y, stroke) => {
 };
 
 /**
- * What the colours of a strip mean, in its upper left corner.
- * @param {Row} row
- * @param {[string, string][]} entries text, colour
+ * The legend of a strip, in its upper left corner.
+ * @param {Row} row @param {[string, string][]} entries text, colour
  */
 const legend = ({ context, top, colour }, entries) => {
   context.textAlign = "left";

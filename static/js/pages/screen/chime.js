@@ -1,6 +1,6 @@
 /**
- * The sound of a knock on the robot's display: two notes, E5 and C5, which fade away, made by the
- * browser. The robot's own loudspeaker plays the same (robots/agent/media/capture/outputs.py).
+ * The sound of a knock on the robot's display: two notes, E5 and C5, which fade. The robot's own
+ * loudspeaker plays the same (robots/agent/media/capture/outputs.py).
  */
 
 const NOTES = [
@@ -40,15 +40,14 @@ export const createChime = (newContext = () => new AudioContext()) => {
   return {
     /**
      * @param {number} volume 0 to 1
-     * @returns {Promise<boolean>} whether it sounds; a browser that nobody has touched may refuse
+     * @returns {Promise<boolean>} whether it sounds; a browser may refuse before the first touch
      */
     ring: async (volume) => {
       if (volume <= 0) {
         return false;
       }
       context ??= newContext();
-      // Where it may not play, the promise stays open until somebody touches the page: a knock of
-      // the past is not to ring then.
+      // The promise of a refused sound stays open until a touch, which must not ring then.
       await Promise.race([context.resume(), new Promise((resolve) => setTimeout(resolve, 500))]);
       if (context.state !== "running") {
         return false;

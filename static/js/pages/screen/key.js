@@ -1,12 +1,7 @@
 /**
- * The display's key: it stands behind the `#` of the address that the owner opens here once, and
- * becomes a cookie that no script reads.
- */
-
-/**
- * @param {object} config of the page
- * @param {string} config.key where the key is exchanged
- * @param {string} config.csrf
+ * The display's key, behind the `#` of the address that the owner opens here once, becomes a cookie
+ * that no script reads.
+ * @param {{key: string, csrf: string}} config `key`: the address that exchanges it
  * @returns {Promise<boolean>} false when there was a key and it was refused
  */
 export const exchangeKey = async ({ key, csrf }) => {
@@ -15,15 +10,9 @@ export const exchangeKey = async ({ key, csrf }) => {
     return true;
   }
   const body = new URLSearchParams({ key: given });
-  const answer = await fetch(key, {
-    method: "POST",
-    body,
-    headers: { "X-CSRFToken": csrf },
-    credentials: "same-origin",
-  });
+  const answer = await fetch(key, { method: "POST", body, headers: { "X-CSRFToken": csrf } });
   if (answer.ok) {
-    // It must not stay in the history of a display that anybody may touch.
-    history.replaceState(null, "", location.pathname);
+    history.replaceState(null, "", location.pathname); // everyone can touch the display
   }
   return answer.ok;
 };

@@ -1,7 +1,7 @@
 /**
- * The display's own camera and microphone, in the place of the robot's: given where the robot's
- * answer says that it wants them. The person who set up the display has allowed the page to
- * use them; if the browser refuses, the page says so and tries again.
+ * Sends the display's camera and microphone, in place of the robot's, where the robot's answer asks
+ * for them. The page was allowed to use them when the display was set up; if the browser refuses,
+ * the page says so and tries again.
  */
 
 /** @typedef {import("../../presence/devices.js").Kind} Kind */
@@ -30,7 +30,7 @@ export class MediaSender {
     this.devices = devices;
     this.onChange = onChange;
     this.later = later;
-    /** @type {Record<Kind, string>} why it is not given although it is wanted, or "" */
+    /** @type {Record<Kind, string>} why it is not sent although it is wanted, or "" */
     this.troubles = { audio: "", video: "" };
     /** @type {{lines: RTCRtpTransceiver[], isClosed: boolean} | null} */
     this.peer = null;
@@ -42,7 +42,7 @@ export class MediaSender {
   }
 
   /**
-   * A connection is up: give it what it wants, and nothing else.
+   * Sends what a new connection wants.
    * @param {{lines: RTCRtpTransceiver[], isClosed: boolean}} peer
    */
   async to(peer) {

@@ -1,12 +1,9 @@
-/**
- * The page of a robot's own display: the one place that wires it. What to show is decided in
- * scene.js.
- */
+/** The page of a robot's own display: wires it. scene.js decides what it shows. */
 
 import { Link } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
 import { Socket } from "../../protocol/socket.js";
-import { write } from "../../lib/dom.js";
+import { element, pressStop, readConfig, write } from "../../lib/dom.js";
 import { unixNow } from "../../lib/clock.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
@@ -24,31 +21,23 @@ import { sceneFor, titleOf, troubleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
-const BEAT = 2; // s; a sign of life of this display to the robot
+const BEAT = 2; // s between two heartbeats to the robot
 const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;
 const REPEATED = new Set(["estop", "confirm_words"]); // until the robot answers
 
-const element = (/** @type {string} */ id) =>
-  /** @type {HTMLElement} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent ?? "{}");
-const words = readWords(
-  /** @type {HTMLTemplateElement} */ (element("words")),
-  document.documentElement.lang,
-);
-const video = /** @type {HTMLVideoElement} */ (element("video"));
+const [config, words, language] = [readConfig(), readWords(), document.documentElement.lang];
+const [video, audio] = [element("video"), element("audio")];
+const [volume, field] = [element("volume"), element("field")];
 video.addEventListener("resize", () => show());
-const audio = /** @type {HTMLAudioElement} */ (element("audio"));
-const volume = /** @type {HTMLInputElement} */ (element("volume"));
-const field = /** @type {HTMLInputElement} */ (element("field"));
 const voice = createVoice();
 const chime = createChime();
 const receipts = new Receipts((fields, id) => act("confirm_words", fields, id));
 
-/** @type {import("./scene.js").Told} */
-const told = {
-  keyed: /** @type {any} */ (null),
+/** @type {import("./scene.js").Known} */
+const known = {
+  keyed: null,
   screen: null,
   state: null,
   heardAt: 0,
@@ -66,7 +55,7 @@ const pointers = new RemotePointers({
   video,
   layer: element("pointers"),
   own: "screen",
-  hovers: false, // a mouse that lies about on a display points at nothing
+  hovers: false, // an unused mouse at the display does not point
   say: (pointer) => {
     const packet = encodePacket("command/point", pointer);
     return (link.live && link.send(packet)) || socket.send(packet, { droppable: true });
@@ -84,7 +73,7 @@ const mediaSender = new MediaSender({
   onChange: () => show(),
 });
 
-// --- the ways ------------------------------------------------------------------------------------
+// --- connections ---------------------------------------------------------------------------------
 
 const socket = new Socket({
   url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
@@ -92,11 +81,11 @@ const socket = new Socket({
   onOpen: () => show(),
   onLost: (code) => {
     if (code === NOT_ALLOWED) {
-      told.keyed = false;
+      known.keyed = false;
       link.close();
       socket.close();
     }
-    told.online = told.failing = false;
+    known.online = known.failing = false;
     show();
   },
 });
@@ -126,8 +115,8 @@ const link = new Link({
 });
 
 const open = () => {
-  if (told.screen) {
-    link.open("observer", /** @type {any} */ (told.screen).iceServers, attempt++);
+  if (known.screen) {
+    link.open("observer", /** @type {any} */ (known.screen).iceServers, attempt++);
   }
 };
 
@@ -149,78 +138,67 @@ const receive = (packet, direct = false) => {
 /** @type {Record<string, (message: any) => void>} */
 const HANDLERS = {
   hello: ({ online }) => {
-    Object.assign(told, { keyed: true, online });
+    Object.assign(known, { keyed: true, online });
     attempt = 0;
     show();
   },
   screen: (message) => {
-    const first = told.screen === null || !link.peer;
-    if (message.session !== told.screen?.session || message.waiting !== told.screen?.waiting) {
+    const first = known.screen === null || !link.peer;
+    if (message.session !== known.screen?.session || message.waiting !== known.screen?.waiting) {
       element("messages").replaceChildren();
       voice.hush();
       receipts.forget();
     }
-    told.screen = message;
+    known.screen = message;
     if (first) {
       open();
     }
     show();
   },
   robot: ({ online }) => {
-    told.online = online;
+    known.online = online;
     show();
   },
   state: (message) => {
-    if (!told.state || told.state.boot !== message.boot || told.state.seq < message.seq) {
-      Object.assign(told, { state: message, heardAt: unixNow(), online: true });
-      if (told.stop && message.safety.estop) {
-        told.stop = null;
+    if (!known.state || known.state.boot !== message.boot || known.state.seq < message.seq) {
+      Object.assign(known, { state: message, heardAt: unixNow(), online: true });
+      if (known.stop && message.safety.estop) {
+        known.stop = null;
       }
       if (!message.safety.estop && message.safety.inhibited !== "stopped") {
-        told.release = told.askedAt = null;
+        known.release = known.askedAt = null;
       }
       show();
     }
   },
   action: (message) => {
     receipts.answered(message);
-    if (told.release && isRefusal(told.release, message)) {
-      told.release.refused = true;
+    if (known.release && isRefusal(known.release, message)) {
+      known.release.refused = true;
       show();
     }
   },
   words: (message) => {
-    const known = receipts.known.get(message.actionId);
-    if (known) {
-      // the robot has begun anew, and asks with the same words
-      receipts.say(message.actionId, known, unixNow());
+    const state = receipts.known.get(message.actionId);
+    if (state) {
+      receipts.say(message.actionId, state, unixNow()); // the robot has restarted and repeats it
       return;
     }
     const list = element("messages");
-    const line = lineOf({
-      who:
-        message.by === "screen"
-          ? words.say("you")
-          : words.nameOf(message.who) || words.say("somebody"),
-      text: message.text,
-      own: message.by === "screen",
-    });
+    const own = message.by === "screen";
+    const visitor = words.nameOf(message.who) || words.say("somebody");
+    const line = lineOf({ who: own ? words.say("you") : visitor, text: message.text, own });
     list.append(line);
     while (list.children.length > MOST_LINES) {
       list.firstElementChild?.remove();
     }
     list.scrollTop = list.scrollHeight;
     const fate = newFate(
-      (state) => message.receipts && receipts.say(message.actionId, state, unixNow()),
+      (next) => message.receipts && receipts.say(message.actionId, next, unixNow()),
     );
     whenSeen(line, fate.seen);
     if (message.aloud) {
-      voice.speak(
-        message.text,
-        message.language || document.documentElement.lang,
-        loudness(),
-        fate.spoken,
-      );
+      voice.speak(message.text, message.language || language, loudness(), fate.spoken);
     }
   },
   pointer: (message) => pointers.told(message),
@@ -231,82 +209,74 @@ const HANDLERS = {
   },
   "signal/reply": (message) => void link.signal(message),
   "server/status": ({ faults }) => {
-    told.failing = shownFaults(faults, 0).some(
+    known.failing = shownFaults(faults, 0).some(
       ({ part, then }) => part !== "robot" && then !== "goes_on",
     );
     show();
   },
   denied: ({ suffix }) => {
     if (suffix === "command/action") {
-      told.release = null; // the robot was not asked: it is offered again
-      told.deniedAt = unixNow();
+      known.release = null; // the robot did not get it: it is offered again
+      known.deniedAt = unixNow();
       show();
     }
   },
 };
 
-// --- what the people here do ---------------------------------------------------------------------
+// --- actions of the people at the robot ----------------------------------------------------------
 
 /** @param {string} type @param {object} [fields] @param {string} [actionId] */
 const act = (type, fields = {}, actionId = freshId("screen-")) => {
   const stamp = unixNow();
   if (!REPEATED.has(type)) {
-    told.actedAt = stamp;
+    known.actedAt = stamp;
   }
   socket.send(encodePacket("command/action", { type, actionId, stamp, ...fields }));
 };
 
 const stop = () => {
-  told.stop = { id: freshId("stop-"), since: unixNow() };
-  told.release = told.askedAt = null;
+  known.stop = { id: freshId("stop-"), since: unixNow() };
+  known.release = known.askedAt = null;
   repeatStop();
   show();
 };
 
 /**
- * Asked first, with the answer that changes nothing where the button was: whoever presses the stop
- * again and again releases nothing.
+ * A release is confirmed first. "No" is where the button was, so that repeated presses on the stop
+ * release nothing.
  * @param {boolean} asks
  */
 const askToRelease = (asks) => {
-  told.askedAt = asks ? unixNow() : null;
+  known.askedAt = asks ? unixNow() : null;
   show();
 };
 
 const release = () => {
-  told.askedAt = null;
-  told.release = newRelease("screen-");
-  act("clear_estop", {}, told.release.id);
+  known.askedAt = null;
+  known.release = newRelease("screen-");
+  act("clear_estop", {}, known.release.id);
   show();
 };
 
-/** On both ways, until the robot's state says so. */
+/** On both transports, until the robot's state confirms it. */
 const repeatStop = () => {
-  if (told.stop) {
-    act("estop", {}, told.stop.id);
-    link.send(
-      encodePacket("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }),
-    );
+  if (known.stop) {
+    const { id: actionId } = known.stop;
+    act("estop", {}, actionId);
+    link.send(encodePacket("command/action", { type: "estop", actionId, stamp: unixNow() }));
   }
 };
 
 /** @param {string} text */
 const say = (text) => {
   if (text.trim()) {
-    act("say", {
-      text: text.trim().slice(0, 500),
-      language: document.documentElement.lang,
-      aloud: false,
-    });
+    act("say", { text: text.trim().slice(0, 500), language, aloud: false });
   }
 };
 
 const loudness = () => Number(volume.value) / 100;
 
-/**
- * Browsers play sound only where somebody has touched the page, or where the display's owner has
- * allowed it.
- */
+/** Browsers play sound only after a touch, or where the display's owner has allowed it. */
 const hear = async () => {
   try {
     await audio.play();
@@ -319,102 +289,76 @@ const hear = async () => {
   }
 };
 
-// At the moment of pressing, not of lifting: a stop is not to be thought over.
-element("stop").addEventListener("pointerdown", (event) => {
-  event.preventDefault();
-  stop();
-});
-element("stop").addEventListener("click", (event) => {
-  if (event.detail === 0) {
-    stop();
-  }
-});
-element("accept").addEventListener("click", () => act("answer_call", { accept: true }));
-element("decline").addEventListener("click", () => act("answer_call", { accept: false }));
-element("knock-accept").addEventListener("click", () =>
-  act("answer_call", { accept: true, knock }),
-);
-element("knock-decline").addEventListener("click", () =>
-  act("answer_call", { accept: false, knock }),
-);
-element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
-element("release").addEventListener("click", () => askToRelease(true));
-element("release-not").addEventListener("click", () => askToRelease(false));
-element("release-sure").addEventListener("click", release);
-element("hear").addEventListener("click", () => void hear());
+pressStop(element("stop"), stop);
+/** @type {Record<string, () => unknown>} */
+const CLICKS = {
+  accept: () => act("answer_call", { accept: true }),
+  decline: () => act("answer_call", { accept: false }),
+  "knock-accept": () => act("answer_call", { accept: true, knock }),
+  "knock-decline": () => act("answer_call", { accept: false, knock }),
+  "hang-up": () => act("answer_call", { accept: false }),
+  release: () => askToRelease(true),
+  "release-not": () => askToRelease(false),
+  "release-sure": release,
+  hear: () => void hear(),
+};
+Object.entries(CLICKS).forEach(([id, click]) => element(id).addEventListener("click", click));
 volume.addEventListener("input", () => show());
-element("quick").addEventListener("click", ({ target }) => {
+element("quick").addEventListener("click", (/** @type {Event} */ { target }) => {
   if (target instanceof HTMLButtonElement) {
     say(target.textContent ?? "");
   }
 });
-element("form").addEventListener("submit", (event) => {
+element("form").addEventListener("submit", (/** @type {Event} */ event) => {
   event.preventDefault();
   say(field.value);
   field.value = "";
 });
 document.addEventListener("pointerdown", () => void hear(), { once: true });
 
-// --- what they see -------------------------------------------------------------------------------
+// --- the display ---------------------------------------------------------------------------------
 
 const show = () => {
-  const {
-    scene,
-    name,
-    study,
-    sound,
-    whole,
-    canPoint,
-    canWrite,
-    canHangUp,
-    knock: rings,
-    watching,
-    stopped,
-    release: releasing,
-  } = sceneFor(told, unixNow());
-  const shownName = words.nameOf(name) || words.say("somebody");
-  const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
+  const display = sceneFor(known, unixNow());
+  const { scene, watching, stopped } = display;
+  const name = words.nameOf(display.name) || words.say("somebody");
+  const robot = titleOf(known.screen, language) || config.title;
   const face = element("face");
   face.dataset.scene = scene;
   face.toggleAttribute("data-live", link.live);
-  write(element("title"), words.say(`${scene}.title`, { name: shownName, robot }));
-  write(element("text"), words.say(`${scene}.text`, { name: shownName }));
-  write(
-    element("initial"),
-    ["visiting", "speaking", "ringing", "waiting"].includes(scene)
-      ? Array.from(shownName)[0].toUpperCase()
-      : "",
-  );
+  write(element("title"), words.say(`${scene}.title`, { name, robot }));
+  write(element("text"), words.say(`${scene}.text`, { name }));
+  const hasInitial = ["visiting", "speaking", "ringing", "waiting"].includes(scene);
+  write(element("initial"), hasInitial ? Array.from(name)[0].toUpperCase() : "");
   element("answers").hidden = scene !== "ringing";
   element("name").hidden = scene !== "seen";
-  write(element("name-text"), words.say("visiting.title", { name: shownName }));
+  write(element("name-text"), words.say("visiting.title", { name }));
   element("watching").hidden = watching === 0;
   write(element("watching"), watching ? words.say("watching", { n: watching }) : "");
-  element("notice").hidden = !study;
-  told.trouble = mediaSender.trouble && (mediaSender.trouble === "refused" ? "refused" : "missing");
-  told.linked = link.live;
-  const trouble = troubleOf(told, socket.silence(unixNow()), unixNow());
+  element("notice").hidden = !display.study;
+  known.trouble =
+    mediaSender.trouble && (mediaSender.trouble === "refused" ? "refused" : "missing");
+  known.linked = link.live;
+  const trouble = troubleOf(known, socket.silence(unixNow()), unixNow());
   element("trouble").hidden = trouble === "";
   element("trouble").dataset.word = trouble;
   write(element("trouble"), trouble && words.say(trouble));
-  // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
-  const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
+  // a face is cut to fill the display, a shared screen is not
+  const isWhole = display.whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
   if (isWhole !== video.hasAttribute("data-whole")) {
     video.toggleAttribute("data-whole", isWhole);
     pointers.place();
   }
-  pointers.allow(canPoint, shownName);
-  audio.volume = Math.min(1, sound * loudness());
-  audio.muted = sound === 0;
-  for (const part of ["quick", "form"]) {
-    element(part).hidden = !canWrite;
-  }
-  element("hang-up").hidden = !canHangUp;
+  pointers.allow(display.canPoint, name);
+  audio.volume = Math.min(1, display.sound * loudness());
+  audio.muted = display.sound === 0;
+  element("quick").hidden = element("form").hidden = !display.canWrite;
+  element("hang-up").hidden = !display.canHangUp;
   element("stopped").hidden = stopped === "";
   write(element("stopped"), stopped && words.say(`stopped.${stopped}`));
-  showRelease(releasing);
-  announce(scene, shownName);
-  showKnock(rings, shownName);
+  showRelease(display.release);
+  announce(scene, name);
+  showKnock(display.knock, name);
 };
 
 /** @param {import("./scene.js").Display["release"]} releasing */
@@ -423,16 +367,15 @@ const showRelease = (releasing) => {
   const asks = releasing === "sure";
   button.hidden = releasing === "" || asks;
   element("release-sure").hidden = element("release-not").hidden = !asks;
-  // Back at once, for whoever sees somebody walk in while the robot releases it.
+  // back at once, in case it is needed while the robot releases the stop
   element("stop").hidden = releasing === "offered" || asks;
   button.disabled = releasing === "asked";
   write(button, words.say(button.disabled ? "release.asked" : "release.offered"));
 };
 
 /**
- * A knock is seen as long as it rings, and heard once.
- * @param {string} rings its id
- * @param {string} name
+ * A knock is shown while it rings, and sounds once.
+ * @param {string} rings its id @param {string} name
  */
 const showKnock = (rings, name) => {
   element("knock").hidden = rings === "";
@@ -447,14 +390,11 @@ const showKnock = (rings, name) => {
   knock = rings || knock;
 };
 
-/**
- * Somebody who stands with their back to the robot hears that it rings.
- * @param {string} scene @param {string} name
- */
+/** Announces a call aloud. @param {string} scene @param {string} name */
 const announce = (scene, name) => {
-  const next = scene === "ringing" ? `${told.screen?.session}` : "";
+  const next = scene === "ringing" ? `${known.screen?.session}` : "";
   if (next && next !== announced) {
-    voice.speak(words.say("ringing.title", { name }), document.documentElement.lang, loudness());
+    voice.speak(words.say("ringing.title", { name }), language, loudness());
   }
   announced = next;
 };
@@ -465,8 +405,8 @@ const tick = () => {
   repeatStop();
   receipts.tick(now);
   const silence = socket.watch(now);
-  if (told.release || told.askedAt || silence > SERVER_SILENCE) {
-    show(); // the time for an answer runs
+  if (known.release || known.askedAt || silence > SERVER_SILENCE) {
+    show(); // waits for an answer
   }
   if (now - beatAt > BEAT) {
     beatAt = now;
@@ -477,7 +417,7 @@ const tick = () => {
 
 const begin = async () => {
   try {
-    told.keyed = (await exchangeKey(config)) ? /** @type {any} */ (null) : false;
+    known.keyed = (await exchangeKey(config)) ? null : false;
   } catch (error) {
     if (!(error instanceof TypeError)) {
       throw error;
@@ -487,7 +427,7 @@ const begin = async () => {
     return;
   }
   show();
-  if (told.keyed !== false) {
+  if (known.keyed !== false) {
     socket.open();
     setInterval(tick, TICK * 1000);
   }

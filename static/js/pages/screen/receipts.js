@@ -1,13 +1,12 @@
 /**
- * Tells the visitor what became of their words on this display: that they were visible, and whether
- * they were read aloud to the end. What is said here is said again until the robot has it, for the
- * connection may be away just then.
+ * Receipts for messages on this display: that they were visible, and whether they were read aloud
+ * to the end. A receipt is repeated until the robot has it.
  */
 
 import { freshId } from "../../lib/ids.js";
 
 const AGAIN = 2; // s between two tries
-const PATIENCE = 60; // s; after that it is of no use
+const PATIENCE = 60; // s; an older receipt is dropped
 
 /** @typedef {"shown" | "spoken" | "not_spoken"} WordsState */
 
@@ -17,18 +16,14 @@ export class Receipts {
     this.send = send;
     /**
      * @type {Map<string, {fields: {target: string, state: WordsState}, since: number,
-     *   sentAt: number}>} by the id of what is said
+     *   sentAt: number}>} by their ids
      */
     this.pending = new Map();
-    /** @type {Map<string, WordsState>} what is known of the words of this session, by their id */
+    /** @type {Map<string, WordsState>} of this session, by the ids of messages */
     this.known = new Map();
   }
 
-  /**
-   * @param {string} target the id of the words
-   * @param {WordsState} state
-   * @param {number} now Unix seconds
-   */
+  /** @param {string} target a message's id @param {WordsState} state @param {number} now s */
   say(target, state, now) {
     const id = freshId("seen-");
     this.known.set(target, state);
@@ -37,14 +32,12 @@ export class Receipts {
   }
 
   /**
-   * The robot's answer; what came too late or too early is said again.
+   * The robot's answer; a receipt whose time it refuses is repeated.
    * @param {{actionId: string, status: string, reason: string}} answer
    */
   answered({ actionId, status, reason }) {
-    if (
-      status === "FINISHED" ||
-      (status === "FAILED" && reason !== "stale" && reason !== "future")
-    ) {
+    const isRefused = status === "FAILED" && reason !== "stale" && reason !== "future";
+    if (status === "FINISHED" || isRefused) {
       this.pending.delete(actionId);
     }
   }
@@ -68,8 +61,8 @@ export class Receipts {
 }
 
 /**
- * From whether words were seen and spoken to what the visitor is told. Words that nobody could see
- * are not said to be shown because their voice failed.
+ * The receipts of a message that is seen and spoken. One that was not visible does not count as
+ * shown because its voice failed.
  * @param {(state: WordsState) => void} say
  */
 export const newFate = (say) => {
@@ -91,8 +84,7 @@ export const newFate = (say) => {
 };
 
 /**
- * Calls back once an element has really been on the screen: not while the page is hidden, nor while
- * the element is out of sight.
+ * Calls once an element has been visible, on a visible page.
  * @param {Element} element @param {() => void} onSeen
  */
 export const whenSeen = (element, onSeen) => {
@@ -101,12 +93,11 @@ export const whenSeen = (element, onSeen) => {
       return;
     }
     observer.disconnect();
+    const again = () => element.isConnected && observer.observe(element);
     if (document.visibilityState === "visible") {
       onSeen();
     } else {
-      document.addEventListener("visibilitychange", () => observer.observe(element), {
-        once: true,
-      });
+      document.addEventListener("visibilitychange", again, { once: true });
     }
   });
   observer.observe(element);

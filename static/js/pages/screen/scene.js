@@ -1,40 +1,32 @@
-/** What a robot's own display shows, from what it was told: decisions only. */
+/** Decides what a robot's own display shows. Pure. */
 
 import { SERVER_SILENCE } from "../../protocol/faults.js";
 import { isHeld, releaseOf } from "../../protocol/estop_release.js";
 
-/** s without a state after which a robot that somebody drives counts as out of reach */
-export const STALE = 4;
-/** s for one that nobody drives, which may be silent for half a minute (robots/api/idle.py) */
-export const STALE_IDLE = 45;
-/** s after which a stop that the robot has not echoed is worth a word */
-const UNCONFIRMED = 2;
-/** s in which the question whether to release a stop waits for its answer */
-const SURE = 15;
+export const STALE = 4; // s without a state until a robot with a driver counts as offline
+export const STALE_IDLE = 45; // without a driver, it may be silent for 30 s (robots/api/idle.py)
+const UNCONFIRMED = 2; // s until the page says that a stop is not confirmed
+const SURE = 15; // s that the page waits for the confirmation of a release
 const READING = 8; // s that a denied request is shown
 const ANSWERED = 5; // s after a request in which a denial is about it
-/** what a robot without a visitor does by itself: the server has sent it to its station */
-const ALONE = new Set(["goto", "docking"]);
+const ALONE = new Set(["goto", "docking"]); // modes of a robot that returns to its dock
 
 /**
- * @typedef {object} Told
- * @property {boolean} keyed whether the server let this display in; null while unknown
+ * @typedef {object} Known
+ * @property {boolean | null} keyed whether the server accepts this display; null while unknown
  * @property {{title: string, titles?: Record<string, string>, session: string | null,
  *   visitor: string | null, waiting?: string | null, study: boolean} | null} screen
  * @property {any} state the robot's last one
- * @property {number} heardAt when it came, Unix seconds
- * @property {boolean} online what the server says of the robot
- * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not
- *   echoed
- * @property {import("../../protocol/estop_release.js").Release | null} [release] of a stop
- *   that was asked for here and has not come
- * @property {number | null} [askedAt] when somebody wanted to release it, and was asked whether it
- *   is safe
- * @property {"" | "refused" | "missing"} [trouble] with this display's own camera and microphone
+ * @property {number} heardAt when it was received, Unix seconds
+ * @property {boolean} online whether the robot is, as far as the server knows
+ * @property {{id: string, since: number} | null} stop that was pressed here and is not echoed
+ * @property {import("../../protocol/estop_release.js").Release | null} [release] requested here
+ * @property {number | null} [askedAt] since when a release waits for its confirmation
+ * @property {"" | "refused" | "missing"} [trouble] with this display's camera or microphone
  * @property {boolean} [failing] whether a part of the server does not work
- * @property {boolean} [linked] whether the WebRTC link to the robot lives: a stop needs no server
+ * @property {boolean} [linked] whether the WebRTC link is live: a stop needs no server
  * @property {number} [actedAt] time of the last request made here, Unix seconds
- * @property {number} [deniedAt] when the server denied something last
+ * @property {number} [deniedAt] time of the last denial
  */
 
 /**
@@ -55,15 +47,17 @@ const ALONE = new Set(["goto", "docking"]);
  * @property {"" | "offered" | "sure" | "asked"} release
  */
 
-/** @param {Told} told @param {number} now @returns {Display} */
-export const sceneFor = (told, now) => {
-  const { screen, state } = told;
+/** @param {Known} known @param {number} now @returns {Display} */
+export const sceneFor = (known, now) => {
+  const { screen, state } = known;
   const call = state?.call ?? null;
   const through = call?.status === "accepted";
   const name = screen?.visitor ?? screen?.waiting ?? "";
   const visited = screen?.visitor != null;
-  const scene = sceneOf(told, call, now);
+  const scene = sceneOf(known, call, now);
   const shares = Boolean(call?.shares);
+  const knocks = visited && scene !== "offline" && state?.knock?.status === "ringing";
+  const viewers = (state?.viewers ?? 0) - (state?.session ? 1 : 0);
   return {
     scene,
     name,
@@ -73,26 +67,18 @@ export const sceneFor = (told, now) => {
     canPoint: scene === "seen" && shares,
     canWrite: visited || (scene === "waiting" && screen?.waiting != null),
     canHangUp: visited && through && (call.audio || call.video),
-    knock:
-      visited && scene !== "offline" && state?.knock?.status === "ringing"
-        ? state.knock.actionId
-        : "",
-    watching:
-      scene === "offline" || scene === "no_key"
-        ? 0
-        : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
-    ...stopOf(told, now),
+    knock: knocks ? state.knock.actionId : "",
+    watching: scene === "offline" || scene === "no_key" ? 0 : Math.max(0, viewers),
+    ...stopOf(known, now),
   };
 };
 
 /**
- * The line about what does not work: its word, empty for nothing.
- * @param {Told} told
- * @param {number} silence s since the server's last packet
- * @param {number} now
+ * The key of the line about a problem, or "".
+ * @param {Known} known @param {number} silence s since the server's last packet @param {number} now
  */
-export const troubleOf = (told, silence, now) => {
-  const { trouble = "", failing, linked, actedAt = -Infinity, deniedAt = -Infinity } = told;
+export const troubleOf = (known, silence, now) => {
+  const { trouble = "", failing, linked, actedAt = -Infinity, deniedAt = -Infinity } = known;
   if (silence > SERVER_SILENCE) {
     return "server.silent";
   }
@@ -106,9 +92,8 @@ export const troubleOf = (told, silence, now) => {
 };
 
 /**
- * What the robot is called in the page's language, nothing before the server has said it.
- * @param {Told["screen"]} screen
- * @param {string} language a BCP 47 tag
+ * The robot's title in the page's language, empty while unknown.
+ * @param {Known["screen"]} screen @param {string} language a BCP 47 tag
  */
 export const titleOf = (screen, language) => {
   const { title = "", titles = {} } = screen ?? {};
@@ -116,7 +101,7 @@ export const titleOf = (screen, language) => {
   return titles[wanted] ?? titles[wanted.split("-")[0]] ?? title;
 };
 
-/** @param {Told} told @param {any} call @param {number} now */
+/** @param {Known} known @param {any} call @param {number} now */
 const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
   if (keyed === false) {
     return "no_key";
@@ -141,17 +126,16 @@ const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
 };
 
 /**
- * The line about a stop, and what the button is for that releases one that was pressed here, or
- * between visits.
- * @param {Told} told @param {number} now @returns {Pick<Display, "stopped" | "release">}
+ * The line about a stop, and the button that releases one pressed here, or between sessions.
+ * @param {Known} known @param {number} now @returns {Pick<Display, "stopped" | "release">}
  */
-const stopOf = (told, now) => {
-  const stopped = stoppedBy(told, now);
+const stopOf = (known, now) => {
+  const stopped = stoppedBy(known, now);
   if (stopped !== "ours" && stopped !== "held") {
     return { stopped, release: "" };
   }
-  const release = releaseOf(told.release ?? null, now);
-  if (release !== "asked" && told.askedAt && now - told.askedAt < SURE) {
+  const release = releaseOf(known.release ?? null, now);
+  if (release !== "asked" && known.askedAt && now - known.askedAt < SURE) {
     return { stopped: "sure", release: "sure" };
   }
   return release === "failed"
@@ -159,7 +143,7 @@ const stopOf = (told, now) => {
     : { stopped, release };
 };
 
-/** @param {Told} told @param {number} now @returns {Display["stopped"]} */
+/** @param {Known} known @param {number} now @returns {Display["stopped"]} */
 const stoppedBy = ({ state, stop, screen }, now) => {
   if (stop) {
     return now - stop.since > UNCONFIRMED ? "unconfirmed" : "wait";

@@ -1,8 +1,7 @@
 /**
- * The display's voice: what a visitor writes to be spoken, with the browser's own speech; without
- * one the words are only shown. One sentence after the other, so that it is known of each whether
- * it was spoken to its end. A browser without a voice for the language may say nothing at all and
- * never say so: what does not begin or end in time was not spoken.
+ * Reads messages aloud with the browser's speech synthesis, one after another, to know of each
+ * whether it was spoken to its end. A browser without a voice for the language may send no event: a
+ * message that does not start or end in time was not spoken.
  */
 
 const BEGINS_WITHIN = 5; // s
@@ -11,8 +10,7 @@ const ENDS_WITHIN = 120; // s; 500 characters take a minute
 /**
  * @param {object} [browser] @param {SpeechSynthesis | undefined} [browser.synthesis]
  * @param {typeof SpeechSynthesisUtterance | undefined} [browser.Utterance]
- * @param {(call: () => void, seconds: number) => any} [browser.later] returns what `never` takes
- *   back
+ * @param {(call: () => void, seconds: number) => any} [browser.later] returns a timer for `never`
  * @param {(timer: any) => void} [browser.never]
  */
 export const createVoice = ({
@@ -21,10 +19,7 @@ export const createVoice = ({
   later = (call, seconds) => setTimeout(call, seconds * 1000),
   never = clearTimeout,
 } = {}) => {
-  /**
-   * @type {{utterance: SpeechSynthesisUtterance, onEnd: (spoken: boolean) => void}[]} the first one
-   *   is being spoken
-   */
+  /** @type {{utterance: SpeechSynthesisUtterance, onEnd: (spoken: boolean) => void}[]} */
   let queue = [];
 
   const speakFirst = () => {
@@ -63,7 +58,7 @@ export const createVoice = ({
     /**
      * @param {string} text @param {string} language a BCP 47 tag @param {number} volume 0 to 1
      * @param {(spoken: boolean) => void} [onEnd] called once, with whether it was spoken to its end
-     * @returns {boolean} whether it will be tried
+     * @returns {boolean} whether it is queued
      */
     speak: (text, language, volume, onEnd = () => undefined) => {
       if (!synthesis || !Utterance || volume <= 0) {

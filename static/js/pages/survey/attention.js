@@ -1,19 +1,15 @@
 /**
- * Seconds of attention a question: the time from one touch of the page to the next belongs to the
- * question that is touched next, because reading it came before. Time while the page is out of
- * sight belongs to none.
+ * Seconds of attention for each question: the time from one touch of the page to the next counts
+ * for the question that is touched next, as it was read before. Time while the page is hidden does
+ * not count.
  */
 
 /** @param {() => number} now seconds on a clock that never goes back */
 export const createAttention = (now) => {
   /** @type {Map<string, number>} */
   const seconds = new Map();
-  /**
-   * Seconds of a stretch that a change of visibility cut off, and when the present stretch began;
-   * null while out of sight.
-   */
-  let before = 0;
-  /** @type {number | null} */
+  let before = 0; // s since the last touch, until the page was hidden
+  /** @type {number | null} the start of the present stretch, null while hidden */
   let since = now();
 
   const spent = () => before + (since === null ? 0 : now() - since);

@@ -1,7 +1,6 @@
 /**
- * Which questions of the page are shown, from the answers on it; says the same as
- * surveys/conditions.py, which decides in the end. A question that is hidden counts as unanswered
- * for those that depend on it.
+ * Which questions of the page are shown, from the answers on it, as in surveys/conditions.py. A
+ * hidden question counts as unanswered for those that depend on it.
  */
 
 import { readDecimal } from "../../lib/decimal.js";
@@ -13,7 +12,7 @@ import { readDecimal } from "../../lib/decimal.js";
 
 /**
  * @param {Condition} condition
- * @param {string[]} said what the controls of the question send; nothing is no answer
+ * @param {string[]} said values of the question's controls; none is no answer
  */
 const answerFits = (condition, said) => {
   const values = said.filter((value) => value !== "" && !value.startsWith("~"));

@@ -1,16 +1,9 @@
-/**
- * The page of a questionnaire that is only looked at: its controls as participants see them, and
- * nothing saved.
- */
+/** The preview of a questionnaire: its controls as participants see them, without saving. */
 
 import { keepOrder } from "./ranking.js";
 import { addRange } from "./slider.js";
 
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
-  document.querySelectorAll("[data-slider]")
-))
-  addRange(holder);
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
-  document.querySelectorAll("[data-ranking]")
-))
-  keepOrder(holder);
+/** @param {string} selector @returns {NodeListOf<HTMLElement>} */
+const all = (selector) => document.querySelectorAll(selector);
+all("[data-slider]").forEach(addRange);
+all("[data-ranking]").forEach(keepOrder);

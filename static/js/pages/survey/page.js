@@ -1,13 +1,13 @@
 /**
- * The page of a questionnaire: saves each answer when it is given, shows what answers bring up,
- * measures attention. Without this module the same form is sent as a whole, and the server does the
- * rest.
+ * The page of a questionnaire: saves each answer at once, shows questions that depend on answers,
+ * and measures attention. Without this script the form is sent as a whole.
  */
 
+import { make } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
+import { SaveQueue } from "../../lib/save_queue.js";
 import { createAttention } from "./attention.js";
 import { shownKeys } from "./conditions.js";
-import { createSaver } from "./saver.js";
 import { keepOrder } from "./ranking.js";
 import { addRange } from "./slider.js";
 
@@ -16,9 +16,10 @@ const SIGNED_OUT = 403;
 
 const form = /** @type {HTMLFormElement} */ (document.getElementById("survey"));
 const status = /** @type {HTMLElement} */ (form.querySelector("[data-status]"));
-const questions = /** @type {HTMLFieldSetElement[]} */ ([
-  ...form.querySelectorAll("[data-question]"),
-]);
+/** @param {string} selector @returns {HTMLElement[]} */
+const all = (selector) =>
+  [...form.querySelectorAll(selector)].map((one) => /** @type {any} */ (one));
+const questions = /** @type {HTMLFieldSetElement[]} */ (all("[data-question]"));
 const byKey = new Map(questions.map((question) => [question.dataset.question ?? "", question]));
 const attention = createAttention(() => performance.now() / 1000);
 const writer = freshId();
@@ -49,7 +50,7 @@ const said = (key) => {
     : [];
 };
 
-// --- what is shown -------------------------------------------------------------------------------
+// --- questions -----------------------------------------------------------------------------------
 
 const conditions = questions.map((question) => ({
   key: question.dataset.question ?? "",
@@ -63,31 +64,29 @@ const refresh = () => {
     const clear = /** @type {HTMLElement | null} */ (question.querySelector("[data-clear]"));
     if (clear) clear.hidden = fieldsOf(question).every(([, value]) => value === "");
   }
-  for (const block of /** @type {NodeListOf<HTMLElement>} */ (
-    form.querySelectorAll("[data-block]")
-  )) {
-    block.hidden = ![...block.querySelectorAll("[data-question]")].some(
-      (question) => !(/** @type {HTMLElement} */ (question).hidden),
-    );
+  for (const block of all("[data-block]")) {
+    block.hidden = !block.querySelector("[data-question]:not([hidden])");
   }
 };
 
 /** @param {string} key @param {string} error */
 const showError = (key, error) => {
-  const place = byKey.get(key)?.querySelector("[data-error]");
-  if (!place) return;
-  place.replaceChildren();
-  if (!error) return;
-  const line = document.createElement("p");
-  line.className = "field__error";
-  line.append(Object.assign(document.createElement("span"), { textContent: error }));
-  place.append(line);
+  const line = make("p", "field__error");
+  line.append(make("span", "", error));
+  byKey
+    .get(key)
+    ?.querySelector("[data-error]")
+    ?.replaceChildren(...(error ? [line] : []));
 };
 
 // --- saving --------------------------------------------------------------------------------------
 
-/** @param {string} key @param {[string, string][]} fields */
-const send = async (key, fields) => {
+/**
+ * @typedef {{id: string, key: string, fields: [string, string][]}} Change
+ * @param {Change[]} changes one
+ * @returns {Promise<import("../../lib/save_queue.js").Outcome>}
+ */
+const send = async ([{ key, fields }]) => {
   writing += 1;
   const seconds = attention.of(key);
   const body = new URLSearchParams([
@@ -107,45 +106,36 @@ const send = async (key, fields) => {
       body,
       signal: AbortSignal.timeout(SEND_LIMIT_MS),
     });
-    if (answer.status >= 500) return { ok: false, final: false };
-    const told = answer.headers.get("content-type")?.startsWith("application/json")
-      ? await answer.json()
-      : {};
-    return {
-      ok: answer.ok,
-      final: true,
-      keep: answer.status === SIGNED_OUT,
-      error: answer.ok ? "" : (told.error ?? form.dataset.button ?? ""),
-    };
+    if (answer.ok) return { state: "saved", isDone: true };
+    if (answer.status >= 500) return { state: "waiting" };
+    const isJson = answer.headers.get("content-type")?.startsWith("application/json");
+    const refusal = { error: form.dataset.button ?? "", ...(isJson && (await answer.json())) };
+    return { state: "refused", isDone: answer.status !== SIGNED_OUT, body: refusal };
   } catch {
-    return { ok: false, final: false };
+    return { state: "waiting" };
   }
 };
 
-// Whoever came to another page has sent this one: what was kept of the others is no longer news.
-const STORED = `survey:${location.pathname.replace(/[^/]*\/$/, "")}`;
+// The other pages of the questionnaire were sent when the participant came to this one.
+const [SURVEY, PAGE] = [location.pathname.replace(/[^/]*\/$/, ""), location.pathname];
 for (const name of Object.keys(sessionStorage)) {
-  if (name.startsWith(STORED) && name !== `survey:${location.pathname}`)
+  if (name.startsWith(`survey:${SURVEY}`) && !name.startsWith(`survey:${PAGE}:`))
     sessionStorage.removeItem(name);
 }
 
-const saver = createSaver({
+/** @type {SaveQueue<Change>} */
+const queue = new SaveQueue({
+  storage: sessionStorage,
+  key: `survey:${PAGE}`,
+  most: 1,
+  replaces: (old, { key }) => old.key === key,
   send,
-  tell: (state, key, error) => {
+  onState: (state, [{ key }], outcome) => {
+    const error = outcome?.body?.error ?? "";
     status.dataset.state = state;
-    status.textContent =
-      {
-        saving: form.dataset.saving,
-        saved: form.dataset.saved,
-        waiting: form.dataset.waiting,
-        refused: `${form.dataset.refused} ${error}`,
-        idle: "",
-      }[state] ?? "";
+    status.textContent = `${form.dataset[state] ?? ""} ${error}`.trim();
     if (state === "saved" || state === "refused") showError(key, error);
   },
-  storage: sessionStorage,
-  name: `survey:${location.pathname}`,
-  later: (run, ms) => setTimeout(run, ms),
 });
 
 /** @param {HTMLFieldSetElement} question */
@@ -153,31 +143,23 @@ const changed = (question) => {
   const key = question.dataset.question ?? "";
   attention.touch(key);
   refresh();
-  void saver.save(key, fieldsOf(question));
+  queue.add([{ id: freshId(), key, fields: fieldsOf(question) }]);
 };
 
 // --- listeners -----------------------------------------------------------------------------------
 
 /** @param {Event} event */
-const questionOf = (event) =>
-  /** @type {HTMLFieldSetElement | null} */ (
-    /** @type {Element} */ (event.target).closest("[data-question]")
-  );
+const questionOf = ({ target }) => /** @type {any} */ (target).closest("[data-question]");
 
 /**
- * Tick what excludes others, untick the others.
+ * Unticks the others when an option excludes them.
  * @param {HTMLInputElement} control @param {HTMLFieldSetElement} question
  */
 const exclude = (control, question) => {
   const alone = (/** @type {HTMLInputElement} */ one) =>
     one.hasAttribute("data-reason") || one.hasAttribute("data-alone");
-  const ticked =
-    control.type === "radio"
-      ? false
-      : control.type === "checkbox"
-        ? control.checked
-        : control.value !== "";
-  if (!ticked) return;
+  const isTicked = control.type === "checkbox" ? control.checked : control.value !== "";
+  if (control.type === "radio" || !isTicked) return;
   for (const other of controlsOf(question)) {
     if (other === control || (!alone(control) && !alone(other))) continue;
     empty(other);
@@ -192,14 +174,12 @@ const empty = (control) => {
 };
 
 /**
- * Choose the value that a list offers: several lists of one name offer different ones.
+ * Chooses the value that a list offers: several lists of one name offer different ones.
  * @param {HTMLSelectElement} list @param {string[]} values
  */
 const choose = (list, values) => {
-  list.value =
-    values.find(
-      (value) => value !== "" && [...list.options].some((option) => option.value === value),
-    ) ?? "";
+  const offered = [...list.options].map(({ value }) => value);
+  list.value = values.find((value) => value !== "" && offered.includes(value)) ?? "";
 };
 
 form.addEventListener("change", (event) => {
@@ -220,7 +200,7 @@ form.addEventListener("click", (event) => {
 
 form.addEventListener("submit", (event) => {
   if (navigator.onLine === false) {
-    // The browser would show its own page of despair; here the answers stay in sight, and kept.
+    // The browser would show its own error page; here the answers stay visible and stored.
     event.preventDefault();
     status.dataset.state = "waiting";
     status.textContent = form.dataset.waiting ?? "";
@@ -237,22 +217,16 @@ form.addEventListener("submit", (event) => {
     /** @type {HTMLInputElement} */ (form.elements.namedItem(name)).value = value;
 });
 
-window.addEventListener("online", () => void saver.resume());
+window.addEventListener("online", () => queue.flush());
 document.addEventListener("visibilitychange", () =>
   attention.setSeen(document.visibilityState === "visible"),
 );
 
 // --- start ---------------------------------------------------------------------------------------
 
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
-  form.querySelectorAll("[data-slider]")
-))
-  addRange(holder);
-for (const holder of /** @type {NodeListOf<HTMLElement>} */ (
-  form.querySelectorAll("[data-ranking]")
-))
-  keepOrder(holder);
-for (const [key, fields] of saver.unsent()) {
+all("[data-slider]").forEach(addRange);
+all("[data-ranking]").forEach(keepOrder);
+for (const { key, fields } of queue.pending) {
   const question = byKey.get(key);
   if (!question) continue;
   for (const control of controlsOf(question)) {
@@ -265,4 +239,4 @@ for (const [key, fields] of saver.unsent()) {
   }
 }
 refresh();
-void saver.resume();
+queue.flush();

@@ -1,14 +1,14 @@
 /**
- * Options that are put into an order: the rows stand in the order of their places, and whoever
- * moves one, by its list of places or by its handle, gives every option a place. Before that none
- * has one.
+ * Options to rank: the rows are in the order of their places. Moving one, by its list of places or
+ * by its handle, gives every option a place; before that none has one.
  */
+
+import { make } from "../../lib/dom.js";
 
 /**
  * @template T
  * @param {T[]} things
- * @param {number} from
- * @param {number} to where it stands afterwards
+ * @param {number} from @param {number} to its place afterwards
  */
 export const moved = (things, from, to) => {
   const others = things.filter((_, n) => n !== from);
@@ -16,14 +16,12 @@ export const moved = (things, from, to) => {
 };
 
 /**
- * @typedef {{ top: number, bottom: number }} Span where a row stands, in CSS pixels from the top of
- *   what is seen
+ * @typedef {{ top: number, bottom: number }} Span of a row, CSS pixels from the top of the window
  */
 
 /**
- * Which way a row goes that is held at a height: -1 before the one above, 1 behind the one below.
- * It stands under the pointer afterwards, or else it would go back at once where rows differ in
- * height.
+ * Where a row moves that is dragged to a height: -1 before the one above, 1 behind the one below.
+ * It is under the pointer afterwards; otherwise rows of different heights would move back at once.
  *
  * @param {number} y @param {Span} own @param {Span | null} above @param {Span | null} below
  */
@@ -44,8 +42,8 @@ const placeOf = (row) => placesOf(row).selectedIndex;
 const spanOf = (row) => row && row.getBoundingClientRect();
 
 /**
- * Put rows into an order. One stays where it is and the others move round it, because taken out it
- * would lose focus and pointer.
+ * Puts rows into an order around one that stays, as it would lose focus and pointer if it was
+ * moved.
  *
  * @param {Element[]} ordered @param {Element} kept
  */
@@ -63,7 +61,7 @@ export const keepOrder = (holder) => {
   const follow = () => {
     const all = rows();
     const isRanked = all.every((row) => placeOf(row) > 0);
-    // A respondent who has given an order changes it, or clears the whole.
+    // An order can be changed, or cleared as a whole.
     for (const row of all) placesOf(row).options[0].disabled = isRanked;
     if (!isRanked) return;
     const ordered = [...all].sort((one, other) => placeOf(one) - placeOf(other));
@@ -89,25 +87,24 @@ export const keepOrder = (holder) => {
  * @param {Element} row @param {() => Element[]} rows
  */
 const addHandle = (row, rows) => {
-  const handle = document.createElement("span");
-  handle.className = "ranking__handle";
+  const handle = make("span", "ranking__handle");
   handle.setAttribute("aria-hidden", "true");
-  /** @type {Element[] | null} the order before, while the row is held */
+  /** @type {Element[] | null} the order before, while the row is dragged */
   let before = null;
 
-  handle.addEventListener("pointerdown", (event) => {
+  handle.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
     if (event.button !== 0 || !event.isPrimary) return;
     handle.setPointerCapture(event.pointerId);
     before = rows();
     row.setAttribute("data-held", "");
   });
-  handle.addEventListener("pointermove", (event) => {
+  handle.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
     if (before) dragTo(row, event.clientY);
   });
   handle.addEventListener("pointerup", () => {
     if (!before) return;
     letGo();
-    // Held and let go where it stood, it says that the order is right.
+    // A row that is released where it was confirms the order.
     const place = rows().indexOf(row) + 1;
     if (placeOf(row) === place) return;
     placesOf(row).selectedIndex = place;

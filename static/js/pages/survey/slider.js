@@ -1,18 +1,15 @@
-/**
- * A slider beside the number of each slider question. It shows no thumb before something was
- * chosen.
- */
+/** A slider beside the number of each slider question, without a thumb before the first choice. */
+
+import { make } from "../../lib/dom.js";
 
 /** @param {HTMLElement} holder */
 export const addRange = (holder) => {
   const number = /** @type {HTMLInputElement} */ (holder.querySelector("input"));
-  const range = document.createElement("input");
+  const range = make("input", "slider__range");
   range.type = "range";
-  range.className = "slider__range";
   for (const name of ["min", "max", "step"])
     range.setAttribute(name, number.getAttribute(name) ?? "");
-  // The number beside it is what a keyboard and a screen reader use; two controls with one meaning
-  // would only confuse.
+  // A keyboard and a screen reader use the number beside it.
   range.tabIndex = -1;
   range.setAttribute("aria-hidden", "true");
 
@@ -26,12 +23,12 @@ export const addRange = (holder) => {
     number.dispatchEvent(new Event(type, { bubbles: true }));
   };
   for (const type of ["input", "change"]) {
-    range.addEventListener(type, (event) => {
+    range.addEventListener(type, (/** @type {Event} */ event) => {
       event.stopPropagation();
       lead(type);
     });
   }
-  // A click where the unseen thumb already is changes nothing for the browser, but it is an answer.
+  // A click at the hidden thumb is an answer, although the browser reports no change.
   range.addEventListener("click", () => {
     if (number.value === "") lead("change");
   });

@@ -1,7 +1,6 @@
 /**
- * The connections of a hidden operator's page: the WebSocket, over which all commands go, and the
- * robot's video and sound. A change of either stops what the hand does; the server and the robot
- * stop the robot by themselves.
+ * The connections of a hidden operator's page: the WebSocket, which takes all commands, and the
+ * robot's video and sound. When the WebSocket is lost, the server and the robot stop the robot.
  */
 
 import { unixNow } from "../../lib/clock.js";
@@ -18,7 +17,7 @@ import { readPacket } from "./packets.js";
 
 /**
  * @typedef {{peer: string | null, iceServers: RTCIceServer[], iceAt: number,
- *   attempt: number}} Told
+ *   attempt: number}} Peering
  */
 
 /**
@@ -31,7 +30,7 @@ import { readPacket } from "./packets.js";
 export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) => {
   const clockSync = new ClockSync();
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
-  const told = /** @type {Told} */ ({ peer: null, iceServers: [], iceAt: 0, attempt: 0 });
+  const peering = /** @type {Peering} */ ({ peer: null, iceServers: [], iceAt: 0, attempt: 0 });
 
   /** @param {unknown} packet @param {Transport} transport */
   const receive = (packet, transport) => {
@@ -52,16 +51,16 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
       link.heard(now);
     }
     if (suffix === "heartbeat") {
-      clockSync.heard(transport, message, told.peer, now);
+      clockSync.heard(transport, message, peering.peer, now);
     } else if (suffix === "media") {
-      shown.told(message);
+      shown.clock = message;
     } else if (suffix === "signal/reply") {
       void link.signal(message);
     } else if (transport === "mqtt") {
       if (suffix === "wizard/hello") {
         const { peer, iceServers } = message;
-        Object.assign(told, { peer, iceServers, iceAt: now, attempt: 0 });
-        openVideo(link, told);
+        Object.assign(peering, { peer, iceServers, iceAt: now, attempt: 0 });
+        openVideo(link, peering);
       }
       onMessage(suffix, message);
     }
@@ -73,7 +72,7 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
     onOpen: () => onSocket(true, 0),
     onLost: (code) => onSocket(false, code),
   });
-  const link = newLink({ viewport, shown, socket, clockSync, told, receive });
+  const link = newLink({ viewport, shown, socket, clockSync, peering, receive });
   const router = new TransportRouter({ socket, link, clockSync, commands });
   router.only = "mqtt";
 
@@ -92,10 +91,10 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
  * The robot's video and sound, opened again whenever they are lost.
  * @param {object} parts @param {import("../../view/video/viewport.js").Viewport} parts.viewport
  * @param {import("../../view/video/capture_stamp.js").ShownFrame} parts.shown
- * @param {Socket} parts.socket @param {ClockSync} parts.clockSync @param {Told} parts.told
+ * @param {Socket} parts.socket @param {ClockSync} parts.clockSync @param {Peering} parts.peering
  * @param {(packet: unknown, transport: "datachannel") => void} parts.receive
  */
-const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
+const newLink = ({ viewport, shown, socket, clockSync, peering, receive }) => {
   const link = new Link({
     makePeer: (role) =>
       new Peer({
@@ -109,21 +108,21 @@ const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
       clockSync.reset("datachannel");
       viewport.attach(peer.video, peer.audio);
     },
-    onLive: () => (told.attempt = 0),
+    onLive: () => (peering.attempt = 0),
     onLost: () => {
-      if (areCredentialsOld(told, unixNow())) {
+      if (areCredentialsOld(peering, unixNow())) {
         socket.redial(); // the server's first message has new credentials
       } else {
-        openVideo(link, told);
+        openVideo(link, peering);
       }
     },
   });
   return link;
 };
 
-/** @param {Link} link @param {Told} told */
-const openVideo = (link, told) => {
+/** @param {Link} link @param {Peering} peering */
+const openVideo = (link, peering) => {
   if (isSupported()) {
-    link.open("observer", told.iceServers, told.attempt++);
+    link.open("observer", peering.iceServers, peering.attempt++);
   }
 };

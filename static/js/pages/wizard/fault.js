@@ -1,20 +1,18 @@
-/** What the operator's page says of a part that does not work. Pure. */
+/** The alert of the operator's page about a fault. Pure. */
 
 import { faultAlert } from "../../protocol/faults.js";
 
 /**
- * @param {object} told
- * @param {unknown} told.granted null while this page does not operate the robot
- * @param {boolean} told.connected
- * @param {boolean} told.silent whether the WebSocket brings nothing any more
- * @param {import("../../protocol/faults.js").ShownFault[]} told.faults
+ * @param {object} page @param {unknown} page.granted null while it does not operate the robot
+ * @param {boolean} page.connected @param {boolean} page.silent whether an open WebSocket is silent
+ * @param {import("../../protocol/faults.js").ShownFault[]} page.faults
  * @param {number} now Unix time
  */
 export const faultFor = ({ granted, connected, silent, faults }, now) =>
   faultAlert({
     visit: {
       phase: granted ? "driving" : "watching",
-      // The operator's commands go through the broker alone, whatever becomes of the video's link.
+      // the operator's commands take the broker only, not the link of the video
       link: "lost",
       socket: connected ? "open" : "lost",
     },

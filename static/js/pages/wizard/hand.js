@@ -1,21 +1,9 @@
-/**
- * Driving by hand: keys that are held, or buttons. It knows what is held and which velocity that
- * is, and nothing of the network.
- */
+/** Driving by hand: the held keys or buttons, and their velocity. */
 
 const SHARE = 0.6; // of the robot's largest speeds
-const KEYS = {
-  KeyW: "forward",
-  ArrowUp: "forward",
-  KeyS: "back",
-  ArrowDown: "back",
-  KeyA: "left",
-  ArrowLeft: "left",
-  KeyD: "right",
-  ArrowRight: "right",
-};
 
-/** @typedef {"forward" | "back" | "left" | "right"} Direction */
+/** @typedef {"forward" | "backward" | "left" | "right"} Direction as in input/keymap.js */
+const DIRECTIONS = ["forward", "backward", "left", "right"];
 
 export class Hand {
   /** @param {{onChange: () => void}} options */
@@ -26,9 +14,9 @@ export class Hand {
     this.method = "keyboard";
   }
 
-  /** @param {string} code of a KeyboardEvent @returns {Direction | null} */
-  static directionOf(code) {
-    return Object.hasOwn(KEYS, code) ? /** @type {any} */ (KEYS)[code] : null;
+  /** @param {string} command of a key @returns {Direction | null} */
+  static directionOf(command) {
+    return DIRECTIONS.includes(command) ? /** @type {Direction} */ (command) : null;
   }
 
   /** @param {Direction} direction @param {"keyboard" | "touch"} method */
@@ -56,7 +44,7 @@ export class Hand {
   velocity(limits) {
     const sign = (/** @type {Direction} */ one, /** @type {Direction} */ other) =>
       Number(this.held.has(one)) - Number(this.held.has(other));
-    const ahead = sign("forward", "back");
+    const ahead = sign("forward", "backward");
     return {
       linear: SHARE * ahead * (ahead < 0 ? limits.reverse : limits.linear),
       angular: SHARE * sign("left", "right") * limits.angular,

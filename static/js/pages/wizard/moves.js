@@ -1,24 +1,22 @@
 /**
  * The steps of a script that the page drives itself: a velocity for some seconds, or a turn by an
- * angle. Pure: times are seconds, angles radians, counter-clockwise positive; `heading` is where
- * the robot says that it looks.
+ * angle. Pure: times are in seconds, angles in radians, counter-clockwise positive; `heading` is of
+ * the robot's pose.
  */
+
+import { wrap } from "../../lib/transforms.js";
 
 const SHARE = 0.6; // of the robot's largest turning speed
 const SLOWEST = 0.25; // rad/s
-const SETTLES = 0.06; // rad that a robot turns on after the last velocity
+const SETTLES = 0.06; // rad that a robot turns after the last velocity
 const MOST_TURN_SECONDS = 25;
-const FULL = 2 * Math.PI;
-
-/** The angle between -pi and pi. @param {number} angle */
-export const wrapped = (angle) => angle - FULL * Math.round(angle / FULL);
 
 /**
  * @typedef {object} Move
  * @property {number} since
  * @property {{linear: number, angular: number, seconds: number} | null} drive
- * @property {number} left radians that are still to turn
- * @property {number | null} heading as it was last
+ * @property {number} left radians to turn
+ * @property {number | null} heading the last one
  */
 
 /** @param {{drive: any, turn: number | null}} step @param {number} now @returns {Move} */
@@ -29,16 +27,15 @@ export const begin = ({ drive, turn }, now) => ({
   heading: null,
 });
 
-/** Take where the robot looks now. @param {Move} move @param {number} heading @returns {Move} */
+/** Takes the robot's heading. @param {Move} move @param {number} heading @returns {Move} */
 export const turned = (move, heading) => ({
   ...move,
   heading,
-  left:
-    move.drive || move.heading === null ? move.left : move.left - wrapped(heading - move.heading),
+  left: move.drive || move.heading === null ? move.left : move.left - wrap(heading - move.heading),
 });
 
 /**
- * The velocity of this moment, null when the move is over.
+ * The velocity of now, null when the move has ended.
  * @param {Move} move @param {number} now @param {{angular: number}} limits
  * @returns {{linear: number, angular: number} | null}
  */

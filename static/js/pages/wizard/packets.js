@@ -1,6 +1,6 @@
 /**
- * What the server says to a hidden operator's page (sessions/wizard/protocol.py), with the defaults
- * that it leaves out; everything else is Robot API, which protocol/robot_api.js reads.
+ * The server's messages to a hidden operator's page (sessions/wizard/protocol.py), with defaults
+ * filled in; protocol/robot_api.js reads all others.
  */
 
 import { isPassing } from "../../protocol/denials.js";
@@ -71,8 +71,7 @@ const READERS = {
 };
 
 /**
- * What the operator is told of a request that was denied; null for what needs no notice, such as
- * one velocity too many.
+ * The notice about a denied request; null for none, such as for one velocity too many.
  * @param {{suffix: string, reason: string}} denied
  */
 export const noticeOfDenied = ({ suffix, reason }) =>

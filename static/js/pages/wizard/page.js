@@ -1,11 +1,8 @@
-/**
- * The page of a hidden operator, who drives and speaks for the robot in a study: the one place that
- * wires it.
- */
+/** The page of a hidden operator, who drives and speaks for the robot in a study: wires it. */
 
 import { KeyDispatcher } from "../../input/key_dispatcher.js";
 import { unixNow } from "../../lib/clock.js";
-import { write } from "../../lib/dom.js";
+import { element, readConfig, write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
 import { SERVER_SILENCE, shownFaults } from "../../protocol/faults.js";
@@ -20,41 +17,34 @@ import { drawScript, markSteps } from "./script_view.js";
 
 const TICK_MS = 50;
 const BEAT = 0.2; // s
-const PENDING = 10; // s after which a step that the robot has not confirmed is forgotten
-// of a robot that has not said its own: slow
-const NO_LIMITS = { linear: 0.4, reverse: 0.2, angular: 0.6 };
-const FINAL = [4401, 4403, 4404]; // codes after which the page is not let in again
+const PENDING = 10; // s until an unconfirmed step is forgotten
+const NO_LIMITS = { linear: 0.4, reverse: 0.2, angular: 0.6 }; // without a factsheet: slow
+const FINAL = [4401, 4403, 4404]; // close codes after which the page does not reconnect
 
-const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const config = JSON.parse(element("config").textContent ?? "{}");
-const words = readWords(element("words"), document.documentElement.lang);
+const [config, words] = [readConfig(), readWords()];
 const limits = config.limits ?? NO_LIMITS;
 const shown = new ShownFrame();
 
-/** What the page knows. */
-const told = {
+const state = {
   /** the session at the robot: packets.js "wizard/session" @type {any} */
   scene: null,
   /** session and epoch, while this page operates @type {any} */
   granted: null,
-  /** the session to operate again when the connection is back */
+  /** the session to operate again after a reconnection */
   again: "",
   /** the newest "wizard/state" @type {any} */
   robot: null,
   online: true,
   connected: false,
-  /** whether a WebSocket that is open brings nothing any more */
+  /** whether an open WebSocket is silent */
   silent: false,
   /** @type {import("../../protocol/faults.js").ShownFault[]} */
   faults: [],
-  /**
-   * a step that the page drives now
-   * @type {{key: string, move: import("./moves.js").Move, actionId: string} | null}
-   */
+  /** @type {{key: string, move: import("./moves.js").Move, actionId: string} | null} by the page */
   moving: null,
   /** steps that the robot has not confirmed yet @type {Map<string, {key: string, at: number}>} */
   pending: new Map(),
-  /** the step that the robot does by itself now @type {{key: string, actionId: string} | null} */
+  /** the present step of the robot itself @type {{key: string, actionId: string} | null} */
   running: null,
   notice: "",
   /** @type {any} */
@@ -84,92 +74,88 @@ const connection = createConnection({
     show();
   },
   onSocket: (open, code) => {
-    told.connected = open;
-    told.faults = [];
+    state.connected = open;
+    state.faults = [];
     if (!open) {
       lose();
     }
     if (FINAL.includes(code)) {
       connection.socket.close();
-      told.again = "";
-      told.notice = "refused";
+      state.again = "";
+      state.notice = "refused";
     }
     show();
   },
 });
 
-// --- what the server says ------------------------------------------------------------------------
+// --- messages of the server ----------------------------------------------------------------------
 
 /** @type {Record<string, (message: any) => void>} */
 const HANDLERS = {
   "wizard/session": (scene) => {
-    told.scene = scene;
-    if (told.again && scene.session === told.again && !told.granted) {
+    state.scene = scene;
+    if (state.again && scene.session === state.again && !state.granted) {
       take(false);
     }
   },
   "wizard/granted": (granted) => {
-    told.granted = granted;
-    told.again = granted.session;
-    told.notice = "";
+    state.granted = granted;
+    state.again = granted.session;
+    state.notice = "";
     connection.commands.bind(granted);
     element("wizard").scrollIntoView({ block: "start" });
   },
   "wizard/lost": ({ reason }) => {
     lose();
-    told.again = "";
-    told.notice = reason;
+    state.again = "";
+    state.notice = reason;
   },
   "wizard/begun": ({ step, actionId, deviation, reason }) => {
     if (reason) {
-      told.pending.delete(actionId);
-      told.notice = "not_begun";
-      if (told.moving?.actionId === actionId) {
+      state.pending.delete(actionId);
+      state.notice = "not_begun";
+      if (state.moving?.actionId === actionId) {
         endMove();
       }
     } else {
-      told.notice = deviation ? `deviation_${deviation}` : step === "free" ? "line_sent" : "";
+      state.notice = deviation ? `deviation_${deviation}` : step === "free" ? "line_sent" : "";
     }
   },
-  "wizard/participant": (view) => (told.participant = { ...view, at: unixNow() }),
+  "wizard/participant": (view) => (state.participant = { ...view, at: unixNow() }),
   "wizard/state": (view) => {
-    told.robot = view;
+    state.robot = view;
     connection.commands.heardState(view);
-    const pending = told.moving && told.pending.get(told.moving.actionId);
+    const pending = state.moving && state.pending.get(state.moving.actionId);
     if (pending && view.commandAge !== null) {
-      reached(told.moving?.actionId ?? "", view.commandAge);
+      reached(state.moving?.actionId ?? "", view.commandAge);
     }
   },
   pose: ({ pose }) => {
-    if (told.moving) {
-      told.moving.move = turned(told.moving.move, pose.theta);
+    if (state.moving) {
+      state.moving.move = turned(state.moving.move, pose.theta);
     }
   },
   action: (action) => {
     connection.commands.heardAction(action);
-    const pending = told.pending.get(action.actionId);
+    const pending = state.pending.get(action.actionId);
     const { offset } = connection.clockSync;
     if (pending) {
-      reached(
-        action.actionId,
-        offset === null ? unixNow() - pending.at : action.stamp - offset - pending.at,
-      );
-      told.running = { key: pending.key, actionId: action.actionId };
+      const at = offset === null ? unixNow() : action.stamp - offset;
+      reached(action.actionId, at - pending.at);
+      state.running = { key: pending.key, actionId: action.actionId };
     }
-    if (
-      told.running?.actionId === action.actionId &&
-      ["FINISHED", "FAILED", "CANCELLED"].includes(action.status)
-    ) {
-      told.running = null;
-      told.notice = action.status === "FAILED" ? "failed" : told.notice;
+    const hasEnded = ["FINISHED", "FAILED", "CANCELLED"].includes(action.status);
+    if (state.running?.actionId === action.actionId && hasEnded) {
+      state.running = null;
+      state.notice = action.status === "FAILED" ? "failed" : state.notice;
     }
   },
-  robot: ({ online }) => (told.online = online),
-  "server/status": ({ faults }) => (told.faults = shownFaults(faults, unixNow())),
+  robot: ({ online }) => (state.online = online),
+  "server/status": ({ faults }) => (state.faults = shownFaults(faults, unixNow())),
   denied: (denied) => {
-    told.notice = noticeOfDenied(denied) ?? told.notice;
+    state.notice = noticeOfDenied(denied) ?? state.notice;
     if (denied.suffix === "wizard/step") {
-      told.pending.clear();
+      state.pending.clear();
       endMove();
     }
   },
@@ -177,37 +163,37 @@ const HANDLERS = {
 
 /** @param {string} actionId @param {number} latency s */
 const reached = (actionId, latency) => {
-  told.pending.delete(actionId);
+  state.pending.delete(actionId);
   connection.send("wizard/reached", { actionId, latency: Math.min(60, Math.max(0, latency)) });
 };
 
-// --- what the operator does ----------------------------------------------------------------------
+// --- actions of the operator ---------------------------------------------------------------------
 
 /** @param {boolean} takeover */
 const take = (takeover) =>
-  connection.send("wizard/take", { session: told.scene?.session, takeover });
+  connection.send("wizard/take", { session: state.scene?.session, takeover });
 
-/** Not operating any more: nothing is held, nothing is sent. */
+/** This page no longer operates the robot. */
 const lose = () => {
-  told.granted = null;
-  told.moving = told.running = null;
-  told.pending.clear();
+  state.granted = null;
+  state.moving = state.running = null;
+  state.pending.clear();
   hand.letGo();
   connection.commands.unbind();
 };
 
 /** @param {any} step */
 const press = (step) => {
-  if (!told.granted) {
+  if (!state.granted) {
     return;
   }
   const now = unixNow();
   const actionId = freshId("step-");
   if (connection.send("wizard/step", { step: step.key, actionId, stamp: now })) {
     endMove();
-    told.pending.set(actionId, { key: step.key, at: now });
+    state.pending.set(actionId, { key: step.key, at: now });
     if (step.drive || step.turn !== null) {
-      told.moving = { key: step.key, actionId, move: begin(step, now) };
+      state.moving = { key: step.key, actionId, move: begin(step, now) };
       drive(now);
     }
   }
@@ -215,15 +201,15 @@ const press = (step) => {
 };
 
 const endMove = () => {
-  if (told.moving) {
-    told.moving = null;
+  if (state.moving) {
+    state.moving = null;
     connection.commands.intend({ linear: 0, angular: 0, method: "script" });
   }
 };
 
-/** The hand wants something else: a step that the page drives is over. */
+/** Driving by hand ends a step that the page drives. */
 const steer = () => {
-  if (!told.granted || !told.scene?.script?.byHand) {
+  if (!state.granted || !state.scene?.script?.byHand) {
     return;
   }
   endMove();
@@ -235,17 +221,17 @@ const steer = () => {
 const stop = () => {
   hand.letGo();
   endMove();
-  told.running = null;
+  state.running = null;
   connection.router.stop(unixNow(), "stop");
   show();
 };
 
 /** @param {number} now */
 const drive = (now) => {
-  if (!told.moving) {
+  if (!state.moving) {
     return;
   }
-  const velocity = velocityOf(told.moving.move, now, limits);
+  const velocity = velocityOf(state.moving.move, now, limits);
   if (velocity) {
     if (connection.commands.intend({ ...velocity, method: "script" })) {
       send(now);
@@ -269,12 +255,12 @@ const tick = () => {
   const now = unixNow();
   connection.link.watch(now);
   const isSilent = connection.socket.watch(now) > SERVER_SILENCE;
-  if (isSilent !== told.silent) {
-    told.silent = isSilent;
+  if (isSilent !== state.silent) {
+    state.silent = isSilent;
     show();
   }
   connection.router.repeatStop(now);
-  if (told.granted) {
+  if (state.granted) {
     drive(now);
     send(now);
     if (now - beatAt >= BEAT) {
@@ -282,14 +268,14 @@ const tick = () => {
       connection.router.beat(now, frameAge(now));
     }
   }
-  for (const [key, { at }] of told.pending) {
+  for (const [key, { at }] of state.pending) {
     if (now - at > PENDING) {
-      told.pending.delete(key);
+      state.pending.delete(key);
     }
   }
 };
 
-// --- what is shown -------------------------------------------------------------------------------
+// --- the page ------------------------------------------------------------------------------------
 
 /** @param {any} step */
 const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
@@ -297,11 +283,8 @@ const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
     return words.say(aloud ? "does_say" : "does_show", { text });
   }
   if (way) {
-    return words.say("does_drive", {
-      s: way.seconds,
-      v: way.linear.toFixed(2),
-      w: way.angular.toFixed(2),
-    });
+    const [v, w] = [way.linear.toFixed(2), way.angular.toFixed(2)];
+    return words.say("does_drive", { s: way.seconds, v, w });
   }
   const degrees = Math.round(((turn ?? angle) * 180) / Math.PI);
   return turn !== null
@@ -310,74 +293,62 @@ const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
 };
 
 const status = () => {
-  if (!told.connected || told.silent) {
+  if (!state.connected || state.silent) {
     return "no_server";
   }
-  if (!told.online) {
+  if (!state.online) {
     return "no_robot";
   }
-  if (!told.scene?.session) {
+  if (!state.scene?.session) {
     return "nobody";
   }
-  if (told.granted) {
-    return told.robot?.safety.estop
-      ? "estop"
-      : told.robot?.safety.inhibited === "stopped"
-        ? "stopped"
-        : "operating";
+  if (state.granted) {
+    const { estop, inhibited } = state.robot?.safety ?? {};
+    return estop ? "estop" : inhibited === "stopped" ? "stopped" : "operating";
   }
-  return told.scene.operator === "other" ? "other" : "free";
+  return state.scene.operator === "other" ? "other" : "free";
 };
 
 const show = () => {
-  const { scene } = told;
+  const { scene } = state;
   const at = status();
   element("wizard").dataset.state = at;
   write(element("status"), words.say(at));
-  const fault = faultFor(told, unixNow());
-  const notice = fault?.word ?? told.notice;
+  const fault = faultFor(state, unixNow());
+  const notice = fault?.word ?? state.notice;
   element("notice").dataset.word = notice;
   write(element("notice"), notice && words.say(notice, fault?.values));
-  write(
-    element("participant"),
-    scene?.session
-      ? words.say(scene.visitorSeen ? "participant" : "participant_gone", { k: scene.participant })
-      : "",
-  );
+  const participant = scene?.visitorSeen ? "participant" : "participant_gone";
+  const text = scene?.session ? words.say(participant, { k: scene.participant }) : "";
+  write(element("participant"), text);
   write(element("condition"), scene?.condition ?? "");
   element("take").hidden = !(at === "free" || at === "other");
   write(element("take"), words.say(at === "other" ? "take_over" : "take"));
-  element("release").hidden = !told.granted;
-  element("line").querySelector("fieldset").disabled = !told.granted;
+  element("release").hidden = !state.granted;
+  element("line").querySelector("fieldset").disabled = !state.granted;
   element("hand").hidden = !scene?.script?.byHand;
-  element("hand").disabled = !told.granted;
+  element("hand").disabled = !state.granted;
   element("video-wait").hidden = viewport.isPlaying;
   showParticipant();
   showScript();
 };
 
 const showParticipant = () => {
-  const view = told.participant;
-  element("participant-view").hidden = !told.scene?.script?.participantView;
-  write(
-    element("cue"),
-    words.say(view?.cue ? `cue.${view.cue}` : "no_cue", { number: view?.number ?? "" }),
-  );
+  const view = state.participant;
+  element("participant-view").hidden = !state.scene?.script?.participantView;
+  const cue = view?.cue ? `cue.${view.cue}` : "no_cue";
+  write(element("cue"), words.say(cue, { number: view?.number ?? "" }));
 };
 
 const showScript = () => {
-  const script = told.scene?.script;
+  const script = state.scene?.script;
   const key = JSON.stringify(script ?? null);
   if (script && key !== drawn) {
     drawn = key;
     buttons = drawScript(script, element("script"), { describe, onPress: press });
   }
-  markSteps(
-    buttons,
-    told.scene?.done ?? [],
-    Boolean(told.granted),
-    told.moving?.key ?? told.running?.key ?? "",
-  );
+  const running = state.moving?.key ?? state.running?.key ?? "";
+  markSteps(buttons, state.scene?.done ?? [], Boolean(state.granted), running);
 };
 
 // --- keys and buttons ----------------------------------------------------------------------------
@@ -385,14 +356,15 @@ const showScript = () => {
 const keys = new KeyDispatcher();
 keys.add({
   down: (event) => {
-    const direction = Hand.directionOf(event.code);
-    const step = told.scene?.script?.stages
+    const command = keys.keymap.commandOf(event);
+    const direction = Hand.directionOf(command);
+    const step = state.scene?.script?.stages
       .flatMap((/** @type {any} */ stage) => stage.steps)
       .find((/** @type {any} */ one) => one.shortcut && one.shortcut === event.key.toLowerCase());
-    if (keys.keymap.commandOf(event) === "stop") {
+    if (command === "stop") {
       event.preventDefault();
       stop();
-    } else if (direction && told.scene?.script?.byHand) {
+    } else if (direction && state.scene?.script?.byHand) {
       event.preventDefault();
       hand.press(direction, "keyboard");
     } else if (step && !event.repeat) {
@@ -400,16 +372,16 @@ keys.add({
       press(step);
     }
   },
-  up: ({ code }) => {
-    const direction = Hand.directionOf(code);
+  up: (event) => {
+    const direction = Hand.directionOf(keys.keymap.commandOf(event));
     if (direction) {
       hand.release(direction);
     }
   },
   letGo: () => hand.letGo(),
 });
-document.addEventListener("visibilitychange", () => document.hidden && told.granted && stop());
-window.addEventListener("pagehide", () => told.granted && stop());
+document.addEventListener("visibilitychange", () => document.hidden && state.granted && stop());
+window.addEventListener("pagehide", () => state.granted && stop());
 
 for (const button of element("hand").querySelectorAll("[data-direction]")) {
   const { direction } = button.dataset;
@@ -423,30 +395,24 @@ for (const button of element("hand").querySelectorAll("[data-direction]")) {
   );
 }
 element("stop").addEventListener("click", stop);
-element("take").addEventListener("click", () => take(told.scene?.operator === "other"));
+element("take").addEventListener("click", () => take(state.scene?.operator === "other"));
 element("release").addEventListener("click", () => {
   connection.send("wizard/release", {});
-  told.again = "";
+  state.again = "";
   lose();
   show();
 });
 element("sound").addEventListener("click", () => {
-  told.sound = !told.sound;
-  viewport.setSound(told.sound);
-  element("sound").setAttribute("aria-pressed", String(told.sound));
+  state.sound = !state.sound;
+  viewport.setSound(state.sound);
+  element("sound").setAttribute("aria-pressed", String(state.sound));
 });
 element("line").addEventListener("submit", (/** @type {SubmitEvent} */ event) => {
   event.preventDefault();
   const text = element("line-text").value.trim();
-  if (
-    text &&
-    connection.send("wizard/line", {
-      text,
-      aloud: element("line-aloud").checked,
-      actionId: freshId("line-"),
-      stamp: unixNow(),
-    })
-  ) {
+  const aloud = element("line-aloud").checked;
+  const line = { text, aloud, actionId: freshId("line-"), stamp: unixNow() };
+  if (text && connection.send("wizard/line", line)) {
     element("line-text").value = "";
   }
 });

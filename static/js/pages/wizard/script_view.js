@@ -1,7 +1,4 @@
-/**
- * The script as buttons: a stage is a heading, a step a button with its key and, under its title,
- * what it says or does.
- */
+/** The script as buttons: a heading for each stage, a button for each step with its key. */
 
 import { make, makeButton } from "../../lib/dom.js";
 
@@ -42,7 +39,7 @@ const buttonOf = (step, description, press) => {
 
 /**
  * @param {Map<string, HTMLButtonElement>} buttons @param {string[]} done @param {boolean} enabled
- * @param {string} running key of the step that the robot does now
+ * @param {string} running key of the present step
  */
 export const markSteps = (buttons, done, enabled, running) => {
   for (const [key, button] of buttons) {

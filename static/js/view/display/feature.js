@@ -1,7 +1,4 @@
-/**
- * How the page is looked at: its profile, the whole screen, and a screen that stays lit. What a
- * profile is stands in profiles.js.
- */
+/** The profile of the page (profiles.js), full screen, and a screen that stays on. */
 
 import { recallProfile, rememberProfile } from "../../lib/storage.js";
 import { write } from "../../lib/dom.js";
@@ -9,16 +6,16 @@ import { createFullScreen } from "./full_screen.js";
 import { beginningOf, fixedProfile, nameOf } from "./profiles.js";
 import { createWakeLock } from "./wake_lock.js";
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, config } = page;
   const who = config.who ?? "";
   const keepAwake = createWakeLock({ document, locks: navigator.wakeLock });
   store.update({ profile: recallProfile(who) });
 
-  /** @param {boolean} again whether this very session went on before the page was loaded */
-  const begin = (again) => {
-    const { step, assist } = beginningOf(store.get(), again);
+  /** @param {boolean} isContinued whether the session continues after a reload */
+  const begin = (isContinued) => {
+    const { step, assist } = beginningOf(store.get(), isContinued);
     page.driving.steering.setStep(step);
     if (assist !== null) {
       page.autonomy.assist(assist);
@@ -36,17 +33,15 @@ const setUp = (page) => {
   return {
     on: {
       began: begin,
-      changed: (/** @type {State} */ { visit }) => keepAwake(visit.phase === "driving"),
+      changed: ({ visit }) => keepAwake(visit.phase === "driving"),
     },
-    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
+    render: (state) => renders.forEach((render) => render(state)),
   };
 };
 
 /** @param {Page} page @param {(name: string) => void} choose */
 const createProfiles = ({ element, words }, choose) => {
-  const buttons = /** @type {HTMLButtonElement[]} */ (
-    Array.from(element("profiles").querySelectorAll("button"))
-  );
+  const buttons = Array.from(element("profiles").querySelectorAll("button"));
   for (const button of buttons) {
     button.addEventListener("click", () => choose(button.value));
   }

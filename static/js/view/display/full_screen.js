@@ -1,12 +1,12 @@
 /**
- * The whole screen, where the browser has it for pages (an iPhone has it for videos alone, and
- * those hide the buttons). The browser takes Escape for itself then, so whoever leaves by it,
- * perhaps to stop, stops.
+ * Full screen, where the browser has it for pages (an iPhone has it for videos only, which would
+ * hide the buttons). The browser then uses Escape itself, so a visitor who presses it, perhaps to
+ * stop, also stops the robot.
  */
 
 /**
  * @param {object} options
- * @param {any} options.document Safari on older iPads has the names with a prefix alone
+ * @param {any} options.document Safari on older iPads has prefixed names only
  * @param {(byButton: boolean) => void} options.onLeft
  */
 export const createFullScreen = ({ document, onLeft }) => {
@@ -30,7 +30,7 @@ export const createFullScreen = ({ document, onLeft }) => {
     isOn,
     toggle: () => {
       byButton = isOn();
-      // A browser that says no leaves things as they are; the old names answer with nothing.
+      // The browser may refuse; the prefixed functions return nothing.
       (byButton ? exit.call(document) : enter.call(root, { navigationUI: "hide" }))?.catch(
         () => (byButton = false),
       );

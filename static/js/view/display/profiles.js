@@ -1,20 +1,18 @@
 /**
- * Profiles of the page: what it shows, how much it explains, and with which speed and assistance a
- * drive begins. Pure. The names are those of sessions/interfaces.py; static/css/profiles.css hides
- * by them too. Why a robot that ought to move does not is said in every one.
+ * Profiles of the page: what it shows and explains, and the speed and assistance at the start of a
+ * drive. Pure. The names are those of sessions/interfaces.py and static/css/profiles.css. Every
+ * profile shows why a robot does not move.
  */
 
 import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
 
 /**
  * @typedef {object} Profile
- * @property {number} step index into input/speeds.js STEPS to begin with
- * @property {string | null} assist level of assistance to begin with, null leaves it as the robot's
- *   owner has it
- * @property {boolean} explains whether it is told what the robot does to help
- * @property {boolean | null} laser whether laser points are drawn, null leaves it to the level of
- *   assistance
- * @property {boolean} figures whether the connection is shown in figures
+ * @property {number} step at the start, index into input/speeds.js STEPS
+ * @property {string | null} assist level of assistance at the start, null: the owner's
+ * @property {boolean} explains whether the page explains what assistance does
+ * @property {boolean | null} laser whether laser points are drawn, null: by the level of assistance
+ * @property {boolean} figures whether figures of the connection are shown
  */
 
 /** @type {Record<string, Profile>} */
@@ -36,8 +34,7 @@ const known = (name) => (Object.hasOwn(PROFILES, name) ? name : FIRST);
 export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interface || null;
 
 /**
- * The name of what is in force. One that a page does not know shows as the first, and is told as
- * that.
+ * The profile in force; an unknown one counts as the first.
  * @param {State} state @returns {string}
  */
 export const nameOf = (state) => known(fixedProfile(state) ?? state.profile);
@@ -46,15 +43,12 @@ export const nameOf = (state) => known(fixedProfile(state) ?? state.profile);
 export const profileOf = (state) => PROFILES[nameOf(state)];
 
 /**
- * What a drive begins with. One that only goes on keeps the assistance that the server knows of it.
- * @param {State} state
- * @param {boolean} again whether the drive continues after a reload
- * @returns {{step: number, assist: string | null}} assist null leaves it as it is
+ * Speed and assistance at the start of a drive; null keeps the assistance.
+ * @param {State} state @param {boolean} isContinued after a reload
+ * @returns {{step: number, assist: string | null}}
  */
-export const beginningOf = (state, again) => {
+export const beginningOf = (state, isContinued) => {
   const { step, assist } = profileOf(state);
-  return {
-    step,
-    assist: !again && offersAssist(state.factsheet) && !isAssistFixed(state) ? assist : null,
-  };
+  const mayChange = !isContinued && offersAssist(state.factsheet) && !isAssistFixed(state);
+  return { step, assist: mayChange ? assist : null };
 };

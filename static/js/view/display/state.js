@@ -1,7 +1,7 @@
-/** The slice of the page's state about how the page is looked at. */
+/** The display's slice of the page's state. */
 
 export const newSlice = () => ({
-  /** the profile that the visitor chose, null as long as it is not: profiles.js */
+  /** the profile that the visitor chose, or null: profiles.js */
   profile: /** @type {string | null} */ (null),
 });
 

@@ -1,7 +1,7 @@
 /**
- * Keeps the screen lit: a telephone that goes dark hides the page, which stops the robot. The
- * browser takes the lock away with every hiding, and may refuse it (a low battery); then it is
- * asked for again when the page is next seen.
+ * Keeps the screen on: a phone that turns it off hides the page, which stops the robot. The browser
+ * releases the lock when the page is hidden, and may refuse it (a low battery); it is then
+ * requested again when the page is next visible.
  */
 
 /**
@@ -27,7 +27,7 @@ export const createWakeLock = ({ document, locks }) => {
       lock = await locks.request("screen").catch(() => null);
       asking = false;
       if (!wanted) {
-        await settle(); // the drive ended meanwhile
+        await settle(); // the drive has ended
       }
     }
   };

@@ -1,6 +1,5 @@
 /**
- * The one line over the picture that matters most now. Pure: which words and how urgent;
- * readings.js shows it.
+ * Decides the one line over the video: the most important alert now. Pure; shown by readings.js.
  */
 
 import { clockTime } from "../../lib/clock.js";
@@ -14,26 +13,29 @@ import { profileOf } from "../display/profiles.js";
 import { faultAlert } from "../../protocol/faults.js";
 
 const SLOW_SECONDS = 0.4;
-const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
-const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
-/** What the robot does must be read while a card is open; faults of the server are on the card. */
+const READING_SECONDS = 8; // of a sentence that nothing else removes
+const NEEDED = new Set(["stop", "blind"]); // assistance that explains why the robot does not move
+/**
+ * Alerts of the robot that are shown while a card is open; faults of the server are on the card.
+ */
 const OVER_CARDS = /^alert\.(estop|estop_screen|runs_on|stop_unconfirmed)$/;
-/** In which a visitor without video waits for the server's answer, or in line. */
+/** In which a visitor without video waits for the server's answer, or in the queue. */
 const ASKING = new Set(["taking", "queued", "turn"]);
+
+/**
+ * @typedef {{word: string, tone: "danger" | "busy" | "calm",
+ *   values?: Record<string, string | number>} | null} Alert
+ */
 
 const RUNS_ON = /** @type {const} */ ({ word: "alert.runs_on", tone: "danger" });
 
 /** @param {string} word */
 export const staysOverCards = (word) => OVER_CARDS.test(word);
 
-/**
- * @param {State} state
- * @returns {{word: string, tone: "danger" | "busy" | "calm",
- *   values?: Record<string, string | number>} | null}
- */
+/** @param {State} state @returns {Alert} */
 export const alertFor = (state) => {
   const { visit, robot } = state;
-  // A robot whose emergency stop is on stands, whatever else it was told.
+  // the emergency stop includes any other stop
   if (state.stopUnconfirmed && !robot?.safety.estop) {
     return { word: "alert.stop_unconfirmed", tone: "danger" };
   }
@@ -48,7 +50,7 @@ export const alertFor = (state) => {
     linkAlert(state) ??
     (robot
       ? (answerAlert(state) ??
-        // A slow connection is said for as long as it is slow, a denial for some seconds.
+        // a slow connection is shown for as long as it is slow, a denial for some seconds
         (denial ? null : slowAlert(state)) ??
         helpAlert(state) ??
         denial ??
@@ -60,15 +62,14 @@ export const alertFor = (state) => {
 };
 
 /**
- * What a card says in a line of its own: what fails at the server, or what it denied. The card
- * covers the line over the video, which may say something else of the robot.
- * @param {State} state @returns {ReturnType<typeof alertFor>}
+ * A line on the card, which covers the one over the video: faults of the server, or its denials.
+ * @param {State} state @returns {Alert}
  */
 export const warningFor = (state) => serverAlert(state) ?? denialAlert(state) ?? diskAlert(state);
 
 /**
- * That the server does not work, or cannot be reached.
- * @param {State} state @returns {ReturnType<typeof alertFor>}
+ * The server does not work, or cannot be reached.
+ * @param {State} state @returns {Alert}
  */
 const serverAlert = (state) => {
   const { visit, serverSilent } = state;
@@ -93,38 +94,30 @@ const serverAlert = (state) => {
   return cutOff || visit.serverBlind ? { word: "alert.server", tone: "busy" } : null;
 };
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const diskAlert = ({ visit, faults }) => {
   const fault = roleOf(visit) && faults.find((/** @type {any} */ { then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const robotAlert = (state) => {
   const { visit, robot, room, operates } = state;
-  // While the robot itself talks to the page it is there, whatever the server believes.
+  // A robot with a live link is online, whatever the server knows.
   if (!visit.online && visit.link !== "live") {
-    return (
-      faultAlert(state) ??
-      (visit.serverBlind
-        ? { word: "alert.server", tone: "busy" }
-        : {
-            word: isUnguarded(state) ? "alert.offline_unguarded" : "alert.robot_offline",
-            tone: "danger",
-          })
-    );
+    const offline = isUnguarded(state) ? "alert.offline_unguarded" : "alert.robot_offline";
+    const blind = /** @type {const} */ ({ word: "alert.server", tone: "busy" });
+    return faultAlert(state) ?? (visit.serverBlind ? blind : { word: offline, tone: "danger" });
   }
   if (isCutOff(state)) {
-    return null; // what it said of itself last may be over
+    return null; // its last state may be outdated
   }
   if (reports(robot, "runs_on")) {
     return RUNS_ON;
   }
   if (robot?.safety.estop) {
-    return {
-      word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop",
-      tone: "danger",
-    };
+    const isScreen = robot.safety.estopSource?.startsWith("screen");
+    return { word: isScreen ? "alert.estop_screen" : "alert.estop", tone: "danger" };
   }
   if (robot?.safety.inhibited === "fault") {
     return { word: isAway(robot) ? "alert.not_connected" : "alert.fault", tone: "danger" };
@@ -145,16 +138,15 @@ const robotAlert = (state) => {
 };
 
 /**
- * Whether nothing stops the robot's own navigation when the robot's computer is cut off.
+ * Whether the robot's own navigation continues when the robot's computer is cut off.
  * @param {State} state
  */
 const isUnguarded = ({ factsheet }) => factsheet?.navigationControl === "unguarded";
 
 /**
- * What happened, on which side, and the way out: a contact beside the robot keeps it from turning,
- * one ahead or behind from driving on (robots/agent/safety/contacts.py).
- * @param {string[]} sides that were touched and not backed away from yet
- * @returns {string} a word, or nothing
+ * A contact: its side, and how to get away. One beside the robot blocks turning, one ahead or
+ * behind blocks driving (robots/agent/safety/contacts.py).
+ * @param {string[]} sides of contacts that remain @returns {string} a word, or ""
  */
 const touchedWord = (sides) => {
   const has = (/** @type {string} */ side) => sides.includes(side);
@@ -164,12 +156,12 @@ const touchedWord = (sides) => {
   if (has("left") && has("right")) {
     return "alert.touched.sides";
   }
-  // Who touched with a front corner backs off from both.
+  // after a contact at a front corner, the robot backs off from both sides
   const [most] = has("behind") ? ["behind"] : sides.filter((side) => side !== "ahead");
   return sides.length ? `alert.touched.${most ?? "ahead"}` : "";
 };
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const linkAlert = (state) => {
   const { visit, robot, slow, playing, still, stuck } = state;
   const server = serverAlert(state);
@@ -180,10 +172,8 @@ const linkAlert = (state) => {
     return { word: "alert.sfu_lost", tone: "busy" };
   }
   if (visit.link === "lost" && !(slow && playing)) {
-    return {
-      word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer",
-      tone: "busy",
-    };
+    const isDriver = visit.phase === "driving";
+    return { word: isDriver ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
   }
   if (robot?.cameraStatus?.reason && playing) {
     return { word: "alert.camera", tone: "danger" };
@@ -195,8 +185,8 @@ const linkAlert = (state) => {
 };
 
 /**
- * A request of the visitor that the server has just denied, until they ask for something else.
- * @param {State} state @returns {ReturnType<typeof alertFor>}
+ * A request that the server has just denied, until the next one.
+ * @param {State} state @returns {Alert}
  */
 const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
   if (!denial || now >= denial.until || !isUnsettled(denial.word, visit)) {
@@ -208,15 +198,15 @@ const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
     : { word: denial.word, tone: "busy" };
 };
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const slowAlert = ({ visit, roundTrip, stuck }) =>
   !stuck && visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS
     ? { word: "alert.slow", tone: "busy" }
     : null;
 
 /**
- * The newest answer to what the visitor has just tried.
- * @param {State} state @returns {ReturnType<typeof alertFor>}
+ * The newest answer to the visitor's input.
+ * @param {State} state @returns {Alert}
  */
 const answerAlert = (state) => {
   const { barred, said, now } = state;
@@ -227,16 +217,14 @@ const answerAlert = (state) => {
 };
 
 /**
- * What keeps the robot from doing what its driver wants.
- * @param {State} state @returns {ReturnType<typeof alertFor>}
+ * Why the robot does not do what its driver wants.
+ * @param {State} state @returns {Alert}
  */
 const helpAlert = (state) => {
   const { visit, robot, help, now, pushedAt, stuck, releasedAt } = state;
   if (visit.phase === "driving" && robot.docked && now - pushedAt < READING_SECONDS) {
-    return {
-      word: wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself",
-      tone: "busy",
-    };
+    const word = wayOut(state) ? "alert.docked_forward" : "alert.docked_forward_yourself";
+    return { word, tone: "busy" };
   }
   if (visit.phase === "driving" && now - releasedAt < READING_SECONDS) {
     return { word: "alert.released", tone: "calm" };
@@ -248,14 +236,13 @@ const helpAlert = (state) => {
   return stuck ? { ...stuck, tone: "busy" } : null;
 };
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const lostAlert = ({ robot }) =>
   robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 
-/** @param {State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {State} state @returns {Alert} */
 const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {
-  // A task says itself how much time is left, and so does the page that waits around a practice
-  // robot's.
+  // a task shows the time left itself, and so does the page around a practice drive
   if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
     const time = clockTime(Math.max(0, Math.ceil(visit.turnEnds - now)));
     return { word: "alert.turn_ends", tone: "busy", values: { time } };
@@ -263,10 +250,6 @@ const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => 
   if (notice) {
     return { word: "alert.notice", tone: "calm", values: { text: notice } };
   }
-  return slow && playing
-    ? {
-        word: visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer",
-        tone: "calm",
-      }
-    : null;
+  const word = visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer";
+  return slow && playing ? { word, tone: "calm" } : null;
 };

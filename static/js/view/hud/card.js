@@ -1,6 +1,6 @@
 /**
- * The card in the middle of the picture: what this visit is waiting for, asks, or ended with, and
- * one thing to do about it. Pure: which words and buttons; card_panel.js shows them.
+ * Decides the text and buttons of the card over the video: what the session is waiting for, asks,
+ * or how it ended. Pure; rendered by card_panel.js.
  */
 
 import { releaseFor, setsOut } from "../../autonomy/offer.js";
@@ -12,38 +12,38 @@ import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
 import { isAway, isCutOff, standstillOf } from "../../protocol/standstill.js";
 
 /**
- * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
+ * @typedef {{action: string, url: string}} FreeRobot label and address of its button
+ * @typedef {{action: string, word: string}} Button
  *
  * @typedef {object} Card
  * @property {string} word the sentences are `<word>.title` and `<word>.text`
  * @property {Record<string, string | number>} [values] for the sentences
  * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence
  *   in front of the text
- * @property {ReturnType<typeof warningFor>} [warning] a line of its own: what fails just now
- * @property {boolean} [busy] something is under way
- * @property {{action: string, word: string}} [main]
- * @property {{action: string, word: string}} [other]
- * @property {{action: string, word: string}} [extra] something to do while waiting
+ * @property {ReturnType<typeof warningFor>} [warning] an alert, in a line of its own
+ * @property {boolean} [busy] something is in progress
+ * @property {Button} [main]
+ * @property {Button} [other]
+ * @property {Button} [extra] something to do while waiting
  * @property {FreeRobot[]} [instead] robots that can be driven at once
  * @property {number} [countdown] seconds
- * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must
- *   not answer
+ * @property {boolean} [quiet] no button gets the focus, so that no key answers by mistake
  */
 
 const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
 const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
-/** A simulated robot ends without users: only a new request starts one. */
+/** A simulated robot without users ends; only a new request starts one. */
 const PRACTISE_AGAIN = { action: "practise_again", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
 const SOUVENIR = { action: "souvenir", word: "do.souvenir" };
-const SHORTEST_TRIP = 0.5; // m that are worth a picture
+const SHORTEST_TRIP = 0.5; // m; no picture of less
 const SIGN_IN = { action: "sign_in", word: "do.sign_in" };
 
-/** The ends that have words of their own, and what a visitor may do then. */
-const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
+/** The outcomes that have words of their own, and the button for each. */
+const AFTER = /** @type {Record<string, Button>} */ ({
   moved: TAKE_OVER,
   turn_missed: AGAIN,
   idle: AGAIN,
@@ -83,7 +83,7 @@ const usualCard = (state) => {
     };
   }
   if (state.takingOver) {
-    // The press that asked does not answer: its place is that of the button that leaves it so.
+    // "Not now" is where the button was that asked, so that a double click changes nothing.
     return {
       word: "taking_over",
       main: { action: "stay", word: "do.not_now" },
@@ -96,8 +96,8 @@ const usualCard = (state) => {
 };
 
 /**
- * The card of who waits for a robot whose emergency stop they may release. Its button is not where
- * the one to drive was a moment ago: nobody is to release a stop by a press meant for that.
+ * Card for a waiting operator, who may release the robot's emergency stop. Its button is not in the
+ * place of the one to drive, so that no press meant for that releases a stop.
  * @param {Card} card @param {State} state @returns {Card}
  */
 const withRelease = (card, state) => {
@@ -114,8 +114,7 @@ const CARDS = {
   connecting: ({ finding }) => ({ word: "connecting", busy: true, detail: finding }),
   closed: (state) => closed(state),
   lobby: (state) => lobby(state),
-  taking: ({ visit }) =>
-    visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true },
+  taking: ({ visit }) => ({ word: visit.socket === "open" ? "taking" : "connecting", busy: true }),
   queued: ({ visit, room, freeRobots, ...state }) => ({
     instead: freeRobots,
     ...queued(visit, room, Boolean(state.robot?.docked)),
@@ -132,25 +131,22 @@ const CARDS = {
   driving: (state) => link(state),
   watching: (state) => link(state),
   elsewhere: (state) => elsewhere(state),
-  refused: ({ visit, ...state }) => ({
-    word:
-      visit.reason === "offline" && isSimulated(state)
-        ? "refused.simulated"
-        : `refused.${visit.reason}`,
-    main: ["offline", "observers_full"].includes(visit.reason) ? tryAgain(state) : HOME,
+  refused: ({ visit: { reason }, ...state }) => ({
+    word: `refused.${reason === "offline" && isSimulated(state) ? "simulated" : reason}`,
+    main: ["offline", "observers_full"].includes(reason) ? tryAgain(state) : HOME,
   }),
-  ended: ({ visit, finding, guest, trip, practising, returnsHome, robot }) => ({
-    ...ended(visit.reason, { guest, practising }, returnsHome && robot?.docked === false),
-    detail: BROKEN.has(visit.reason) ? finding : null,
-    extra:
-      trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved"
-        ? SOUVENIR
-        : undefined,
-  }),
+  ended: ({ visit: { reason }, finding, guest, trip, practising, returnsHome, robot }) => {
+    const hasSouvenir = trip && trip.metres > SHORTEST_TRIP && !practising && reason !== "moved";
+    return {
+      ...ended(reason, { guest, practising }, returnsHome && robot?.docked === false),
+      detail: BROKEN.has(reason) ? finding : null,
+      extra: hasSouvenir ? SOUVENIR : undefined,
+    };
+  },
 };
 
 /**
- * Whether the page's robot is one to try or practise with: it cannot be switched off.
+ * Whether the robot is a simulated one.
  * @param {Pick<State, "practising" | "guest">} state
  */
 const isSimulated = ({ practising, guest }) => practising || guest;
@@ -159,7 +155,7 @@ const isSimulated = ({ practising, guest }) => practising || guest;
 const tryAgain = (state) => (isSimulated(state) ? PRACTISE_AGAIN : BACK);
 
 /**
- * What one may do while one waits.
+ * What to do while waiting.
  * @param {Pick<State, "practice" | "notifiable">} state @returns {Partial<Card>}
  */
 const meanwhile = ({ practice, notifiable }) => {
@@ -172,11 +168,11 @@ const meanwhile = ({ practice, notifiable }) => {
     : { main: tell };
 };
 
-/** The ends after which a robot that stopped would be no news once it is on its way home. */
+/** The outcomes after which the card says that the robot returns to its dock. */
 const GOES_HOME = new Set(["completed", "left", "timed_out", "idle"]);
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
 
-/** The page does nothing any more, or nothing yet. @param {State} state @returns {Card} */
+/** @param {State} state @returns {Card} */
 const closed = ({ visit, betterBrowser, copied }) => {
   const word = `closed.${visit.reason}`;
   if (visit.reason === "in_app") {
@@ -194,7 +190,7 @@ const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 
 /**
- * Who keeps the queue waiting, or how the robot does when nobody drives it.
+ * The driver, or why a robot without a driver is not ready.
  * @param {Visit} visit @param {State["room"]} room @param {boolean} docked @returns {Card}
  */
 const queued = ({ place, pause }, room, docked) => {
@@ -203,14 +199,10 @@ const queued = ({ place, pause }, room, docked) => {
     return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
   }
   if (!PAUSES.has(why)) {
-    return {
-      word: place <= 1 ? "queued.next" : "queued",
-      detail: room.private
-        ? PRIVATE
-        : room.driver
-          ? { word: "queued.driver", values: { driver: room.driver } }
-          : null,
-    };
+    const { driver } = room;
+    const named = driver ? { word: "queued.driver", values: { driver } } : null;
+    const word = place <= 1 ? "queued.next" : "queued";
+    return { word, detail: room.private ? PRIVATE : named };
   }
   if (reason === "offline" || reason === "estop") {
     return { word: `queued.${reason}` };
@@ -226,9 +218,9 @@ const queued = ({ place, pause }, room, docked) => {
 };
 
 /**
- * A newer server may know more ends: for those there are general words.
+ * With general words for the outcomes of a newer server.
  * @param {string} reason @param {{guest: boolean, practising: boolean}} who
- * @param {boolean} goesHome whether the robot drives to its station now
+ * @param {boolean} goesHome whether the robot drives to its dock now
  * @returns {Card}
  */
 const ended = (reason, { guest, practising }, goesHome) => {
@@ -247,7 +239,7 @@ const ended = (reason, { guest, practising }, goesHome) => {
 };
 
 /**
- * The visitor drives already, or another with the visitor's account.
+ * The visitor's account drives on another page.
  * @param {Pick<State, "visit" | "elsewhere">} state @returns {Card}
  */
 const elsewhere = ({ visit: { liveSince }, elsewhere: where }) => ({
@@ -308,26 +300,22 @@ const lobby = (state) => {
     (room.waiting > 0 ? "waiting" : "");
   const stopped = state.operates ? "lobby.stopped_operates" : "lobby.stopped";
   const ready = isHeld(robot, room.driver) ? stopped : leaves ? "lobby.docked" : "lobby";
+  const [queue, drive] = [
+    { action: "drive", word: "do.queue" },
+    { action: "drive", word: "do.drive" },
+  ];
   return word
-    ? {
-        word: `lobby.${word}`,
-        values: { place: room.waiting + 1 },
-        main: { action: "drive", word: "do.queue" },
-        other,
-      }
-    : {
-        word: ready,
-        main: { action: "drive", word: "do.drive" },
-        other,
-      };
+    ? { word: `lobby.${word}`, values: { place: room.waiting + 1 }, main: queue, other }
+    : { word: ready, main: drive, other };
 };
 
 /**
- * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is
- * lost has its banner instead, so that the last picture stays in sight, until it is known why; so
- * has a robot that is out of reach, whose camera nobody knows anything of.
+ * There is no video yet: the link is being made, the camera starts, or why it does not. A lost link
+ * has an alert instead, so that the last frame stays visible until the reason is known, and so has
+ * a robot out of reach.
+ * @param {State} state @returns {Card | null}
  */
-const link = (/** @type {State} */ state) => {
+const link = (state) => {
   const { visit, robot, finding, slow } = state;
   if (!roleOf(visit) || state.playing || isCutOff(state) || isAway(robot)) {
     return null;
@@ -338,11 +326,8 @@ const link = (/** @type {State} */ state) => {
     return null;
   }
   if (camera?.reason) {
-    return {
-      word: "camera",
-      busy: true,
-      detail: { word: "camera.reason", values: { reason: camera.reason } },
-    };
+    const detail = { word: "camera.reason", values: { reason: camera.reason } };
+    return { word: "camera", busy: true, detail };
   }
   return { word: "link", busy: true, detail: camera ? null : finding };
 };

@@ -1,15 +1,11 @@
-/**
- * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
- */
+/** Shows a card. It is no modal dialog, which would cover the stop button. */
 
-import { backToDriving, make, write } from "../../lib/dom.js";
+import { backToDriving, make, showButton, write } from "../../lib/dom.js";
 
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {GetElement} options.element gives the page's elements: #card, with #card-title,
-   *   #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other and
-   *   #card-count in it
+   * @param {GetElement} options.element
    * @param {Words} options.words @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
@@ -21,19 +17,17 @@ export class CardPanel {
     this.warning = part("warning");
     this.text = part("text");
     this.count = part("count");
-    this.main = /** @type {HTMLButtonElement} */ (part("main"));
-    this.extra = /** @type {HTMLButtonElement} */ (part("extra"));
-    this.other = /** @type {HTMLButtonElement} */ (part("other"));
+    this.buttons = [part("main"), part("extra"), part("other")];
     this.instead = part("instead");
     this.offered = "";
     this.shown = "";
     this.instead.addEventListener("click", (event) => {
       const opensHere = !(event.ctrlKey || event.metaKey || event.shiftKey);
       if (opensHere && event.target instanceof HTMLAnchorElement) {
-        onAction("leave_now"); // a driver of another robot leaves the queue of this one
+        onAction("leave_now"); // to drive another robot, the visitor leaves this queue
       }
     });
-    for (const button of [this.main, this.extra, this.other]) {
+    for (const button of this.buttons) {
       button.addEventListener("click", () => onAction(button.dataset.action ?? ""));
     }
   }
@@ -48,33 +42,21 @@ export class CardPanel {
       this.shown = "";
       return;
     }
-    const {
-      word,
-      values = {},
-      detail = null,
-      warning = null,
-      busy = false,
-      main,
-      extra,
-      other,
-      instead = [],
-      countdown,
-      quiet = false,
-    } = card;
+    const { word, values = {}, warning = null, busy = false, countdown, quiet } = card;
     this.element.toggleAttribute("data-busy", busy);
-    // one that asks nothing but for patience leaves the keys alone
+    // a card without a question does not take the keys
     this.element.toggleAttribute("data-holds-keys", !busy);
     this.element.dataset.card = word;
     write(this.title, this.words.say(`${word}.title`, values));
     this.warning.hidden = warning === null;
     this.warning.dataset.word = warning?.word ?? "";
     write(this.warning, warning ? this.words.say(warning.word, warning.values) : "");
-    write(this.text, textOf({ word, values, detail }, this.words));
+    write(this.text, textOf(card, this.words));
     write(this.count, countdown === undefined ? "" : String(countdown));
-    this.#button(this.main, main);
-    this.#button(this.extra, extra);
-    this.#button(this.other, other);
-    this.#offer(instead);
+    [card.main, card.extra, card.other].forEach((button, i) => {
+      showButton(this.buttons[i], button, this.words);
+    });
+    this.#offer(card.instead ?? []);
     if (word !== this.shown) {
       const first = this.shown === "";
       this.shown = word;
@@ -104,29 +86,11 @@ export class CardPanel {
     );
   }
 
-  /** @param {HTMLButtonElement} button @param {{action: string, word: string} | undefined} what */
-  #button(button, what) {
-    button.hidden = !what;
-    button.dataset.action = what?.action ?? "";
-    write(button, what ? this.words.say(what.word) : "");
-  }
-
-  /**
-   * After a press on a button of the last card the focus is on this card's button, not on the
-   * bare page.
-   */
+  /** Focuses a button of this card, if the focus is on the page or was on the card before. */
   #takeFocus() {
-    const active = document.activeElement;
-    const lost =
-      active === null ||
-      active === document.body ||
-      (active instanceof HTMLElement && active.hidden) ||
-      active === this.main ||
-      active === this.extra ||
-      active === this.other;
-    if (lost) {
-      const target =
-        [this.main, this.extra, this.other].find((button) => !button.hidden) ?? this.title;
+    const active = /** @type {HTMLElement | null} */ (document.activeElement);
+    if (!active || active === document.body || active.hidden || this.buttons.includes(active)) {
+      const target = this.buttons.find((button) => !button.hidden) ?? this.title;
       target.focus({ preventScroll: true });
     }
   }

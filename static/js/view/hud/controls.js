@@ -1,35 +1,25 @@
 /**
  * The page's buttons: stop, leave, sound, map, speed and assistance. A button that was pressed with
- * a pointer gives the focus back, so that the space bar stops the robot instead of pressing it
- * again.
+ * a pointer loses the focus, so that the space bar stops the robot instead of pressing it again.
  */
 
 import { roleOf } from "../../protocol/session.js";
 import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
 import { assistIn } from "../../autonomy/assistance.js";
-import { write } from "../../lib/dom.js";
+import { pressStop, write } from "../../lib/dom.js";
 
 /**
  * @param {GetElement} element @param {Words} words @param {(action: string) => void} act
  * @returns {(state: State) => void}
  */
 export const createControls = (element, words, act) => {
-  const stop = /** @type {HTMLButtonElement} */ (element("stop"));
-  const leave = /** @type {HTMLButtonElement} */ (element("leave"));
-  const sound = /** @type {HTMLButtonElement} */ (element("sound"));
-  const map = /** @type {HTMLButtonElement} */ (element("map-toggle"));
-  const turn = /** @type {HTMLButtonElement} */ (element("turn-around"));
-  const tools = /** @type {HTMLButtonElement[]} */ (
-    Array.from(element("map-tools").querySelectorAll("button"))
-  );
-  const speeds = /** @type {HTMLButtonElement[]} */ (
-    Array.from(element("speed").querySelectorAll("button"))
-  );
-  const assists = /** @type {HTMLButtonElement[]} */ (
-    Array.from(element("assist").querySelectorAll("button"))
-  );
+  const one = (/** @type {string} */ id) => /** @type {HTMLButtonElement} */ (element(id));
+  const all = (/** @type {string} */ id) => Array.from(element(id).querySelectorAll("button"));
+  const [stop, leave, sound] = [one("stop"), one("leave"), one("sound")];
+  const [map, turn] = [one("map-toggle"), one("turn-around")];
+  const [speeds, assists] = [all("speed"), all("assist")];
 
-  for (const button of [leave, sound, map, turn, ...tools, ...speeds, ...assists]) {
+  for (const button of [leave, sound, map, turn, ...all("map-tools"), ...speeds, ...assists]) {
     button.addEventListener("click", (event) => {
       act(button.dataset.action ?? "");
       if (event.detail > 0) {
@@ -37,7 +27,7 @@ export const createControls = (element, words, act) => {
       }
     });
   }
-  setUpStop(stop, act);
+  pressStop(stop, () => act("stop"));
 
   return (state) => {
     const role = roleOf(state.visit);
@@ -47,12 +37,9 @@ export const createControls = (element, words, act) => {
     sound.hidden = role === "" || state.slow; // pictures through the server have no sound
     sound.setAttribute("aria-pressed", String(state.sound));
     write(element("sound-text"), words.say(state.sound ? "do.sound_off" : "do.sound_on"));
-    turn.hidden =
-      role !== "driver" ||
-      !state.playing ||
-      !state.robot ||
-      state.robot.docked ||
-      state.robot.safety.estop;
+    const { robot } = state;
+    const mayTurn = role === "driver" && state.playing && robot;
+    turn.hidden = !mayTurn || robot.docked || robot.safety.estop;
     map.setAttribute("aria-expanded", String(state.mapOpen));
     element("drive-page").toggleAttribute("data-map-closed", !state.mapOpen);
     write(element("map-toggle-text"), words.say(state.mapOpen ? "do.map_hide" : "do.map_show"));
@@ -68,20 +55,4 @@ export const createControls = (element, words, act) => {
       button.toggleAttribute("data-asked", level === state.assistAsked?.level);
     }
   };
-};
-
-/**
- * At the moment of pressing, not of lifting: a stop is not to be thought over.
- * @param {HTMLButtonElement} stop @param {(action: string) => void} act
- */
-const setUpStop = (stop, act) => {
-  stop.addEventListener("pointerdown", (event) => {
-    event.preventDefault();
-    act("stop");
-  });
-  stop.addEventListener("click", (event) => {
-    if (event.detail === 0) {
-      act("stop");
-    }
-  });
 };

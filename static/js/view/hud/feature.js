@@ -1,7 +1,4 @@
-/**
- * What lies over and round the video: the card, the bar on top, the buttons, and what screen
- * readers are told.
- */
+/** Over and around the video: the card, the bar on top, the buttons, and announcements. */
 
 import { offerFor } from "../../autonomy/offer.js";
 import { write } from "../../lib/dom.js";
@@ -12,7 +9,7 @@ import { CardPanel, textOf } from "./card_panel.js";
 import { createControls } from "./controls.js";
 import { createReadings } from "./readings.js";
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = ({ words, element, act }) => {
   const root = element("drive-page");
   const panel = new CardPanel({ element, words, onAction: act });
@@ -24,20 +21,14 @@ const setUp = ({ words, element, act }) => {
 
   return {
     api: { alertFor, cardFor },
-    render: (/** @type {State} */ state) => {
-      const { visit } = state;
-      Object.assign(root.dataset, {
-        phase: visit.phase,
-        link: visit.link,
-        role: roleOf(visit),
-        transport: state.transport,
-      });
+    render: (state) => {
+      const { visit, transport } = state;
+      const { phase, link } = visit;
+      Object.assign(root.dataset, { phase, link, role: roleOf(visit), transport });
       root.toggleAttribute("data-playing", state.playing);
       root.toggleAttribute("data-slow", state.slow);
-      root.toggleAttribute(
-        "data-frozen",
-        roleOf(visit) !== "" && (state.slow ? !state.playing : visit.link === "lost"),
-      );
+      const isFrozen = state.slow ? !state.playing : link === "lost";
+      root.toggleAttribute("data-frozen", roleOf(visit) !== "" && isFrozen);
       panel.show(cardFor(state));
       renders.forEach((render) => render(state));
     },
@@ -45,7 +36,7 @@ const setUp = ({ words, element, act }) => {
 };
 
 /**
- * Says to screen readers what others see: the card, the alert and the offer, once each.
+ * Announces the card, the alert and the offer to screen readers, once each.
  * @param {HTMLElement} element an aria-live region
  * @param {Words} words
  */
@@ -55,26 +46,16 @@ const createAnnouncer = (element, words) => {
     const card = cardFor(state);
     const alert = alertFor(state);
     const offer = offerFor(state);
-    // A count-down is not read out second by second: the sentence is announced when its word
-    // changes.
-    const key = [
-      card?.word,
-      alert?.word,
-      card?.values?.place,
-      offer?.word,
-      offer?.detail?.word,
-    ].join("|");
+    // without values, which change every second
+    const names = [card?.word, alert?.word, offer?.word, offer?.detail?.word];
+    const key = [...names, card?.values?.place].join("|");
     if (key !== said) {
       said = key;
       const lines = [alert, offer, offer?.detail].map(
         (one) => one && words.say(one.word, one.values),
       );
-      const sentences = [
-        ...lines,
-        card && words.say(`${card.word}.title`, card.values),
-        card && textOf(card, words),
-      ];
-      write(element, sentences.filter(Boolean).join(" "));
+      const title = card && words.say(`${card.word}.title`, card.values);
+      write(element, [...lines, title, card && textOf(card, words)].filter(Boolean).join(" "));
     }
   };
 };

@@ -1,41 +1,40 @@
 /**
- * Why a robot without a driver is not assigned: what the server says in `room` and
- * `session/queued` (sessions/protocol.py), with the labels that robots/cards.py has for lists of
- * robots; tests/unit/sessions/test_robot_labels.py binds the two. Pure.
+ * Why a robot without a driver is not ready, from `room` and `session/queued`
+ * (sessions/protocol.py), with the labels of robots/cards.py, which
+ * tests/unit/sessions/test_robot_labels.py compares. Pure.
  */
 
 import { reasonFor } from "../../autonomy/reasons.js";
 
-/** The robot is in its station, and not ready yet. */
+/** The robot is docked, and not ready yet. */
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
 
 /** @typedef {"" | "returning" | "checked" | "charging" | "paused" | "held" | "start"} Why */
 
 /**
- * @param {string} told
- * @returns {{why: Why, reason: string}} `checked` is a robot that returned, and looks at itself;
- *   `start` one that is not as a study needs it
+ * @param {string} pause the server's: a word, a colon, and a reason
+ * @returns {{why: Why, reason: string}} `checked`: a robot that has returned and is being checked;
+ *   `start`: not as a study needs it
  */
-export const pauseOf = (told) => {
-  const [phase, ...rest] = told.split(":");
+export const pauseOf = (pause) => {
+  const [phase, ...rest] = pause.split(":");
   const reason = rest.join(":").trim();
   const why = phase === "returning" && CHECKS.has(reason) ? "checked" : phase;
   return { why: /** @type {Why} */ (why), reason };
 };
 
 /**
- * What the robot does between two visits, for visitors outside its queue.
- * @param {string} told
- * @returns {Why} empty when it is ready
+ * The same for visitors outside its queue.
+ * @param {string} pause @returns {Why} empty when it is ready
  */
-export const betweenVisits = (told) => {
-  const { why } = pauseOf(told);
+export const betweenVisits = (pause) => {
+  const { why } = pauseOf(pause);
   return why === "start" ? "" : why;
 };
 
 /**
- * What a robot says of itself to whoever drives it, as it is said to whoever waits: without what to
- * do, and without what the robot is doing that moment, for it has tried again since.
+ * The words for waiting visitors in place of those for the driver: without advice, and without what
+ * the robot is doing at the moment.
  */
 const FOR_WAITING = /** @type {Record<string, string | null>} */ ({
   "reason.before_dock": "because.before_dock",

@@ -1,7 +1,4 @@
-/**
- * The bar on top and the line over the picture: what is written into the page's elements, and
- * nothing else.
- */
+/** Shows the bar on top and the alert over the video. */
 
 import { roleOf } from "../../protocol/session.js";
 import { alertFor, staysOverCards } from "./alert.js";
@@ -13,37 +10,18 @@ const LOW_BATTERY = 0.2;
 
 /** @param {GetElement} element @param {Words} words @returns {(state: State) => void} */
 export const createReadings = (element, words) => {
-  const parts = {
-    status: element("status"),
-    statusText: element("status-text"),
-    alert: element("alert"),
-    people: element("people"),
-    peopleText: element("people-text"),
-    waiting: element("waiting"),
-    waitingText: element("waiting-text"),
-    battery: element("battery"),
-    batteryName: element("battery-name"),
-    batteryText: element("battery-text"),
-    batteryMore: element("battery-more"),
-    batteryLevel: element("battery-level"),
-    trip: element("round-trip"),
-    tripText: element("round-trip-text"),
-  };
-
   return (state) => {
     const status = statusFor(state);
-    parts.status.dataset.tone = status.tone;
-    write(parts.statusText, words.say(status.word));
-    showAlert(parts.alert, state, words);
-    showPeople(parts, state, words);
-    showBattery(parts, state, words);
+    element("status").dataset.tone = status.tone;
+    write(element("status-text"), words.say(status.word));
+    showAlert(element("alert"), state, words);
+    showPeople(element, state, words);
+    showBattery(element, state, words);
     const trip = roleOf(state.visit) === "driver" ? state.roundTrip : null;
-    parts.trip.hidden = trip === null;
-    parts.trip.dataset.transport = state.transport;
-    write(
-      parts.tripText,
-      trip === null ? "" : words.say("reading.round_trip", { ms: Math.round(trip * 1000) }),
-    );
+    element("round-trip").hidden = trip === null;
+    element("round-trip").dataset.transport = state.transport;
+    const ms = Math.round(1000 * Number(trip));
+    write(element("round-trip-text"), trip === null ? "" : words.say("reading.round_trip", { ms }));
   };
 };
 
@@ -57,42 +35,39 @@ const showAlert = (line, state, words) => {
   write(line, alert ? words.say(alert.word, alert.values) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {State} state @param {Words} words */
-const showPeople = (parts, { visit, room }, words) => {
+/** @param {GetElement} element @param {State} state @param {Words} words */
+const showPeople = (element, { visit, room }, words) => {
   const others = Math.max(0, room.observers - (visit.phase === "watching" ? 1 : 0));
   const driver = visit.phase !== "driving" && room.driving && room.driver;
   const sentences = [
     driver ? words.say("reading.driver", { driver }) : "",
     others ? words.say("reading.watching", { n: others }) : "",
   ];
-  parts.people.hidden = !sentences.some(Boolean);
-  parts.people.dataset.watching = String(others);
-  write(parts.peopleText, sentences.filter(Boolean).join(" · "));
-  // the card says where in the queue one is oneself
+  element("people").hidden = !sentences.some(Boolean);
+  element("people").dataset.watching = String(others);
+  write(element("people-text"), sentences.filter(Boolean).join(" · "));
+  // without the visitor, whose place is on the card
   const waits = Math.max(0, room.waiting - (["queued", "turn"].includes(visit.phase) ? 1 : 0));
-  parts.waiting.hidden = waits === 0;
-  write(parts.waitingText, waits ? words.say("reading.waiting", { n: waits }) : "");
+  element("waiting").hidden = waits === 0;
+  write(element("waiting-text"), waits ? words.say("reading.waiting", { n: waits }) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {State} state @param {Words} words */
-const showBattery = (parts, state, words) => {
+/** @param {GetElement} element @param {State} state @param {Words} words */
+const showBattery = (element, state, words) => {
   const robot = knownNow(state);
-  parts.battery.hidden = !robot;
+  const battery = element("battery");
+  battery.hidden = !robot;
   if (!robot) {
     return;
   }
   const { charge, charging } = robot.battery;
   const known = charge !== null;
-  parts.battery.toggleAttribute("data-charging", charging === true);
-  parts.battery.toggleAttribute("data-low", known && charge < LOW_BATTERY && !charging);
-  parts.batteryLevel.hidden = !known;
-  parts.batteryLevel.style.setProperty("--charge", String(charge ?? 0));
-  parts.batteryName.hidden = !known; // the words for an unknown one name it themselves
-  write(
-    parts.batteryText,
-    known
-      ? words.say("reading.battery", { percent: Math.round(charge * 100) })
-      : words.say("reading.battery_unknown"),
-  );
-  write(parts.batteryMore, charging ? words.say("reading.charging") : "");
+  battery.toggleAttribute("data-charging", charging === true);
+  battery.toggleAttribute("data-low", known && charge < LOW_BATTERY && !charging);
+  element("battery-level").hidden = !known;
+  element("battery-level").style.setProperty("--charge", String(charge ?? 0));
+  element("battery-name").hidden = !known; // the sentence for an unknown charge names it
+  const word = known ? "reading.battery" : "reading.battery_unknown";
+  write(element("battery-text"), words.say(word, { percent: Math.round(charge * 100) }));
+  write(element("battery-more"), charging ? words.say("reading.charging") : "");
 };

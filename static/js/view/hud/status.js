@@ -36,10 +36,8 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     return { word: "status.closed", tone: "off" };
   }
   if (visit.socket !== "open") {
-    return {
-      word: visit.socket === "lost" ? "status.reconnecting" : "status.connecting",
-      tone: "busy",
-    };
+    const isLost = visit.socket === "lost";
+    return { word: isLost ? "status.reconnecting" : "status.connecting", tone: "busy" };
   }
   if (visit.phase === "queued" || visit.phase === "turn") {
     return { word: "status.waiting", tone: "busy" };
@@ -55,10 +53,8 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
   }
   const standstill = standstillOf(robot);
   if (standstill) {
-    return {
-      word: standstill.startsWith("estop") ? "status.stopped" : "status.fault",
-      tone: "danger",
-    };
+    const isStopped = standstill.startsWith("estop");
+    return { word: isStopped ? "status.stopped" : "status.fault", tone: "danger" };
   }
   if (isHeld(robot, room.driver)) {
     return { word: "status.stopped", tone: "off" };

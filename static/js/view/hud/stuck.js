@@ -1,13 +1,13 @@
 /**
- * "I press and nothing moves": the reason, from what the page knows and the robot reports. Pure.
- * What the line over the picture says anyway (alert.js) comes before it; here is whatever else may
- * hold the robot, and a last word when the reason is unknown.
+ * Why the robot does not move although the visitor steers, from what the page knows and the robot
+ * reports. Pure. Other alerts (alert.js) come first; these are the remaining reasons, and a
+ * sentence for an unknown one.
  */
 
 import { reports } from "../../protocol/standstill.js";
 
 const PATIENCE = 0.5; // s of input without motion
-const SILENCE = 1; // s without news of the robot
+const SILENCE = 1; // s without a message of the robot
 
 /**
  * Why the robot refuses commands (robots/agent/safety: freshness.py, permissions.py, kernel.py).
@@ -32,9 +32,9 @@ const REFUSALS = {
 
 /**
  * @param {State} state
- * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was
- *   heard of last, and seen to move
- * @returns {Why | null} null when nothing is pressed, or the robot moves
+ * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: of the robot's last
+ *   message, and of its last motion
+ * @returns {Why | null} null when the visitor does not steer, or the robot moves
  */
 export const stuckFor = (state, { now, heardAt, movedAt }) => {
   const { visit, pressing, robot, stopping, roundTrip } = state;
@@ -80,7 +80,7 @@ const robotSays = ({ safety, refused, errors }) => {
   if (most) {
     return { word: `stuck.${REFUSALS[most[0]]}` };
   }
-  // a disk that fills up moves nothing and stops nothing
+  // a full disk does not stop the robot
   const error = errors?.find((/** @type {string} */ one) => !one.startsWith("disk_"));
   return error ? { word: "stuck.error", values: { error: error.replace(/\.$/, "") } } : null;
 };

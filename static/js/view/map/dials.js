@@ -1,8 +1,7 @@
-/**
- * Beside the map: which room, how fast, how far and for how long. Pure readings and their elements.
- */
+/** Beside the map: room, speed, distance and time of the drive. */
 
 import { clockTime } from "../../lib/clock.js";
+import { decimalFormat } from "../../lib/decimal.js";
 import { write } from "../../lib/dom.js";
 import { knownNow } from "../../protocol/standstill.js";
 
@@ -22,39 +21,25 @@ export const contains = (polygon, x, y) => {
 };
 
 /**
- * @param {any} plan @param {{x: number, y: number} | undefined} pose
- * @returns {string} the room's title, or nothing
+ * @param {any} plan @param {{x: number, y: number} | undefined} pose @returns {string} a title, or
+ * ""
  */
-export const roomAt = (plan, pose) =>
-  (pose &&
-    plan?.rooms?.find((/** @type {any} */ room) => contains(room.polygon, pose.x, pose.y))
-      ?.title) ||
-  "";
+export const roomAt = (plan, pose) => {
+  const isIn = (/** @type {any} */ { polygon }) => pose && contains(polygon, pose.x, pose.y);
+  return plan?.rooms?.find(isIn)?.title ?? "";
+};
 
-/**
- * @param {GetElement} element
- * @param {string} language a BCP 47 tag
- * @returns {(state: State) => void}
- */
+/** @param {GetElement} element @param {string} language @returns {(state: State) => void} */
 export const createDials = (element, language) => {
-  const one = new Intl.NumberFormat(language, {
-    minimumFractionDigits: 1,
-    maximumFractionDigits: 1,
-  });
-  const two = new Intl.NumberFormat(language, {
-    minimumFractionDigits: 2,
-    maximumFractionDigits: 2,
-  });
+  const [one, two] = [decimalFormat(language, 1), decimalFormat(language, 2)];
   return (state) => {
     const { robot, plan, visit, began, now } = state;
     const drives = visit.phase === "driving" && began !== null;
     write(element("dial-room"), roomAt(plan, robot?.pose) || "–");
     const known = knownNow(state);
-    write(element("dial-speed"), known ? two.format(Math.abs(known.velocity.linear)) : "–");
-    write(
-      element("dial-distance"),
-      drives && robot ? one.format(Math.max(0, robot.distance - began.distance)) : "–",
-    );
+    write(element("dial-speed"), known ? two(Math.abs(known.velocity.linear)) : "–");
+    const driven = drives && robot ? one(Math.max(0, robot.distance - began.distance)) : "–";
+    write(element("dial-distance"), driven);
     write(element("dial-time"), drives ? clockTime(Math.max(0, now - began.at)) : "–");
   };
 };

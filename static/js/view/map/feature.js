@@ -12,13 +12,13 @@ import { FOLLOWING, ZOOM_STEP } from "./pan_zoom.js";
 const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
 
 /**
- * CSS pixels that the buttons take of a map: none where they stand beside it.
+ * CSS pixels of the map that its buttons cover: none if beside it.
  * @param {HTMLCanvasElement} canvas
  */
 const toolsOver = (canvas) =>
   canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS;
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, element } = page;
   const map = new RobotMap({
@@ -26,9 +26,7 @@ const setUp = (page) => {
     tools: toolsOver,
   });
   const actions = newActions(store, map);
-  const buttons = /** @type {HTMLButtonElement[]} */ (
-    Array.from(element("map-tools").querySelectorAll("button"))
-  );
+  const buttons = element("map-tools").querySelectorAll("button");
   addGestures(element("map"), {
     keymap: page.keys.keymap,
     actions,
@@ -43,24 +41,22 @@ const setUp = (page) => {
   load(page, map);
 
   const showDials = createDials(element, document.documentElement.lang);
-  const state = page.element("map-state");
+  const state = element("map-state");
   const setPose = (/** @type {any} */ { pose, stamp }) => map.setPose(pose, stamp);
   return {
     api: map,
     handlers: {
       state: setPose,
       pose: setPose,
-      path: (/** @type {any} */ { points }) => map.setPath(points),
-      scan: (/** @type {any} */ message) =>
-        map.setScan(message, store.get().factsheet?.laser ?? null),
+      path: ({ points }) => map.setPath(points),
+      scan: (message) => map.setScan(message, store.get().factsheet?.laser ?? null),
     },
     actions,
     on: {
-      /** Forget what others drove while this visitor waited. */
-      began: () => map.setTrail([]),
+      began: () => map.setTrail([]), // without the paths of drivers before
       second: () => write(state, mapState(store.get(), page.words)),
     },
-    render: (/** @type {any} */ shown) => {
+    render: (shown) => {
       const { mapFollows, mapTurns, mapSize, mapOpen } = shown;
       showDials(shown);
       const pressed = /** @type {Record<string, boolean>} */ ({
@@ -69,7 +65,7 @@ const setUp = (page) => {
         map_swap: mapSize === "swapped",
         map_large: mapSize === "large",
       });
-      buttons.forEach((button) => {
+      buttons.forEach((/** @type {HTMLElement} */ button) => {
         const action = button.dataset.action ?? "";
         if (action in pressed) {
           button.setAttribute("aria-pressed", String(pressed[action]));
@@ -81,7 +77,7 @@ const setUp = (page) => {
   };
 };
 
-/** Where the robot is, for who does not see the map. @param {State} state @param {Words} words */
+/** The robot's pose, for screen readers. @param {State} state @param {Words} words */
 export const mapState = ({ robot, plan }, words) => {
   if (!robot || !plan) {
     return "";

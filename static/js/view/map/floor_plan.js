@@ -1,9 +1,11 @@
 /**
  * Draws a floor plan: rooms, walls, doors, furniture and docks from its plan, or, for a site that
- * has only a map_server image, that image. Everything static; robot_map.js keeps the result and
- * draws the robot over it.
+ * has only a map_server image, that image. robot_map.js stores the result and draws the robot over
+ * it.
  */
 
+import { bolt, disc, fill, label, stroke, trace } from "../../lib/canvas.js";
+import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOf, imageTransform, toScreen } from "./transform.js";
 
 /**
@@ -19,13 +21,19 @@ export const boundsOfSite = (site) => {
   }
   const [x, y, theta] = site.origin;
   const [width, height] = [site.width * site.resolution, site.height * site.resolution];
-  const corner = (/** @type {number} */ u, /** @type {number} */ v) =>
-    /** @type {Point} */ ([
-      x + u * Math.cos(theta) - v * Math.sin(theta),
-      y + u * Math.sin(theta) + v * Math.cos(theta),
-    ]);
-  return boundsOf([corner(0, 0), corner(width, 0), corner(0, height), corner(width, height)]);
+  return boundsOf(rectangle(0, 0, width, height).map((at) => mapFromRobot({ x, y, theta }, at)));
 };
+
+/**
+ * @param {number} x @param {number} y @param {number} width @param {number} height @returns
+ * {Point[]}
+ */
+const rectangle = (x, y, width, height) => [
+  [x, y],
+  [x + width, y],
+  [x + width, y + height],
+  [x, y + height],
+];
 
 /**
  * @param {Canvas2D} context its transform is device pixels; restored afterwards
@@ -50,33 +58,20 @@ const drawPlan = (context, view, plan, paint) => {
   context.lineCap = "butt";
   for (const room of plan.rooms) {
     polygon(context, view, room.polygon);
-    context.fillStyle = paint.floor;
-    context.fill();
+    fill(context, paint.floor);
   }
-  for (const opening of [...(plan.doors ?? []), ...(plan.passages ?? [])]) {
-    segment(
-      context,
-      view,
-      opening.start,
-      opening.end,
-      (opening.thickness ?? 0.15) * view.scale + 1,
-      paint.floor,
-    );
+  for (const { start, end, thickness = 0.15 } of [
+    ...(plan.doors ?? []),
+    ...(plan.passages ?? []),
+  ]) {
+    segment(context, view, start, end, thickness * view.scale + 1, paint.floor);
   }
-  context.fillStyle = paint.furniture;
   for (const piece of plan.furniture ?? []) {
     furniture(context, view, piece);
-    context.fill();
+    fill(context, paint.furniture);
   }
-  for (const wall of plan.walls ?? []) {
-    segment(
-      context,
-      view,
-      wall.start,
-      wall.end,
-      Math.max(2, (wall.thickness ?? 0.15) * view.scale),
-      paint.wall,
-    );
+  for (const { start, end, thickness = 0.15 } of plan.walls ?? []) {
+    segment(context, view, start, end, Math.max(2, thickness * view.scale), paint.wall);
   }
   for (const door of plan.doors ?? []) {
     leaf(context, view, door, paint);
@@ -94,10 +89,10 @@ const drawPlan = (context, view, plan, paint) => {
 
 /** @param {Canvas2D} context @param {MapView} view @param {Point[]} corners */
 const polygon = (context, view, corners) => {
-  context.beginPath();
-  for (const [x, y] of corners) {
-    context.lineTo(...toScreen(view, x, y));
-  }
+  trace(
+    context,
+    corners.map(([x, y]) => toScreen(view, x, y)),
+  );
   context.closePath();
 };
 
@@ -106,75 +101,37 @@ const polygon = (context, view, corners) => {
  * @param {Point} end @param {number} width @param {string} colour
  */
 const segment = (context, view, start, end, width, colour) => {
-  context.beginPath();
-  context.moveTo(...toScreen(view, ...start));
-  context.lineTo(...toScreen(view, ...end));
-  context.lineWidth = width;
-  context.strokeStyle = colour;
-  context.stroke();
+  trace(context, [toScreen(view, ...start), toScreen(view, ...end)]);
+  stroke(context, colour, width);
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {any} piece */
-const furniture = (context, view, piece) => {
-  if (piece.shape === "cylinder") {
-    context.beginPath();
-    context.arc(
-      ...toScreen(view, piece.x, piece.y),
-      (piece.width / 2) * view.scale,
-      0,
-      2 * Math.PI,
+const furniture = (context, view, { shape, x, y, theta = 0, width, depth = 0.5 }) => {
+  if (shape === "cylinder") {
+    disc(context, ...toScreen(view, x, y), (width / 2) * view.scale);
+  } else {
+    const corners = rectangle(-width / 2, -depth / 2, width, depth);
+    polygon(
+      context,
+      view,
+      corners.map((at) => mapFromRobot({ x, y, theta }, at)),
     );
-    return;
   }
-  const [cos, sin] = [Math.cos(piece.theta ?? 0), Math.sin(piece.theta ?? 0)];
-  const [along, across] = [piece.width / 2, (piece.depth ?? 0.5) / 2];
-  const corners = [
-    [along, across],
-    [-along, across],
-    [-along, -across],
-    [along, -across],
-  ];
-  polygon(
-    context,
-    view,
-    corners.map(([u, v]) => [piece.x + u * cos - v * sin, piece.y + u * sin + v * cos]),
-  );
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {any} door @param {Paint} paint */
 const leaf = (context, view, door, paint) => {
-  const turn = door.state === "closed" ? 0 : door.swing;
-  const [dx, dy] = [door.end[0] - door.start[0], door.end[1] - door.start[1]];
-  const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
-  const tip = /** @type {Point} */ ([
-    door.start[0] + dx * cos - dy * sin,
-    door.start[1] + dx * sin + dy * cos,
-  ]);
-  segment(
-    context,
-    view,
-    door.start,
-    tip,
-    Math.max(1.5, (door.leaf ?? 0.04) * view.scale),
-    paint.door,
-  );
+  const [[x, y], [endX, endY]] = [door.start, door.end];
+  const theta = door.state === "closed" ? 0 : door.swing;
+  const tip = mapFromRobot({ x, y, theta }, [endX - x, endY - y]);
+  const width = Math.max(1.5, (door.leaf ?? 0.04) * view.scale);
+  segment(context, view, door.start, tip, width, paint.door);
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {any} dock @param {Paint} paint */
 const station = (context, view, dock, paint) => {
-  const [x, y] = toScreen(view, dock.x, dock.y);
-  const size = Math.max(4, 0.16 * view.scale);
-  context.beginPath();
-  // A bolt: charging icon (not colour alone).
-  context.moveTo(x + 0.2 * size, y - 1.3 * size);
-  context.lineTo(x - 0.8 * size, y + 0.2 * size);
-  context.lineTo(x - 0.05 * size, y + 0.2 * size);
-  context.lineTo(x - 0.2 * size, y + 1.3 * size);
-  context.lineTo(x + 0.8 * size, y - 0.2 * size);
-  context.lineTo(x + 0.05 * size, y - 0.2 * size);
-  context.closePath();
-  context.fillStyle = paint.dock;
-  context.fill();
+  bolt(context, ...toScreen(view, dock.x, dock.y), Math.max(4, 0.16 * view.scale));
+  fill(context, paint.dock);
 };
 
 /** @param {Canvas2D} context @param {MapView} view @param {any} room @param {Paint} paint */
@@ -184,8 +141,5 @@ const title = (context, view, room, paint) => {
   if (context.measureText(room.title).width > (right - left) * view.scale - 8) {
     return;
   }
-  context.fillStyle = paint.name;
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(room.title, ...toScreen(view, (left + right) / 2, (bottom + top) / 2));
+  label(context, room.title, ...toScreen(view, (left + right) / 2, (bottom + top) / 2), paint.name);
 };

@@ -1,6 +1,6 @@
 /**
- * Looking around on the map: wheel, two fingers, a drag with the other mouse button, or with one
- * finger where no point can be chosen; and keys, while the map has the focus.
+ * Moving the map: wheel, two fingers, a drag with the other mouse button, or with one finger where
+ * no point can be chosen; and keys, while the map has the focus.
  */
 
 import { isShortcut } from "../../input/key_dispatcher.js";
@@ -20,7 +20,7 @@ const PANS = /** @type {Record<string, Point>} */ ({
  * @param {import("../../input/keymap.js").Keymap} map.keymap
  * @param {Record<string, () => void>} map.actions by their names in the keymap
  * @param {() => boolean} map.mayAim whether one finger, or the first button, chooses a point
- * @param {() => void} map.forgetAim a second finger came: the first one did not choose a point
+ * @param {() => void} map.forgetAim at a second finger: the first one did not choose a point
  */
 export const addGestures = (canvas, map) => {
   const { zoom, pan, mayAim, forgetAim } = map;
@@ -34,11 +34,8 @@ export const addGestures = (canvas, map) => {
     "wheel",
     (event) => {
       event.preventDefault();
-      zoom(
-        Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) / 400),
-        event.offsetX,
-        event.offsetY,
-      );
+      const steps = Math.max(-200, Math.min(200, event.deltaY));
+      zoom(Math.exp(-steps / 400), event.offsetX, event.offsetY);
     },
     { passive: false },
   );
@@ -61,9 +58,7 @@ export const addGestures = (canvas, map) => {
     }
     const now = place(event);
     fingers.set(event.pointerId, now);
-    const [other] = [...fingers]
-      .filter(([pointer]) => pointer !== event.pointerId)
-      .map(([, where]) => where);
+    const [, other] = [...fingers].find(([pointer]) => pointer !== event.pointerId) ?? [];
     if (other) {
       const apart = (/** @type {Point} */ [x, y]) =>
         Math.max(20, Math.hypot(x - other[0], y - other[1]));
@@ -84,17 +79,12 @@ export const addGestures = (canvas, map) => {
 const addKeys = (canvas, { keymap, actions, pan }) => {
   canvas.addEventListener("keydown", (event) => {
     if (isShortcut(event)) {
-      return; // Ctrl and plus make the page larger, not the map
+      return; // such as Ctrl and plus, which zooms the page
     }
     const command = keymap.mapCommandOf(event);
-    if (!command) {
-      return;
+    if (command) {
+      PANS[command] ? pan(...PANS[command]) : actions[command]();
+      event.preventDefault();
     }
-    if (PANS[command]) {
-      pan(...PANS[command]);
-    } else {
-      actions[command]();
-    }
-    event.preventDefault();
   });
 };

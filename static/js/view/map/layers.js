@@ -1,15 +1,16 @@
 /**
- * What is drawn over the floor plan besides the robot: what its laser sees, how sure it is of its
- * place, where it is to go, and the obstacle that assistance reacts to. The geometry is pure.
+ * Drawings over the floor plan besides the robot: laser points, the uncertainty of its pose,
+ * its goal, and the obstacle that assistance reacts to. The geometry is pure.
  */
 
+import { disc, fill, stroke } from "../../lib/canvas.js";
 import { mapFromRobot } from "../../lib/transforms.js";
 import { toScreen } from "./transform.js";
 
 /** @typedef {{kind: "goal" | "pose", x: number, y: number, theta: number | null}} Aim */
 
 const SIGMAS = 2;
-const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one lies under the arrow anyway
+const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one is hidden by the marker
 
 /**
  * The points of a sweep, in the map.
@@ -35,8 +36,8 @@ export const scanPoints = (
 };
 
 /**
- * The ellipse that holds the robot's place with about 86 in 100: the eigenvectors of the
- * covariance, two standard deviations long.
+ * The ellipse that contains the robot's position with a probability of about 86 %: the eigenvectors
+ * of the covariance, two standard deviations long.
  * @param {number[] | null | undefined} covariance xx, xy, xθ, yy, yθ, θθ
  * @returns {{along: number, across: number, turn: number} | null} half axes in m, and where the
  *   longer one points in rad
@@ -86,50 +87,34 @@ export const drawUncertainty = (context, view, pose, colour) => {
     0,
     2 * Math.PI,
   );
-  context.globalAlpha = 0.16;
-  context.fillStyle = colour;
-  context.fill();
+  fill(context, colour, 0.16);
   context.globalAlpha = 0.5;
-  context.lineWidth = 1;
-  context.strokeStyle = colour;
-  context.stroke();
+  stroke(context, colour, 1);
   context.restore();
 };
 
 /**
- * A ring with a dot, and where the robot shall look.
+ * A ring with a dot, and an arrow for the heading.
  * @param {Canvas2D} context @param {MapView} view @param {Aim} aim
  * @param {string} colour @param {string} edge
  */
 export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
   const [px, py] = toScreen(view, x, y);
-  const line = () => {
-    context.beginPath();
-    context.arc(px, py, 9, 0, 2 * Math.PI);
-    if (theta !== null) {
-      const heading = theta + (view.turn ?? 0);
-      const [cos, sin] = [Math.cos(heading), -Math.sin(heading)];
-      const tip = [px + 26 * cos, py + 26 * sin];
-      context.moveTo(px + 9 * cos, py + 9 * sin);
-      context.lineTo(tip[0], tip[1]);
-      context.moveTo(tip[0] - 8 * cos + 6 * sin, tip[1] - 8 * sin - 6 * cos);
-      context.lineTo(tip[0], tip[1]);
-      context.lineTo(tip[0] - 8 * cos - 6 * sin, tip[1] - 8 * sin + 6 * cos);
-    }
-  };
-  for (const [width, stroke] of /** @type {[number, string][]} */ ([
-    [6, edge],
-    [3, colour],
-  ])) {
-    line();
-    context.lineWidth = width;
-    context.strokeStyle = stroke;
-    context.stroke();
+  disc(context, px, py, 9);
+  if (theta !== null) {
+    const heading = theta + (view.turn ?? 0);
+    const [cos, sin] = [Math.cos(heading), -Math.sin(heading)];
+    const tip = [px + 26 * cos, py + 26 * sin];
+    context.moveTo(px + 9 * cos, py + 9 * sin);
+    context.lineTo(tip[0], tip[1]);
+    context.moveTo(tip[0] - 8 * cos + 6 * sin, tip[1] - 8 * sin - 6 * cos);
+    context.lineTo(tip[0], tip[1]);
+    context.lineTo(tip[0] - 8 * cos - 6 * sin, tip[1] - 8 * sin + 6 * cos);
   }
-  context.beginPath();
-  context.arc(px, py, 3, 0, 2 * Math.PI);
-  context.fillStyle = colour;
-  context.fill();
+  stroke(context, edge, 6);
+  stroke(context, colour, 3);
+  disc(context, px, py, 3);
+  fill(context, colour);
 };
 
 /**
@@ -140,13 +125,10 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
  */
 export const drawObstacle = (context, view, [x, y], colour) => {
   const [px, py] = toScreen(view, x, y);
-  context.beginPath();
-  context.arc(px, py, 6, 0, 2 * Math.PI);
+  disc(context, px, py, 6);
   context.moveTo(px - 3, py - 3);
   context.lineTo(px + 3, py + 3);
   context.moveTo(px - 3, py + 3);
   context.lineTo(px + 3, py - 3);
-  context.lineWidth = 2;
-  context.strokeStyle = colour;
-  context.stroke();
+  stroke(context, colour, 2);
 };

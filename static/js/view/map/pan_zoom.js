@@ -1,6 +1,6 @@
 /**
- * What part of the map is looked at: all of it, or a part that was chosen by hand, or the robot and
- * what is round it; with the plan's own upper side up, or the side where the robot looks. Pure.
+ * The visible part of the map: all of it, a part chosen by hand, or the surroundings of the robot;
+ * with the plan's upper side up, or the robot's heading. Pure.
  */
 
 import { fit, toWorld } from "./transform.js";
@@ -12,8 +12,8 @@ export const ZOOM_STEP = 1.3; // of a button or a key
 /**
  * @typedef {{zoom: number, x: number | null, y: number | null, follows: boolean, turns: boolean}}
  *   ViewSettings x, y: the middle, null for that of the whole
+ * @typedef {import("./transform.js").Bounds} Bounds
  */
-/** @typedef {import("./transform.js").Bounds} Bounds */
 
 /** @type {ViewSettings} */
 export const ALL = Object.freeze({ zoom: 1, x: null, y: null, follows: false, turns: false });
@@ -27,16 +27,10 @@ export const ALL = Object.freeze({ zoom: 1, x: null, y: null, follows: false, tu
  */
 export const viewOf = ({ zoom, x, y, follows, turns }, bounds, pose, width, height, tools = 0) => {
   const whole = fit(bounds, width, height - tools);
-  const middle =
-    follows && pose ? pose : { x: x ?? whole.x, y: y ?? whole.y + tools / 2 / whole.scale };
-  return {
-    x: middle.x,
-    y: middle.y,
-    width,
-    height,
-    scale: whole.scale * zoom,
-    turn: turns && pose ? Math.PI / 2 - pose.theta : 0,
-  };
+  const middle = { x: x ?? whole.x, y: y ?? whole.y + tools / 2 / whole.scale };
+  const { x: middleX, y: middleY } = follows && pose ? pose : middle;
+  const turn = turns && pose ? Math.PI / 2 - pose.theta : 0;
+  return { x: middleX, y: middleY, width, height, scale: whole.scale * zoom, turn };
 };
 
 /**
@@ -74,7 +68,7 @@ export const moved = (view, bounds, dx, dy) => ({
   ...within(bounds, ...toWorld(view, view.width / 2 - dx, view.height / 2 - dy)),
 });
 
-/** The map never leaves the window. @param {Bounds} bounds @param {number} x @param {number} y */
+/** The middle stays on the map. @param {Bounds} bounds @param {number} x @param {number} y */
 const within = ({ left, right, bottom, top }, x, y) => ({
   x: Math.max(left, Math.min(right, x)),
   y: Math.max(bottom, Math.min(top, y)),

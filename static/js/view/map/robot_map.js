@@ -1,15 +1,17 @@
 /**
- * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where
- * it shall go. Two canvases in one: the still part is drawn once a view into a picture of its own,
- * the robot over it whenever it moves. Sharp at any density of the screen and any zoom: nothing is
- * scaled, everything is redrawn.
+ * The map: floor plan, path driven, path ahead, laser points, the robot and its goal. It has two
+ * layers: the still one is drawn once for each view, the robot over it whenever it moves. Both are
+ * redrawn and never scaled, so that the map is sharp at any zoom and density of the screen.
  *
- * Tests read on the canvas where the marker was drawn: data-marker-x and -y in
- * CSS pixels from its corner, data-marker-stamp the stamp of that pose, data-view-x, -y, -scale,
- * -turn the transform of transform.js.
+ * Tests read from the canvas where the marker was drawn: data-marker-x and -y in CSS pixels from
+ * its corner, data-marker-stamp the time of that pose, data-view-x, -y, -scale, -turn the transform
+ * of transform.js.
  */
 
+import { stroke, fill, trace } from "../../lib/canvas.js";
 import { createPaint } from "../../lib/colours.js";
+import { loadImage } from "../../lib/dom.js";
+import { fetchJson } from "../../lib/page_poll.js";
 import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
 import { drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
@@ -17,12 +19,10 @@ import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
 
-/**
- * @typedef {{x: number, y: number, theta: number, localized: boolean,
- *   covariance?: number[] | null}} Pose
- */
+/** @typedef {Place & {localized: boolean, covariance?: number[] | null}} Pose */
 
 const CLOCK_STEP = 5; // s
+const PATIENCE_MS = 60_000; // for a floor plan
 // custom properties of map.css, behind --map-
 const COLOURS = [
   ...["floor", "wall", "furniture", "door", "dock", "name", "trail", "path", "laser", "obstacle"],
@@ -49,78 +49,79 @@ export class RobotMap {
     /** @type {Pose | null} */
     this.pose = null;
     this.stamp = 0;
-    /** @type {Point[]} what the robot follows by itself */
+    /** @type {Point[]} that the robot follows by itself */
     this.path = [];
-    /** @type {Point[]} what the laser saw last, in the map */
+    /** @type {Point[]} the last sweep of the laser, in the map */
     this.seen = [];
     this.laser = false;
-    /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
+    /** @type {import("./layers.js").Aim | null} the goal, or a position for the robot */
     this.aim = null;
     /**
-     * @type {Record<"below" | "above", (context: Canvas2D, view: MapView, paint:
-     *   Record<string, string>) => void> | null} what a study adds
+     * @type {Record<"below" | "above", (context: Canvas2D, view: MapView, paint: Paint) => void>
+     *   | null} what a study adds
      */
     this.course = null;
-    /** @type {Point | null} what the assistance minds, in the robot's frame */
+    /** @type {Point | null} of assistance, in the robot's frame */
     this.obstacle = null;
     /** @type {MapView | null} */
     this.view = null;
     this.size = { width: 0, height: 0, tools: 0 }; // CSS pixels
     this.density = 1;
-    /** what part of it is looked at */
     this.settings = ALL;
-    this.drawn = ""; // the view that the still part was drawn for
+    this.drawn = ""; // the view of the still layer
     this.still = document.createElement("canvas");
     this.dirty = false;
     this.released = new AbortController();
-    this.observer = new ResizeObserver(() => this.#resize());
+    this.observer = new ResizeObserver(() => this.#fits() || this.resize());
     this.observer.observe(canvas);
     this.#watchDensity();
   }
 
-  /** @param {FloorPlan} site @param {CanvasImageSource | null} image */
+  /** @param {FloorPlan | null} site @param {CanvasImageSource | null} image */
   show(site, image) {
     this.site = site;
     this.image = image;
-    this.#resize();
+    this.resize();
+  }
+
+  /** Shows a site; the image of one without a plan of rooms follows. @param {FloorPlan} site */
+  open(site) {
+    this.show(site, null);
+    void imageOf(site).then((image) => image && this.show(site, image));
   }
 
   /**
-   * Draw doors as they are.
+   * Draws doors as they are.
    * @param {Record<string, string>} states open or closed, by name; a door without one stays as it
    *   is
    */
   setDoors(states) {
     const { site } = this;
     const doors = site?.plan?.doors ?? [];
-    if (
-      site &&
-      doors.some(
-        (/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"),
-      )
-    ) {
+    const changes = ({ name = "", state = "open" }) => states[name] && states[name] !== state;
+    if (site && doors.some(changes)) {
       const moved = doors.map((/** @type {any} */ door) => ({
         ...door,
         state: states[door.name] ?? door.state,
       }));
       this.site = { ...site, plan: { ...site.plan, doors: moved } };
       this.drawn = "";
-      this.#redraw();
+      this.redraw();
     }
   }
 
-  /** Take a path that was driven before this map was opened. @param {Iterable<Point>} points */
+  /** Takes a path that was driven before this map was opened. @param {Iterable<Point>} points */
   setTrail(points) {
     this.trail = new Trail();
     for (const [x, y] of points) {
       this.trail.add(x, y);
     }
-    this.#redraw();
+    this.redraw();
   }
 
   /** @param {Pose} pose @param {number} stamp */
   setPose(pose, stamp) {
-    // Two ways bring the same poses; much older means that the robot's clock was set.
+    // Two transports bring the same poses; a much older one means that the robot's clock was set.
     if (stamp < this.stamp && this.stamp - stamp < CLOCK_STEP) {
       return;
     }
@@ -129,13 +130,13 @@ export class RobotMap {
     if (pose.localized) {
       this.trail.add(pose.x, pose.y);
     }
-    this.#redraw();
+    this.redraw();
   }
 
   /** @param {Point[]} points */
   setPath(points) {
     this.path = points;
-    this.#redraw();
+    this.redraw();
   }
 
   /**
@@ -144,7 +145,7 @@ export class RobotMap {
    */
   setScan(scan, mount) {
     this.seen = this.pose?.localized && mount ? scanPoints(scan, mount, this.pose) : [];
-    this.#redraw();
+    this.redraw();
   }
 
   /**
@@ -153,23 +154,19 @@ export class RobotMap {
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
       Object.assign(this, { aim, obstacle, laser });
-      this.#redraw();
+      this.redraw();
     }
   }
 
-  /**
-   * What a study adds, below and above the path that was driven.
-   * @param {RobotMap["course"]} course
-   */
+  /** What a study adds, below and above the driven path. @param {RobotMap["course"]} course */
   setCourse(course) {
     this.course = course;
-    this.#redraw();
+    this.redraw();
   }
 
   /**
-   * @param {number} px CSS pixels from the canvas's corner
-   * @param {number} py
-   * @returns {Point | null} metres; null before there is a map
+   * @param {number} px CSS pixels from the canvas's corner @param {number} py
+   * @returns {Point | null} metres; null without a map
    */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
@@ -178,15 +175,10 @@ export class RobotMap {
   /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
   setSettings(change) {
     this.settings = { ...this.settings, ...change };
-    this.#redraw();
+    this.redraw();
   }
 
-  /**
-   * Look nearer or from farther away.
-   * @param {number} factor
-   * @param {number} [px] what stays where it is, CSS pixels
-   * @param {number} [py]
-   */
+  /** @param {number} factor @param {number} [px] a fixed point, CSS pixels @param {number} [py] */
   zoom(factor, px, py) {
     if (this.view && this.site) {
       this.setSettings(zoomed(this.settings, this.view, boundsOfSite(this.site), factor, px, py));
@@ -205,23 +197,34 @@ export class RobotMap {
     query.addEventListener(
       "change",
       () => {
-        this.#resize();
+        this.resize();
         this.#watchDensity();
       },
       { once: true, signal: this.released.signal },
     );
   }
 
-  /** Stop following the size of the canvas and the density of the screen. */
+  /** Stops following the size of the canvas and the density of the screen. */
   release() {
     this.released.abort();
     this.observer.disconnect();
   }
 
-  /** Asked for here alone: to ask with every frame would have the browser lay out the page. */
-  #resize() {
+  /** Whether it has its size already: an observer reports the first size, too. */
+  #fits() {
+    const { clientWidth, clientHeight } = this.canvas;
+    return clientWidth === this.size.width && clientHeight === this.size.height;
+  }
+
+  /** What it shows, null without anything. @returns {import("./transform.js").Bounds | null} */
+  get bounds() {
+    return this.site && boundsOfSite(this.site);
+  }
+
+  /** Reads the size, which it does not with every frame: the browser would lay out the page. */
+  resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (!this.site || !width || !height) {
+    if (!this.bounds || !width || !height) {
       return;
     }
     this.density = devicePixelRatio;
@@ -232,29 +235,24 @@ export class RobotMap {
       canvas.width = Math.round(width * this.density);
       canvas.height = Math.round(height * this.density);
     }
-    this.#redraw();
+    this.redraw();
   }
 
   #viewNow() {
     const { width, height, tools } = this.size;
-    return this.site && width
-      ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, tools)
+    return this.bounds && width
+      ? viewOf(this.settings, this.bounds, this.pose, width, height, tools)
       : this.view;
   }
 
-  /** @param {Paint} paint */
-  #drawStill(paint) {
-    const context = this.still.getContext("2d");
-    const key = JSON.stringify(this.view);
-    if (context && this.view && this.site && key !== this.drawn) {
-      this.drawn = key;
-      context.setTransform(1, 0, 0, 1, 0, 0);
-      context.clearRect(0, 0, this.still.width, this.still.height);
-      drawFloorPlan(context, this.view, this.density, this.site, this.image, paint);
+  /** @param {Canvas2D} context @param {MapView} view @param {Paint} paint */
+  drawStill(context, view, paint) {
+    if (this.site) {
+      drawFloorPlan(context, view, this.density, this.site, this.image, paint);
     }
   }
 
-  #redraw() {
+  redraw() {
     if (!this.dirty) {
       this.dirty = true;
       this.frame(() => this.#draw());
@@ -263,112 +261,111 @@ export class RobotMap {
 
   #draw() {
     this.dirty = false;
-    const context = this.canvas.getContext("2d");
-    if (!context || !this.view) {
+    const [context, still] = [this.canvas.getContext("2d"), this.still.getContext("2d")];
+    if (!context || !still || !this.view) {
       return;
     }
     const paint = this.paint();
-    this.view = this.#viewNow() ?? this.view;
-    this.#drawStill(paint);
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    const view = this.#viewNow() ?? this.view;
+    this.view = view;
+    const key = JSON.stringify(view);
+    if (key !== this.drawn) {
+      this.drawn = key;
+      clear(still);
+      this.drawStill(still, view, paint);
+    }
+    clear(context);
     context.drawImage(this.still, 0, 0);
     context.setTransform(this.density, 0, 0, this.density, 0, 0);
     context.lineJoin = "round";
     context.lineCap = "round";
-    this.course?.below(context, this.view, paint);
-    this.trail.pieces.forEach((piece) => this.#line(context, piece, paint.trail, 2.5, []));
-    this.#line(context, this.path, paint.path, 3, [6, 5]);
-    this.course?.above(context, this.view, paint);
+    this.drawMoving(context, view, paint);
+  }
+
+  /** @param {Canvas2D} context in CSS pixels @param {MapView} view @param {Paint} paint */
+  drawMoving(context, view, paint) {
+    const { pose } = this;
+    this.course?.below(context, view, paint);
+    this.trail.pieces.forEach((piece) => line(context, view, piece, paint.trail, 2.5, []));
+    line(context, view, this.path, paint.path, 3, [6, 5]);
+    this.course?.above(context, view, paint);
     if (this.laser) {
-      drawPoints(context, this.view, this.seen, paint.laser);
+      drawPoints(context, view, this.seen, paint.laser);
     }
-    if (this.pose) {
-      drawUncertainty(
-        context,
-        this.view,
-        this.pose,
-        this.pose.localized ? paint.robot : paint.lost,
-      );
+    if (pose) {
+      const colour = pose.localized ? paint.robot : paint.lost;
+      drawUncertainty(context, view, pose, colour);
+      const size = Math.max(SMALLEST_ROBOT, 0.34 * view.scale);
+      this.drawRobot(context, view, pose, size, colour, paint.edge);
+      this.canvas.dataset.markerStamp = String(this.stamp);
     }
-    this.#marker(context, paint);
     if (this.aim) {
-      drawAim(context, this.view, this.aim, paint.path, paint.edge);
+      drawAim(context, view, this.aim, paint.path, paint.edge);
     }
-    if (this.obstacle && this.pose?.localized) {
-      drawObstacle(context, this.view, mapFromRobot(this.pose, this.obstacle), paint.obstacle);
+    if (this.obstacle && pose?.localized) {
+      drawObstacle(context, view, mapFromRobot(pose, this.obstacle), paint.obstacle);
     }
   }
 
   /**
-   * @param {Canvas2D} context @param {Point[]} points
-   * @param {string} colour @param {number} width @param {number[]} dash
+   * @param {Canvas2D} context @param {MapView} view @param {Place} pose
+   * @param {number} size CSS pixels @param {string} colour @param {string} edge
    */
-  #line(context, points, colour, width, dash) {
-    if (points.length < 2 || !this.view) {
-      return;
-    }
-    context.beginPath();
-    for (const [x, y] of points) {
-      context.lineTo(...toScreen(this.view, x, y));
-    }
-    context.setLineDash(dash);
-    context.lineWidth = width;
-    context.strokeStyle = colour;
-    context.stroke();
-    context.setLineDash([]);
-  }
-
-  /** @param {Canvas2D} context @param {Paint} paint */
-  #marker(context, paint) {
-    if (!this.pose || !this.view) {
-      return;
-    }
-    const [x, y] = toScreen(this.view, this.pose.x, this.pose.y);
-    const size = Math.max(SMALLEST_ROBOT, 0.34 * this.view.scale);
+  drawRobot(context, view, { x, y, theta }, size, colour, edge) {
+    const [px, py] = toScreen(view, x, y);
     context.save();
-    context.translate(x, y);
-    context.rotate(-this.pose.theta - (this.view.turn ?? 0));
+    context.translate(px, py);
+    context.rotate(-theta - (view.turn ?? 0));
     context.beginPath();
     context.moveTo(1.25 * size, 0);
     context.lineTo(-0.85 * size, 0.8 * size);
     context.lineTo(-0.45 * size, 0);
     context.lineTo(-0.85 * size, -0.8 * size);
     context.closePath();
-    context.fillStyle = this.pose.localized ? paint.robot : paint.lost;
-    context.strokeStyle = paint.edge;
-    context.lineWidth = 2;
-    context.stroke();
-    context.fill();
+    stroke(context, edge, 2);
+    fill(context, colour);
     context.restore();
     Object.assign(this.canvas.dataset, {
-      markerX: x.toFixed(3),
-      markerY: y.toFixed(3),
-      markerTheta: this.pose.theta.toFixed(4),
-      markerStamp: String(this.stamp),
-      viewX: String(this.view.x),
-      viewY: String(this.view.y),
-      viewScale: String(this.view.scale),
-      viewTurn: String(this.view.turn ?? 0),
+      markerX: px.toFixed(3),
+      markerY: py.toFixed(3),
+      markerTheta: theta.toFixed(4),
+      viewX: String(view.x),
+      viewY: String(view.y),
+      viewScale: String(view.scale),
+      viewTurn: String(view.turn ?? 0),
     });
   }
 }
 
+/** @param {Canvas2D} context */
+const clear = (context) => {
+  context.setTransform(1, 0, 0, 1, 0, 0);
+  context.clearRect(0, 0, context.canvas.width, context.canvas.height);
+};
+
 /**
- * Fetch a floor plan and, when it has no plan of rooms, its image.
+ * @param {Canvas2D} context @param {MapView} view @param {Point[]} points
+ * @param {string} colour @param {number} width @param {number[]} dash
+ */
+const line = (context, view, points, colour, width, dash) => {
+  if (points.length > 1) {
+    trace(
+      context,
+      points.map(([x, y]) => toScreen(view, x, y)),
+    );
+    stroke(context, colour, width, dash);
+  }
+};
+
+/** The image of a site that has no plan of rooms. @param {FloorPlan} site */
+const imageOf = async ({ plan, image }) =>
+  plan?.rooms?.length || !image ? null : loadImage(image);
+
+/**
+ * Fetches a floor plan and, when it has no plan of rooms, its image.
  * @param {string} url @returns {Promise<{site: FloorPlan, image: HTMLImageElement | null}>}
  */
 export const loadFloorPlan = async (url) => {
-  const response = await fetch(url, { credentials: "same-origin" });
-  if (!response.ok) {
-    throw new Error(`floor plan: ${response.status}`);
-  }
-  const site = await response.json();
-  if (site.plan?.rooms?.length || !site.image) {
-    return { site, image: null };
-  }
-  const image = new Image();
-  image.src = site.image;
-  await image.decode();
-  return { site, image };
+  const site = await fetchJson(url, PATIENCE_MS);
+  return { site, image: await imageOf(site) };
 };

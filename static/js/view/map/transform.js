@@ -8,10 +8,10 @@
 
 /**
  * @typedef {{x: number, y: number, scale: number, width: number, height: number, turn?: number}}
- *   View the world point in the middle, CSS pixels a metre, size, and how far it is turned
- *   counter-clockwise, rad
+ *   View the world point in the middle, CSS pixels a metre, size, and its counter-clockwise turn,
+ *   rad
+ * @typedef {{left: number, bottom: number, right: number, top: number}} Bounds metres
  */
-/** @typedef {{left: number, bottom: number, right: number, top: number}} Bounds metres */
 
 /** @param {View} view @param {number} x m @param {number} y m @returns {Point} CSS pixels */
 export const toScreen = ({ x: middleX, y: middleY, scale, width, height, turn = 0 }, x, y) => {
@@ -21,12 +21,8 @@ export const toScreen = ({ x: middleX, y: middleY, scale, width, height, turn = 
 
 /** @param {View} view @param {number} px @param {number} py @returns {Point} metres */
 export const toWorld = ({ x, y, scale, width, height, turn = 0 }, px, py) => {
-  const [right, up, cos, sin] = [
-    (px - width / 2) / scale,
-    (height / 2 - py) / scale,
-    Math.cos(turn),
-    Math.sin(turn),
-  ];
+  const [right, up] = [(px - width / 2) / scale, (height / 2 - py) / scale];
+  const [cos, sin] = [Math.cos(turn), Math.sin(turn)];
   return [x + right * cos + up * sin, y + up * cos - right * sin];
 };
 
@@ -39,19 +35,11 @@ export const toWorld = ({ x, y, scale, width, height, turn = 0 }, px, py) => {
  * @returns {View}
  */
 export const fit = (bounds, width, height, margin = 12) => {
-  const across = Math.max(bounds.right - bounds.left, 1e-6);
-  const along = Math.max(bounds.top - bounds.bottom, 1e-6);
-  const scale = Math.max(
-    1e-3,
-    Math.min((width - 2 * margin) / across, (height - 2 * margin) / along),
-  );
-  return {
-    x: (bounds.left + bounds.right) / 2,
-    y: (bounds.bottom + bounds.top) / 2,
-    scale,
-    width,
-    height,
-  };
+  const { left, right, bottom, top } = bounds;
+  const across = (width - 2 * margin) / Math.max(right - left, 1e-6);
+  const along = (height - 2 * margin) / Math.max(top - bottom, 1e-6);
+  const scale = Math.max(1e-3, Math.min(across, along));
+  return { x: (left + right) / 2, y: (bottom + top) / 2, scale, width, height };
 };
 
 /**

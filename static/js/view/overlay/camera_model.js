@@ -1,34 +1,27 @@
 /**
- * From the floor to the picture and back. Pure.
+ * From the floor to the video and back. Pure.
  *
  * The camera is a pinhole with square pixels and its principal point in the middle
- * (robots/api/messages.py, Camera). It sits `x` before the robot's centre and `z` above the floor
- * and looks down by `pitch` and the head's tilt, p together. Pixels are counted from the picture's
- * upper left corner, u to the right and v down, in the camera's own size, whatever size the picture
- * is shown in. A point at (forward, left) of the lens on the floor is as deep as
- * cos p * forward + sin p * z, and lies `left` beside and sin p * forward - cos p * z above the
- * axis.
+ * (robots/api/messages.py, Camera): `x` before the robot's centre, `z` above the floor, and turned
+ * down by `pitch` and the head's tilt, p together. Pixels count from the upper left corner, u to
+ * the right and v down, in the camera's own size. A point at (forward, left) of the lens on the
+ * floor has the depth cos p * forward + sin p * z, and is `left` beside and sin p * forward - cos p
+ * * z above the axis.
  */
 
 /**
  * @typedef {{width: number, height: number, hfov: number, x: number, z: number, pitch?: number}}
  *   Camera of the factsheet
- */
-/**
- * @typedef {{left: number, top: number, scale: number, width: number, height: number}} Box where a
- *   picture lies: CSS pixels of its corner, a pixel of it, and the size of what it lies in
+ * @typedef {{left: number, top: number, scale: number, width: number, height: number}} Box of a
+ *   picture in its element, CSS pixels: its corner, the size of a pixel, and that of the element
+ * @typedef {Point | [number, number, number]} Spot m, robot's frame, on the floor or at that height
  */
 
 /** @param {Camera} camera @returns {number} in pixels */
 const focalOf = ({ width, hfov }) => width / 2 / Math.tan(hfov / 2);
 
 /**
- * @typedef {Point | [number, number, number]} Spot m, robot's frame, on the floor or so
- *   high above it
- */
-
-/**
- * How deep a point is in the picture, in m: behind the lens it is negative.
+ * The depth of a point, m, negative behind the lens.
  * @param {Camera} camera @param {number} tilt rad @param {Spot} spot
  */
 export const depthOf = ({ x, z, pitch = 0 }, tilt, [forward, , up = 0]) =>
@@ -66,7 +59,7 @@ export const toFloor = (camera, tilt, [u, v]) => {
 };
 
 /**
- * Where a picture lies in an element that shows it by `object-fit`.
+ * The box of a picture in an element that shows it by `object-fit`.
  * @param {{width: number, height: number}} picture
  * @param {number} width CSS pixels of the element
  * @param {number} height @param {string} fit @returns {Box}
@@ -74,13 +67,8 @@ export const toFloor = (camera, tilt, [u, v]) => {
 export const boxOf = (picture, width, height, fit) => {
   const ratios = [width / picture.width, height / picture.height];
   const scale = fit === "cover" ? Math.max(...ratios) : Math.min(...ratios);
-  return {
-    left: (width - scale * picture.width) / 2,
-    top: (height - scale * picture.height) / 2,
-    scale,
-    width,
-    height,
-  };
+  const [left, top] = [(width - scale * picture.width) / 2, (height - scale * picture.height) / 2];
+  return { left, top, scale, width, height };
 };
 
 /** @param {Box} box @param {Point} pixel @returns {Point} CSS pixels of the element */

@@ -1,13 +1,10 @@
-/**
- * Which places are marked in the picture: where the task's cue leads, and the charging station.
- * Pure.
- */
+/** The places that are marked in the video: the target of the cue, and the dock. Pure. */
 
 import { isMoving } from "../../protocol/robot_action.js";
 import { targetOf } from "../../study/guide.js";
 import { hidesWall } from "./visibility.js";
 
-const STATION_WITHIN = 6; // m: without a task, the station is marked where it can be seen
+const STATION_WITHIN = 6; // m: without a task, a visible dock is marked
 const USUAL_RADIUS = 0.3; // m
 
 /** @param {State} state @param {Moment} moment @returns {import("./drawing.js").Cue[]} */
@@ -17,18 +14,10 @@ export const cuesFor = (state, moment) => {
   }
   const target = targetOf(state);
   if (target) {
-    const stop = state.study?.checkpoints.find(
-      (/** @type {any} */ { number }) => number === target.number,
-    );
-    return [
-      cue(
-        state,
-        moment,
-        target,
-        stop?.radius ?? USUAL_RADIUS,
-        target.number ? String(target.number) : "",
-      ),
-    ];
+    const { checkpoints = [] } = state.study ?? {};
+    const stop = checkpoints.find((/** @type {any} */ { number }) => number === target.number);
+    const sign = target.number ? String(target.number) : "";
+    return [cue(state, moment, target, stop?.radius ?? USUAL_RADIUS, sign)];
   }
   const station = state.study ? null : stationOf(state);
   const wanted = isMoving(state.task) && state.task?.type === "dock";

@@ -1,30 +1,26 @@
 /**
- * Draws on the picture: the floor that the robot will sweep, where it will come to, and where the
- * next checkpoint and the dock are. Thin and clear, so that nothing hides the way; what is near
- * differs by the width of its line and not by its colour alone.
+ * Draws on the video: the floor that the robot will sweep, its goal, the next checkpoint and the
+ * dock. Lines are thin, so that they hide nothing; near obstacles make them wider, not only another
+ * colour.
  */
 
+import { bolt, disc, fill, label, stroke, strokeWithEdge, trace } from "../../lib/canvas.js";
 import { mapFromRobot, robotFromMap } from "../../lib/transforms.js";
 import { depthOf, toElement, toPicture } from "./camera_model.js";
 import { CLOSE, NEAR } from "../../lib/swept_path.js";
 
 /**
  * @typedef {{camera: import("./camera_model.js").Camera, moment: Moment,
- *   box: import("./camera_model.js").Box}} Eye whose picture it is
- */
-/**
- * @typedef {{point: Point, radius: number, sign: string, hidden: boolean}} Cue a place:
- *   its number, or nothing for the dock
- */
-/**
- * @typedef {{sweptPath: SweptPath | null, committed: boolean,
- *   goal: Point | null, blocked: Place | null,
- *   footprint: Point[], radius: number, cues: Cue[]}} Scene `blocked`: where the robot
- *   would touch something
+ *   box: import("./camera_model.js").Box}} Eye the camera of the frame
+ * @typedef {{point: Point, radius: number, sign: string, hidden: boolean}} Cue a place: its number,
+ *   or empty for the dock
+ * @typedef {{sweptPath: SweptPath | null, committed: boolean, goal: Point | null,
+ *   blocked: Place | null, footprint: Point[], radius: number, cues: Cue[]}} Scene `blocked`: where
+ *   the robot would touch an obstacle
  */
 
 const LEAST_DEPTH = 0.1; // m before the lens
-const POST = 0.45; // m: how high a cue's sign stands
+const POST = 0.45; // m: the height of a cue's sign
 const SIGN = 13; // CSS pixels
 
 /**
@@ -47,10 +43,10 @@ export const drawScene = (
   }
   cues.forEach((cue) => drawCue(context, eye, cue, paint));
   if (goal) {
-    ring(context, eye, goal, radius);
-    stroke(context, 3, paint.goal, paint.edge);
-    ring(context, eye, goal, radius / 6);
-    stroke(context, 3, paint.goal, paint.edge);
+    for (const size of [radius, radius / 6]) {
+      ring(context, eye, goal, size);
+      strokeWithEdge(context, paint.goal, 3, paint.edge);
+    }
   }
 };
 
@@ -58,7 +54,7 @@ export const drawScene = (
  * @param {Eye} eye
  * @param {Point} point of the map
  * @param {number} [up] m
- * @returns {Point | null} null for what is not before the lens
+ * @returns {Point | null} null behind the lens
  */
 const place = ({ camera, moment, box }, point, up = 0) => {
   const spot = /** @type {[number, number, number]} */ ([...robotFromMap(moment, point), up]);
@@ -88,12 +84,8 @@ const edge = (eye, a, b) => {
 
 /** @param {number} clearance m */
 const toneOf = (clearance) => (clearance < CLOSE ? "close" : clearance < NEAR ? "near" : "free");
-const WIDTHS = /** @type {Record<string, number>} */ ({
-  free: 2.5,
-  near: 3.5,
-  close: 5,
-  committed: 3,
-});
+/** @type {Record<string, number>} */
+const WIDTHS = { free: 2.5, near: 3.5, close: 5, committed: 3 };
 
 /**
  * @param {Canvas2D} context @param {Eye} eye @param {SweptPath} sweptPath
@@ -107,29 +99,23 @@ const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
       edge(eye, slices[i].right, slice.right),
     ];
     if (left && right) {
-      context.beginPath();
-      [left[0], left[1], right[1], right[0]].forEach((point) => context.lineTo(...point));
-      context.globalAlpha = 0.2;
-      context.fillStyle = paint[tone];
-      context.fill();
-      context.globalAlpha = 1;
+      trace(context, [left[0], left[1], right[1], right[0]]);
+      fill(context, paint[tone], 0.2);
     }
     for (const line of [left, right]) {
       trace(context, line ?? []);
-      context.lineWidth = WIDTHS[tone];
-      context.strokeStyle = paint[tone];
-      context.stroke();
+      stroke(context, paint[tone], WIDTHS[tone]);
     }
   });
   const last = slices.at(-1);
   if (blocked && last) {
     trace(context, edge(eye, last.left, last.right) ?? []);
-    stroke(context, 7, paint.close, paint.edge);
+    strokeWithEdge(context, paint.close, 7, paint.edge);
   }
 };
 
 /**
- * The robot's outline where it would touch something.
+ * The robot's outline where it would touch an obstacle.
  * @param {Canvas2D} context @param {Eye} eye @param {Place} at
  * @param {Point[]} footprint @param {Paint} paint
  */
@@ -139,11 +125,8 @@ const drawBlocked = (context, eye, at, footprint, paint) => {
     return; // under the camera
   }
   trace(context, /** @type {Point[]} */ ([...corners, corners[0]]));
-  context.globalAlpha = 0.35;
-  context.fillStyle = paint.close;
-  context.fill();
-  context.globalAlpha = 1;
-  stroke(context, 4, paint.close, paint.edge);
+  fill(context, paint.close, 0.35);
+  strokeWithEdge(context, paint.close, 4, paint.edge);
 };
 
 /**
@@ -167,69 +150,22 @@ const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
   if (!foot || !head) {
     return;
   }
-  context.globalAlpha = hidden ? 0.75 : 1;
   if (!hidden) {
     ring(context, eye, point, radius);
-    stroke(context, 3, paint.next, paint.edge);
+    strokeWithEdge(context, paint.next, 3, paint.edge);
     trace(context, [foot, head]);
-    stroke(context, 2, paint.next, paint.edge);
+    strokeWithEdge(context, paint.next, 2, paint.edge);
   }
-  context.beginPath();
-  context.arc(head[0], head[1], SIGN, 0, 2 * Math.PI);
-  context.fillStyle = hidden ? paint.edge : paint.next;
-  context.fill();
-  context.lineWidth = 2;
-  context.strokeStyle = hidden ? paint.next : paint.edge;
-  context.stroke();
-  context.fillStyle = hidden ? paint.next : paint.edge;
-  context.font = paint.font;
-  context.textAlign = "center";
-  context.textBaseline = "middle";
+  const [ground, colour] = hidden ? [paint.edge, paint.next] : [paint.next, paint.edge];
+  const alpha = hidden ? 0.75 : 1;
+  disc(context, ...head, SIGN);
+  fill(context, ground, alpha);
+  stroke(context, colour, 2);
   if (sign) {
-    context.fillText(sign, head[0], head[1] + 0.5);
+    context.font = paint.font;
+    label(context, sign, head[0], head[1] + 0.5, colour);
   } else {
-    bolt(context, head[0], head[1], 7);
-    context.fill();
-  }
-  context.globalAlpha = 1;
-};
-
-/**
- * The sign of charging.
- * @param {Canvas2D} context @param {number} x @param {number} y @param {number} size
- */
-const bolt = (context, x, y, size) => {
-  const corners = [
-    [0.2, -1.3],
-    [-0.8, 0.2],
-    [-0.05, 0.2],
-    [-0.2, 1.3],
-    [0.8, -0.2],
-    [0.05, -0.2],
-  ];
-  trace(
-    context,
-    corners.map(([u, v]) => [x + u * size, y + v * size]),
-  );
-};
-
-/** @param {Canvas2D} context @param {Point[]} points */
-const trace = (context, points) => {
-  context.beginPath();
-  points.forEach((point) => context.lineTo(...point));
-};
-
-/**
- * A line that is readable on any floor.
- * @param {Canvas2D} context @param {number} width @param {string} colour @param {string} around
- */
-const stroke = (context, width, colour, around) => {
-  for (const [wide, style] of /** @type {[number, string][]} */ ([
-    [width + 2.5, around],
-    [width, colour],
-  ])) {
-    context.lineWidth = wide;
-    context.strokeStyle = style;
-    context.stroke();
+    bolt(context, ...head, 7);
+    fill(context, colour, alpha);
   }
 };

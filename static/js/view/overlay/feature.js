@@ -1,7 +1,6 @@
 /**
- * The video as a place to drive by: what is drawn on it, pressing on it, the gamepad, and what the
- * page drives by itself for who pressed once. What to do is decided in the pure modules beside it,
- * in input/ and in view/hud/stuck.js.
+ * Driving by the video: drawings on it, presses on it, gamepads, and maneuvers of the page. The
+ * pure modules beside it, in input/ and view/hud/stuck.js decide.
  */
 
 import { Gamepads } from "../../input/gamepad.js";
@@ -15,17 +14,15 @@ import { Track } from "../../lib/transforms.js";
 const SCAN_SECONDS = 1; // an older sweep is outdated
 const MOVING = 0.01; // m/s or rad/s
 
-/** What is known of the robot's surroundings, for all parts of the overlay. */
+/** The robot's poses, laser points and path, for all parts of the overlay. */
 export class Surroundings {
-  constructor() {
-    this.track = new Track();
-    /** what the laser saw last, m, of the map @type {{points: Point[], at: number}} */
-    this.scan = { points: [], at: -Infinity };
-    /** @type {Point[]} what the robot follows by itself */
-    this.path = [];
-    this.heardAt = -Infinity;
-    this.movedAt = -Infinity;
-  }
+  track = new Track();
+  /** the last sweep of the laser, m, of the map @type {{points: Point[], at: number}} */
+  scan = { points: [], at: -Infinity };
+  /** @type {Point[]} that the robot follows by itself */
+  path = [];
+  heardAt = -Infinity;
+  movedAt = -Infinity;
 
   /** @param {any} message `state` or `pose` */
   moved(message) {
@@ -42,7 +39,7 @@ export class Surroundings {
   }
 }
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store } = page;
   const around = new Surroundings();
@@ -57,19 +54,18 @@ const setUp = (page) => {
   return {
     handlers: newHandlers(store, around, canvas),
     actions: {
-      /** Where the robot may not be sent, the page drives it out of its dock. */
       back_out: () => press.backOut(),
       turn_around: turnAround,
     },
     keys: { turn_around: { down: turnAround } },
     on: {
-      changed: (/** @type {State} */ { maneuver }) => {
+      changed: ({ maneuver }) => {
         if (maneuver && !press.maneuver.now) {
           store.update({ maneuver: null });
         }
       },
       frameShown: () => canvas.refresh(),
-      steered: (/** @type {Intent} */ intent) => {
+      steered: (intent) => {
         const { pressing } = store.get();
         const presses = intent.linear !== 0 || intent.angular !== 0;
         if (presses !== (pressing !== null)) {
@@ -80,11 +76,8 @@ const setUp = (page) => {
       },
       tick: () => {
         press.tick();
-        const why = stuckFor(store.get(), {
-          now: unixNow(),
-          heardAt: around.heardAt,
-          movedAt: around.movedAt,
-        });
+        const { heardAt, movedAt } = around;
+        const why = stuckFor(store.get(), { now: unixNow(), heardAt, movedAt });
         if (why?.word !== store.get().stuck?.word) {
           store.update({ stuck: why });
         }
@@ -94,7 +87,10 @@ const setUp = (page) => {
   };
 };
 
-/** @param {Store} store @param {Surroundings} around @param {OverlayCanvas} canvas */
+/**
+ * @param {Store} store @param {Surroundings} around @param {OverlayCanvas} canvas
+ * @returns {Handlers}
+ */
 const newHandlers = (store, around, canvas) => {
   const moved = (/** @type {any} */ message) => {
     around.moved(message);
@@ -103,11 +99,11 @@ const newHandlers = (store, around, canvas) => {
   return {
     state: moved,
     pose: moved,
-    path: (/** @type {{points: Point[]}} */ { points }) => {
+    path: ({ points }) => {
       around.path = points;
       canvas.refresh();
     },
-    scan: (/** @type {any} */ message) => {
+    scan: (message) => {
       const [laser, moment] = [store.get().factsheet?.laser, around.track.at(message.stamp)];
       if (laser && moment) {
         around.scan = { points: scanPoints(message, laser, moment), at: unixNow() };

@@ -1,7 +1,4 @@
-/**
- * Pressing on the video: where on the floor that is, and the maneuver that the page then drives for
- * the visitor.
- */
+/** Presses on the video: the point of the floor, and the maneuver that the page then drives. */
 
 import { Maneuver } from "../../input/maneuver.js";
 import { Pointing } from "../../input/pointing.js";
@@ -16,9 +13,10 @@ import { mapFromRobot, robotFromMap } from "../../lib/transforms.js";
 import { hidesWall, isBehind } from "./visibility.js";
 
 /**
- * @typedef {{no: string, point?: Point, at?: Place}
- *   | {turn: Point} | {goal: Point, sweptPath: any}} Target what a press
- *   means
+ * @typedef {{no: string, point?: Point, at?: Place} | {turn: Point}
+ *   | {goal: Point, sweptPath: any}} Target of a press
+ * @typedef {import("../../input/pointing.js").Press} Press
+ * @typedef {import("../../input/maneuver.js").Kind} Kind
  */
 
 export class FloorPress {
@@ -31,7 +29,7 @@ export class FloorPress {
     this.steering = driving.steering;
     this.stage = element("viewport");
     this.onChange = () => {};
-    /** @type {Target | null} what the present press means */
+    /** @type {Target | null} of the present press */
     this.target = null;
     this.hand = "mouse";
     /** the size of the stage, and how the video is fitted into it */
@@ -68,15 +66,12 @@ export class FloorPress {
     return this.store.get().factsheet?.footprint ?? [];
   }
 
-  /**
-   * Whose frame is on the screen: camera, where the robot was, and where the frame lies; null while
-   * that is not known.
-   */
+  /** The frame on the screen: camera, pose of the robot, and box; null while unknown. */
   get eye() {
     const { camera, tilt } = this.store.get().factsheet ?? {};
     const { width, height, fit } = this.size;
     const moment = this.around.track.at(this.video.frameStamp());
-    // where a head looks that nobody knows the angle of, nothing can be drawn
+    // nothing can be drawn while the angle of the head is unknown
     const isAimed = moment?.aimed || !tilt;
     return camera && moment && isAimed && width
       ? { camera, moment, box: boxOf(camera, width, height, fit) }
@@ -88,25 +83,22 @@ export class FloorPress {
     this.#drive();
   }
 
-  /** Out of the dock. */
   backOut() {
     this.#startHere("back", (robot) => [robot.x, robot.y]);
   }
 
-  /** To look where its back was. */
   turnAround() {
     this.#startHere("turn", (robot) => lookingAt(robot, ABOUT));
   }
 
   /**
-   * By the hand that pressed the button, or else by one that may steer.
-   * @param {import("../../input/maneuver.js").Kind} kind @param {(robot: Place) => Point} pointOf
+   * With the controller that pressed the button, or else one that may steer.
+   * @param {Kind} kind @param {(robot: Place) => Point} pointOf
    */
   #startHere(kind, pointOf) {
     const robot = this.around.track.newest;
-    const method = this.steering.mayUse(this.hand)
-      ? this.hand
-      : (this.steering.allowed?.[0] ?? this.hand);
+    const { allowed } = this.steering;
+    const method = this.steering.mayUse(this.hand) ? this.hand : (allowed?.[0] ?? this.hand);
     if (robot && roleOf(this.store.get().visit) === "driver") {
       this.#start(kind, pointOf(robot), method);
     }
@@ -131,13 +123,9 @@ export class FloorPress {
     const point = mapFromRobot(eye.moment, floor);
     const own = robotFromMap(robot, point);
     const { seen } = this.around;
-    if (
-      isBehind(
-        seen.map((one) => robotFromMap(robot, one)),
-        own,
-      ) ||
-      (robot.localized && hidesWall(plan, [robot.x, robot.y], point))
-    ) {
+    const isHidden = robot.localized && hidesWall(plan, [robot.x, robot.y], point);
+    const obstacles = seen.map((one) => robotFromMap(robot, one));
+    if (isHidden || isBehind(obstacles, own)) {
       return { no: "wall", point, at: this.#touching(robot, point) };
     }
     const target = reach(robot, own, this.footprint, seen);
@@ -145,7 +133,7 @@ export class FloorPress {
   }
 
   /**
-   * Where the robot would stand when it touches what is in its way to a point.
+   * The robot's pose when it touches the obstacle before a point.
    * @param {Place} robot @param {Point} point @returns {Place}
    */
   #touching(robot, point) {
@@ -155,13 +143,13 @@ export class FloorPress {
       : { x: point[0], y: point[1], theta: Math.atan2(point[1] - robot.y, point[0] - robot.x) };
   }
 
-  /** @param {import("../../input/pointing.js").Press} press */
+  /** @param {Press} press */
   #aim(press) {
     this.target = this.#targetOf(press);
     this.onChange();
   }
 
-  /** @param {import("../../input/pointing.js").Press} press */
+  /** @param {Press} press */
   #hold(press) {
     this.target = this.#targetOf(press);
     if (!this.#go(this.target, press.method)) {
@@ -186,13 +174,11 @@ export class FloorPress {
    */
   #go(target, method) {
     if ("no" in target) {
+      const { no, point, at } = target;
       if (this.store.get().robot?.docked) {
         this.store.update({ pushedAt: unixNow(), now: unixNow() });
       } else {
-        this.say(
-          `point.${target.no}`,
-          target.point && target.at ? { goal: target.point, at: target.at } : null,
-        );
+        this.say(`point.${no}`, point && at ? { goal: point, at } : null);
       }
       return false;
     }
@@ -205,9 +191,8 @@ export class FloorPress {
   }
 
   /**
-   * From this very moment, so that an older hand that is still held has lost.
-   * @param {import("../../input/maneuver.js").Kind} kind @param {Point} point
-   * @param {string} method
+   * Starts at once, so that it wins over a controller that is still held.
+   * @param {Kind} kind @param {Point} point @param {string} method
    */
   #start(kind, point, method) {
     const { maneuver, said } = this.store.get();
@@ -219,23 +204,13 @@ export class FloorPress {
   }
 
   #drive() {
-    const [now, { factsheet }, { track, heardAt, seen }] = [
-      unixNow(),
-      this.store.get(),
-      this.around,
-    ];
+    const now = unixNow();
+    const { factsheet } = this.store.get();
+    const { track, heardAt, seen } = this.around;
     if (factsheet) {
-      this.maneuver.tick(
-        {
-          moment: track.newest,
-          age: now - heardAt,
-          full: this.steering.full,
-          limits: factsheet.limits,
-          footprint: this.footprint,
-          seen,
-        },
-        now,
-      );
+      const [{ limits }, { full }] = [factsheet, this.steering];
+      const [moment, age] = [track.newest, now - heardAt];
+      this.maneuver.tick({ moment, age, full, limits, footprint: this.footprint, seen }, now);
     }
   }
 
@@ -243,16 +218,13 @@ export class FloorPress {
   #ended(end, kind) {
     this.store.update({ maneuver: null });
     if (end === "there" && kind === "back") {
-      this.turnAround(); // to the room: the station is at a wall
+      this.turnAround(); // towards the room: the dock is at a wall
     } else if (end !== "taken" && end !== "there") {
       this.say(`point.${end}`);
     }
   }
 
-  /**
-   * Which hand presses the buttons of the page, and at which side of the video it is: there it
-   * turns the robot.
-   */
+  /** Notes the controller that presses the page, and marks the sides of the video, which turn. */
   #watchHand() {
     const { stage } = this;
     const showSide = (/** @type {PointerEvent} */ { clientX, target }) => {
@@ -260,13 +232,8 @@ export class FloorPress {
       const { width, height, fit } = this.size;
       const isOn =
         camera && width && /** @type {Element} */ (target).matches("#viewport, video, canvas");
-      const side = isOn
-        ? sideOf(
-            boxOf(camera, width, height, fit),
-            camera,
-            clientX - stage.getBoundingClientRect().left,
-          )
-        : 0;
+      const px = clientX - stage.getBoundingClientRect().left;
+      const side = isOn ? sideOf(boxOf(camera, width, height, fit), camera, px) : 0;
       const name = side > 0 ? "left" : side < 0 ? "right" : "";
       if (stage.dataset.side !== name) {
         stage.dataset.side = name;

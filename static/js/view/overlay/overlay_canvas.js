@@ -1,7 +1,4 @@
-/**
- * The canvas over the video: works out what is to be seen on it, and draws that with the next frame
- * of the screen if it is new.
- */
+/** The canvas over the video: decides what it shows, and draws it when that has changed. */
 
 import { isAnswered } from "../../autonomy/offer.js";
 import { isMoving } from "../../protocol/robot_action.js";
@@ -12,8 +9,7 @@ import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
 import { heldSteps, lineSteps, sweep } from "../../lib/swept_path.js";
 
-// s of driving on like this: the camera sees no floor that is nearer than a metre
-const SHOWN_SECONDS = 6;
+const SHOWN_SECONDS = 6; // s of driving: the camera sees no floor nearer than a metre
 const COLOURS = ["free", "near", "close", "committed", "goal", "next", "edge"];
 /** @type {Omit<import("./drawing.js").Scene, "cues" | "radius" | "footprint">} */
 const NOTHING = Object.freeze({ sweptPath: null, committed: false, goal: null, blocked: null });
@@ -29,17 +25,17 @@ export class OverlayCanvas {
     this.press = press;
     this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
     this.paint = createPaint(this.canvas, "--", COLOURS, "700 15px");
-    /** @type {Intent} that is sent to the robot */
+    /** @type {Intent} sent to the robot */
     this.intent = { linear: 0, angular: 0, method: "" };
     this.dirty = false;
     this.drawn = "";
-    /** thirty frames a second show the same path @type {{of: any[], scene: typeof NOTHING}} */
+    /** the last path and what it depends on @type {{of: any[], scene: typeof NOTHING}} */
     this.last = { of: [], scene: NOTHING };
     const video = element("video");
     new ResizeObserver(() => this.#resize(video)).observe(press.stage);
   }
 
-  /** Draw with the next frame, if there is anything new. */
+  /** Draws with the next frame, if anything has changed. */
   refresh() {
     if (!this.dirty) {
       this.dirty = true;
@@ -73,44 +69,34 @@ export class OverlayCanvas {
     if (refused && isAnswered(this.store.get())) {
       return { ...NOTHING, blocked: refused.at };
     }
+    const { seen, path } = this.around;
     if (maneuver.now?.kind === "goal") {
-      return {
-        ...NOTHING,
-        goal: maneuver.now.point,
-        sweptPath: sweep(arcTo(robot, maneuver.now.point), footprint, this.around.seen),
-      };
+      const goal = maneuver.now.point;
+      return { ...NOTHING, goal, sweptPath: sweep(arcTo(robot, goal), footprint, seen) };
     }
     if (isMoving(task)) {
-      return {
-        ...NOTHING,
-        committed: true,
-        sweptPath: sweep(lineSteps(robot, this.around.path), footprint, []),
-      };
+      const sweptPath = sweep(lineSteps(robot, path), footprint, []);
+      return { ...NOTHING, committed: true, sweptPath };
     }
-    const held =
-      this.intent.linear || this.intent.angular
-        ? heldSteps(robot, this.intent, factsheet.limits, SHOWN_SECONDS)
-        : [];
-    return {
-      ...NOTHING,
-      sweptPath: sweep(held, footprint, this.around.seen, this.intent.linear < 0 ? -1 : 1),
-    };
+    const { linear, angular } = this.intent;
+    const { limits } = factsheet;
+    const isHeld = linear || angular;
+    const held = isHeld ? heldSteps(robot, this.intent, limits, SHOWN_SECONDS) : [];
+    return { ...NOTHING, sweptPath: sweep(held, footprint, seen, linear < 0 ? -1 : 1) };
   }
 
   #pathNow() {
     const [{ track, scan, path }, { task, factsheet, said, now }] = [this.around, this.store.get()];
-    const of = [
+    const { target, maneuver } = this.press;
+    const of = /** @type {any[]} */ ([
       track.newest,
       scan,
       path,
       this.intent,
-      this.press.target,
-      this.press.maneuver.now?.point,
-      task,
-      factsheet,
-      said,
-      said?.refused && now,
-    ];
+      target,
+      maneuver.now?.point,
+    ]);
+    of.push(task, factsheet, said, said?.refused && now);
     if (of.some((one, i) => one !== this.last.of[i])) {
       this.last = { of, scene: this.#path() };
     }
@@ -121,18 +107,13 @@ export class OverlayCanvas {
     this.dirty = false;
     const [state, { eye }, context] = [this.store.get(), this.press, this.canvas.getContext("2d")];
     const shows = state.playing && roleOf(state.visit) === "driver" && eye !== null;
+    const { footprint } = this.press;
+    const radius = Math.max(...footprint.map((/** @type {number[]} */ [x]) => x));
     const scene = shows
-      ? {
-          ...this.#pathNow(),
-          footprint: this.press.footprint,
-          radius: Math.max(...this.press.footprint.map((/** @type {number[]} */ [x]) => x)),
-          cues: cuesFor(state, eye.moment),
-        }
+      ? { ...this.#pathNow(), footprint, radius, cues: cuesFor(state, eye.moment) }
       : null;
-    const key =
-      scene && eye && (scene.sweptPath || scene.goal || scene.blocked || scene.cues.length)
-        ? keyOf(scene, eye)
-        : "";
+    const isEmpty = !(scene?.sweptPath || scene?.goal || scene?.blocked || scene?.cues.length);
+    const key = scene && eye && !isEmpty ? keyOf(scene, eye) : "";
     if (key === this.drawn || !context) {
       return;
     }
@@ -142,25 +123,29 @@ export class OverlayCanvas {
     if (key && scene && eye) {
       drawScene(context, eye, scene, this.paint());
     }
-    const { dataset } = this.canvas;
-    dataset.shows = scene?.blocked
-      ? "blocked"
-      : scene?.goal
-        ? "goal"
-        : scene?.sweptPath?.slices.length
-          ? scene.committed
-            ? "path"
-            : "held"
-          : "";
-    dataset.goal = scene?.goal?.map((value) => value.toFixed(3)).join(" ") ?? "";
-    dataset.cues =
-      scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ??
-      "";
+    Object.assign(this.canvas.dataset, forTests(scene));
   }
 }
 
+/** What the canvas shows. @param {import("./drawing.js").Scene | null} scene */
+const forTests = (scene) => {
+  const {
+    goal = null,
+    blocked = null,
+    sweptPath = null,
+    committed = false,
+    cues = [],
+  } = scene ?? {};
+  const path = sweptPath?.slices.length ? (committed ? "path" : "held") : "";
+  return {
+    shows: blocked ? "blocked" : goal ? "goal" : path,
+    goal: goal?.map((value) => value.toFixed(3)).join(" ") ?? "",
+    cues: cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join(),
+  };
+};
+
 /**
- * The same for what looks the same.
+ * A key of the drawing.
  * @param {import("./drawing.js").Scene} scene @param {import("./drawing.js").Eye} eye
  */
 const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {

@@ -1,10 +1,9 @@
-/** What lies behind walls. Pure: by the floor plan, and by what the laser saw last. */
+/** Which points are behind walls. Pure: by the floor plan, and by the last sweep of the laser. */
 
-const BEHIND = 0.15; // m: nearer to what the laser saw, a point is the foot of it
+const BEHIND = 0.15; // m: a point nearer to an obstacle is at its foot
 
 /**
- * Whether a wall of the plan stands between two points. A doorway is a hole in a wall: so is a
- * closed door, for whoever looks for the way.
+ * Whether a wall of the plan is between two points. A doorway is a hole, also with its door closed.
  * @param {any} plan @param {Point} from @param {Point} to
  */
 export const hidesWall = (plan, from, to) => {

@@ -1,7 +1,4 @@
-/**
- * The connection in figures, for profiles that show them; the panel is fetched when it is first
- * wanted.
- */
+/** The figures of the connection, for profiles that show them; fetched when first wanted. */
 
 import { unixNow } from "../../lib/clock.js";
 import { lazy } from "../../lib/lazy.js";
@@ -10,7 +7,7 @@ import { profileOf } from "../display/profiles.js";
 /** @param {State} state */
 const isWanted = (state) => profileOf(state).figures && state.visit.phase === "driving";
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, element, words } = page;
   const panel = lazy(async () =>
@@ -19,7 +16,7 @@ const setUp = (page) => {
   let wanted = false;
   return {
     on: {
-      changed: (/** @type {State} */ state) => {
+      changed: (state) => {
         if (isWanted(state) !== wanted) {
           wanted = isWanted(state);
           panel((show) => show(isWanted(store.get())));
@@ -29,7 +26,7 @@ const setUp = (page) => {
   };
 };
 
-/** What the figures are made of. @param {Page} page @returns {import("./figures.js").Raw} */
+/** The sources of the figures. @param {Page} page @returns {import("./figures.js").Raw} */
 const rawOf = ({
   store,
   connection: { link, clockSync },

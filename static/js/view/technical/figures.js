@@ -1,29 +1,27 @@
 /**
- * The connection in figures, for those who want to know: what each is made of, and how it is
- * written. Pure. Times are in seconds; a figure that is not known is a dash. What they mean is told
- * in docs/reference/technical-readings.md.
+ * The figures of the connection: their sources and formats. Pure. Times are in seconds; an unknown
+ * figure is a dash. docs/reference/technical-readings.md explains them.
  */
 
+import { decimalFormat } from "../../lib/decimal.js";
 import { between, pick } from "../../protocol/link_stats.js";
 
-const WINDOW = 3; // samples that a figure is taken over: a second, at two a second
-const SMOOTHED = 9; // samples of which the middle one counts, for what jumps
+const WINDOW = 3; // samples of a figure: a second, at two a second
+const SMOOTHED = 9; // samples whose median is shown
 
 /**
  * @typedef {object} Raw
  * @property {RTCPeerConnection | null} connection
  * @property {State} state
- * @property {{datachannel: number | null, mqtt: number | null}} trips seconds to the robot and back
- *   on each way
- * @property {number | null} glass seconds from the robot's camera to the screen, when the last
- *   frame was shown
- * @property {Point} size pixels of the picture on the screen
+ * @property {Record<Transport, number | null>} trips round trip on each transport, s
+ * @property {number | null} glass from the robot's camera to the screen, for the last frame, s
+ * @property {Point} size pixels of the frame on the screen
  */
 
 /** @typedef {{key: string, value: string, unit: string}} Figure */
 
 /**
- * What getStats() tells beside `pick`.
+ * More of a getStats() report than `pick`.
  * @param {Iterable<any>} report @returns {{codec: string, freezes: number, frozen: number}}
  */
 export const pickMore = (report) => {
@@ -38,7 +36,7 @@ export const pickMore = (report) => {
 };
 
 /**
- * Where pictures and commands go: `host/udp` is direct.
+ * The kind of a path: `host/udp` is direct.
  * @param {string | undefined} path @returns {"direct" | "relay" | "server" | ""}
  */
 export const pathKindOf = (path) => {
@@ -53,14 +51,6 @@ const middle = (values) => [...values].sort((a, b) => a - b)[values.length >> 1]
 const ms = (seconds) =>
   seconds === null || seconds === undefined ? "–" : String(Math.round(seconds * 1000));
 
-/** @param {string} language a BCP 47 tag @param {number} digits */
-const format = (language, digits) =>
-  new Intl.NumberFormat(language, {
-    minimumFractionDigits: digits,
-    maximumFractionDigits: digits,
-    useGrouping: false,
-  });
-
 export class Figures {
   /**
    * @param {(path: "direct" | "relay" | "server") => string} nameOfPathKind in the visitor's
@@ -69,22 +59,24 @@ export class Figures {
    */
   constructor(nameOfPathKind, language) {
     this.nameOfPathKind = nameOfPathKind;
-    const [whole, tenth] = [format(language, 0), format(language, 1)];
-    this.whole = (/** @type {number | undefined} */ value) =>
-      value === undefined ? "–" : whole.format(value);
-    this.tenth = (/** @type {number | undefined} */ value) =>
-      value === undefined ? "–" : tenth.format(value);
+    const digits = (/** @type {number} */ count) => {
+      const format = decimalFormat(language, count, false);
+      return (/** @type {number | undefined} */ value) =>
+        value === undefined || Number.isNaN(value) ? "–" : format(value);
+    };
+    this.whole = digits(0);
+    this.tenth = digits(1);
     /** @type {RTCPeerConnection | null} */
     this.connection = null;
     /** @type {import("../../protocol/link_stats.js").Sample[]} */
     this.samples = [];
     /** @type {number[]} */
     this.glass = [];
-    /** @type {{age: number, frameAge?: number | null} | null} the last command at the wheels */
+    /** @type {{age: number, frameAge?: number | null} | null} the last applied command */
     this.applied = null;
   }
 
-  /** Another connection has figures of its own. */
+  /** A new connection. */
   forget() {
     this.samples = [];
     this.glass = [];
@@ -115,44 +107,26 @@ export class Figures {
    * @returns {Figure[]}
    */
   #rows({ state, trips, size }, second, more) {
-    const refused = Object.values(state.robot?.refused ?? {}).reduce(
-      (sum, one) => sum + Number(one),
-      0,
-    );
+    const refusals = /** @type {number[]} */ (Object.values(state.robot?.refused ?? {}));
+    const refused = refusals.reduce((sum, one) => sum + one, 0);
     const kind = pathKindOf(second.path);
     const path = kind ? [this.nameOfPathKind(kind), second.path.split("/")[1]].join(", ") : "–";
-    return [
-      { key: "fps", value: this.whole(second.fps), unit: "/s" },
-      { key: "glass", value: ms(middle(this.glass)), unit: "ms" },
-      { key: "trip_direct", value: ms(trips.datachannel), unit: "ms" },
-      { key: "trip_server", value: ms(trips.mqtt), unit: "ms" },
-      { key: "age", value: ms(this.applied?.age), unit: "ms" },
-      { key: "loop", value: ms(this.applied?.frameAge), unit: "ms" },
-      { key: "refused", value: state.robot ? String(refused) : "–", unit: "" },
-      {
-        key: "loss",
-        value: this.tenth(second.loss === undefined ? undefined : second.loss * 100),
-        unit: "%",
-      },
-      { key: "jitter", value: ms(second.jitter), unit: "ms" },
-      {
-        key: "rate",
-        value: this.whole(second.bitrate === undefined ? undefined : second.bitrate / 1000),
-        unit: "kbit/s",
-      },
-      {
-        key: "freezes",
-        value: more ? `${more.freezes} (${this.tenth(more.frozen)} s)` : "–",
-        unit: "",
-      },
-      {
-        key: "size",
-        value: size[0]
-          ? `${size[0]}×${size[1]} ${state.slow ? "JPEG" : (more?.codec ?? "")}`.trim()
-          : "–",
-        unit: "",
-      },
-      { key: "path", value: path, unit: "" },
+    const codec = state.slow ? "JPEG" : (more?.codec ?? "");
+    const rows = [
+      ["fps", this.whole(second.fps), "/s"],
+      ["glass", ms(middle(this.glass)), "ms"],
+      ["trip_direct", ms(trips.datachannel), "ms"],
+      ["trip_server", ms(trips.mqtt), "ms"],
+      ["age", ms(this.applied?.age), "ms"],
+      ["loop", ms(this.applied?.frameAge), "ms"],
+      ["refused", state.robot ? String(refused) : "–", ""],
+      ["loss", this.tenth(second.loss * 100), "%"],
+      ["jitter", ms(second.jitter), "ms"],
+      ["rate", this.whole(second.bitrate / 1000), "kbit/s"],
+      ["freezes", more ? `${more.freezes} (${this.tenth(more.frozen)} s)` : "–", ""],
+      ["size", size[0] ? `${size[0]}×${size[1]} ${codec}`.trim() : "–", ""],
+      ["path", path, ""],
     ];
+    return rows.map(([key, value, unit]) => ({ key, value, unit }));
   }
 }

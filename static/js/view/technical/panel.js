@@ -1,7 +1,4 @@
-/**
- * Shows the connection in figures, twice a second, in places that are made once and keep their
- * size; and copies them as text. Loaded when somebody wants to see it (view/display/feature.js).
- */
+/** Shows the figures of the connection, twice a second, and copies them as text. */
 
 import { copy } from "../../lib/clipboard.js";
 import { backToDriving, make, write } from "../../lib/dom.js";

@@ -1,15 +1,14 @@
 /**
- * When the picture on the screen was taken, by the robot's clock. Chromium tells each shown frame's
- * RTP timestamp, the robot's `media` message tells which moment one RTP timestamp was. Pure.
+ * The capture time of the frame on the screen, by the robot's clock. Chromium reports the RTP
+ * timestamp of each shown frame, the robot's `media` message has the time of one. Pure.
  */
 
-const MOST_SECONDS = 30; // a frame further than this from the told moment belongs to another stream
+const MOST_SECONDS = 30; // a frame further away from the time of `media` is of another stream
 
 /**
  * @param {number} rtp of the frame, unsigned 32 bit
  * @param {{rtp: number, stamp: number, rate: number}} clock
- * @returns {number | null} Unix seconds by the robot's clock, null when the two cannot belong
- *   together
+ * @returns {number | null} Unix seconds by the robot's clock, null for another stream
  */
 export const captureStamp = (rtp, clock) => {
   // The difference of two counters that wrap, as a signed number of 32 bits.
@@ -18,21 +17,16 @@ export const captureStamp = (rtp, clock) => {
   return Math.abs(seconds) <= MOST_SECONDS ? clock.stamp + seconds : null;
 };
 
-/** Keeps the stamp of the frame that is on the screen. A new stream has a new origin: `reset`. */
+/** The frame on the screen. Call `reset` for a new stream, which has a new origin. */
 export class ShownFrame {
-  /** @type {{rtp: number, stamp: number, rate: number} | null} */
+  /** @type {{rtp: number, stamp: number, rate: number} | null} the robot's `media` message */
   clock = null;
   /** @type {number | null} */
   rtp = null;
-  at = -Infinity; // when it came onto the screen, Unix seconds of the page
+  at = -Infinity; // when it was shown, Unix seconds of the page
 
   reset() {
     Object.assign(this, new ShownFrame());
-  }
-
-  /** @param {{rtp: number, stamp: number, rate: number}} clock from the robot */
-  told(clock) {
-    this.clock = clock;
   }
 
   /** @param {number} rtp of the frame now shown @param {number} now Unix seconds */

@@ -1,6 +1,6 @@
 /**
- * The robot's video and sound: over the media link, or as single JPEG frames through the server for
- * as long as no direct connection is found.
+ * The robot's video and sound: over the media link, or as single JPEG frames through the server
+ * while there is no direct connection.
  */
 
 import { unixNow } from "../../lib/clock.js";
@@ -16,12 +16,9 @@ const newSlice = () => ({
   frameAge: /** @type {number | null} */ (null),
   /** whether a frame of the present link is on the screen */
   playing: false,
-  /**
-   * whether frames come through the server, slowly and without sound, because no direct connection
-   * to the robot was found
-   */
+  /** whether frames come through the server, without sound, as there is no direct connection */
   slow: false,
-  /** whether the SFU is connected and has brought no frame for a while: it has lost the robot */
+  /** whether the connected SFU has sent no frame for a while: it has lost the robot */
   still: false,
   /** whether the visitor wants to hear the robot */
   sound: false,
@@ -29,7 +26,7 @@ const newSlice = () => ({
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
 
-/** @param {Page} page */
+/** @type {Feature["setUp"]} */
 const setUp = (page) => {
   const { store, emit } = page;
   const shown = new ShownFrame();
@@ -46,10 +43,7 @@ const setUp = (page) => {
   /** Capture stamp of the frame on the screen, by the robot's clock; null while unknown. */
   const frameStamp = () => (fallback.on ? fallback.stamp : shown.stamp);
 
-  /**
-   * Seconds since the frame on the screen was taken, by the robot's clock; null while unknown.
-   * @param {number} now
-   */
+  /** Seconds since the frame on the screen was taken; null while unknown. @param {number} now */
   const frameAge = (now) => {
     const stamp = frameStamp();
     const { offset } = page.connection.clockSync;
@@ -59,9 +53,9 @@ const setUp = (page) => {
   return {
     api: { viewport, fallback, shown, frameStamp, frameAge },
     handlers: {
-      media: (/** @type {any} */ message) => shown.told(message),
-      picture: (/** @type {any} */ message) => void fallback.received(message, unixNow),
-      robot: (/** @type {any} */ message) => {
+      media: (message) => (shown.clock = message),
+      picture: (message) => void fallback.received(message, unixNow),
+      robot: (message) => {
         fallback.hurry();
         page.session.dispatch({ type: "robot", message });
       },
@@ -80,23 +74,22 @@ const setUp = (page) => {
 
 /**
  * @param {Page} page
- * @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame,
- *   frameAge: (now: number) => number | null}} video
+ * @param {Pick<Page["video"], "viewport" | "fallback" | "shown" | "frameAge">} video
+ * @returns {Listeners}
  */
 const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
   socketOpen: () => fallback.hurry(),
   linkLost: () => fallback.on || page.driving.standStill(),
-  tick: (/** @type {number} */ now) =>
-    fallback.tick(now, {
-      roundTrip: page.connection.clockSync.roundTrip("mqtt"),
-      visible: !document.hidden,
-    }),
-  poll: (/** @type {number} */ now) => {
+  tick: (now) => {
+    const roundTrip = page.connection.clockSync.roundTrip("mqtt");
+    fallback.tick(now, { roundTrip, visible: !document.hidden });
+  },
+  poll: (now) => {
     watch(page, { viewport, fallback, shown }, now);
     page.store.update({ frameAge: frameAge(now) });
   },
   linkDropping: () => viewport.freeze(),
-  linkOpening: (/** @type {Peer} */ peer) => {
+  linkOpening: (peer) => {
     shown.reset();
     page.store.update({ playing: fallback.isFresh(unixNow()) });
     viewport.attach(peer.video, peer.audio);
@@ -104,19 +97,14 @@ const newListeners = (page, { viewport, fallback, shown, frameAge }) => ({
   linkClosed: () => {
     fallback.stop();
     viewport.clear();
-    page.store.update({
-      playing: false,
-      slow: false,
-      frameAge: null,
-      roundTrip: null,
-      network: null,
-    });
+    const over = { playing: false, slow: false, frameAge: null, roundTrip: null, network: null };
+    page.store.update(over);
   },
 });
 
 /**
- * Whether frames have to come through the server, and whether they do come.
- * @param {Page} page @param {{viewport: Viewport, fallback: JpegFallback, shown: ShownFrame}} video
+ * Starts and ends frames through the server, and stops the robot when they stop coming.
+ * @param {Page} page @param {Pick<Page["video"], "viewport" | "fallback" | "shown">} video
  * @param {number} now
  */
 const watch = ({ store, connection, driving }, { viewport, fallback, shown }, now) => {
@@ -131,7 +119,7 @@ const watch = ({ store, connection, driving }, { viewport, fallback, shown }, no
   if (isStill !== still) {
     store.update({ still: isStill });
   }
-  // A black frame, which Chromium draws when an attempt ends, has no time stamp.
+  // Chromium draws a black frame without a timestamp when an attempt ends.
   const isWatchable = link.live && viewport.isPlaying && shown.rtp !== null;
   const wanted =
     roleOf(visit) !== "" &&

@@ -1,14 +1,13 @@
 /**
- * Pictures through the server, for as long as no direct way to the robot is found. The page asks
- * for each one, and for the next when it is on the screen: whatever the network takes, one is on
- * its way and none waits. Times are Unix seconds of the page.
+ * Frames through the server, while there is no direct connection. The page requests one, and the
+ * next when it is shown, so that at any bandwidth one frame is in transit and none waits. Times are
+ * Unix seconds of the page.
  */
 
-const PATIENCE_SECONDS = 1.5; // until a picture that did not come is asked for again
+const PATIENCE_SECONDS = 1.5; // until a frame is requested again
 const MOST_PATIENCE_SECONDS = 6;
-// a picture that is older than the one on the screen by more is of a robot whose clock was set back
-const STRAY_SECONDS = 20;
-const FRESH_SECONDS = 2; // a picture that has been on the screen for longer is not of the present
+const STRAY_SECONDS = 20; // a frame older by more is of a robot whose clock was set back
+const FRESH_SECONDS = 2; // a frame that was shown for longer is outdated
 
 export class JpegFallback {
   on = false;
@@ -22,7 +21,7 @@ export class JpegFallback {
   drawing = false;
   frames = 0;
   bytes = 0;
-  round = {}; // what is being drawn for an earlier round is not shown
+  round = {}; // a frame that is decoded for an earlier round is not shown
 
   /**
    * @param {object} options
@@ -47,10 +46,9 @@ export class JpegFallback {
   }
 
   /**
-   * Ask for the next picture if it is time; call often.
+   * Requests the next frame if it is time; call it often.
    * @param {number} now
-   * @param {{roundTrip: number | null, visible: boolean}} page how long a small message takes, and
-   *   whether anybody looks
+   * @param {{roundTrip: number | null, visible: boolean}} page the round trip of a small message
    */
   tick(now, { roundTrip, visible }) {
     this.roundTrip = roundTrip;
@@ -69,7 +67,7 @@ export class JpegFallback {
       return;
     }
     if (this.stamp !== null && stamp <= this.stamp && this.stamp - stamp < STRAY_SECONDS) {
-      // it was given up for lost, and took the place of the one that was asked for instead
+      // it was late, and came instead of the one that was requested after it
       this.#ask(clock());
       return;
     }
@@ -91,15 +89,13 @@ export class JpegFallback {
     }
   }
 
-  /**
-   * The way to the robot is back: what was asked for is lost, and asked for again at the next tick.
-   */
+  /** The robot is connected again: requests a frame at the next tick. */
   hurry() {
     this.askedAt = -Infinity;
     this.patience = PATIENCE_SECONDS;
   }
 
-  /** Whether the picture on the screen is of the present. @param {number} now */
+  /** Whether the frame on the screen is recent. @param {number} now */
   isFresh(now) {
     return this.on && now - this.shownAt < FRESH_SECONDS;
   }
@@ -115,14 +111,8 @@ export class JpegFallback {
   }
 
   #forget() {
-    this.stamp = null;
-    this.shownAt = -Infinity;
-    this.askedAt = -Infinity;
-    this.patience = PATIENCE_SECONDS;
-    this.roundTrip = null;
-    this.drawing = false;
-    this.frames = 0;
-    this.bytes = 0;
-    this.round = {};
+    this.hurry();
+    Object.assign(this, { stamp: null, shownAt: -Infinity, roundTrip: null, drawing: false });
+    Object.assign(this, { frames: 0, bytes: 0, round: {} });
   }
 }

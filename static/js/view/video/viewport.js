@@ -1,16 +1,16 @@
 /**
- * The robot's picture and sound. While a link is down the last picture stays, marked as frozen,
- * until the first one of the next link. Pictures that come through the server cover it meanwhile.
+ * The robot's video and sound. While a link is down the last frame stays, marked as frozen, until
+ * the first one of the next link, or is covered by frames through the server.
  */
 
 export class Viewport {
   /**
    * @param {object} options @param {HTMLVideoElement} options.video
    * @param {HTMLAudioElement} options.audio
-   * @param {HTMLCanvasElement} options.still the last picture, over the video while it is frozen
-   * @param {HTMLCanvasElement} options.slow the picture that came through the server, over both
+   * @param {HTMLCanvasElement} options.still the last frame, over the video while it is frozen
+   * @param {HTMLCanvasElement} options.slow the frame through the server, over both
    * @param {(rtp: number) => void} options.onFrame RTP timestamp of each frame as it is shown
-   * @param {() => void} options.onPlaying the first picture of a stream
+   * @param {() => void} options.onPlaying at the first frame of a stream
    */
   constructor({ video, audio, still, slow, onFrame, onPlaying }) {
     this.video = video;
@@ -36,7 +36,7 @@ export class Viewport {
     this.#play(this.audio);
   }
 
-  /** Keep the last picture and say that it is old. */
+  /** Keeps the last frame, marked as old. */
   freeze() {
     if (this.video.videoWidth && this.still.hidden) {
       this.still.width = this.video.videoWidth;
@@ -46,22 +46,21 @@ export class Viewport {
     }
   }
 
-  /** Whether a picture of the present link has been shown. */
+  /** Whether a frame of the present link has been shown. */
   get isPlaying() {
     return this.receiver !== null && !this.waiting;
   }
 
   /**
-   * Show a picture that came through the server.
-   * @param {Uint8Array} jpeg @param {() => boolean} isWanted asked again once it is decoded
-   * @returns {Promise<boolean>} whether it is on the screen now
+   * Shows a frame that came through the server.
+   * @param {Uint8Array} jpeg @param {() => boolean} isWanted called when it is decoded
+   * @returns {Promise<boolean>} whether it is shown
    */
   async showSlow(jpeg, isWanted) {
     let bitmap;
     try {
-      bitmap = await createImageBitmap(
-        new Blob([/** @type {any} */ (jpeg)], { type: "image/jpeg" }),
-      );
+      const blob = new Blob([/** @type {any} */ (jpeg)], { type: "image/jpeg" });
+      bitmap = await createImageBitmap(blob);
     } catch (error) {
       if (error instanceof DOMException) {
         return false;
@@ -79,19 +78,19 @@ export class Viewport {
     return wanted;
   }
 
-  /** Of the picture on the screen, in its own pixels. @returns {[number, number]} */
+  /** Of the frame on the screen, in its own pixels. @returns {[number, number]} */
   get size() {
     return this.slow.hidden
       ? [this.video.videoWidth, this.video.videoHeight]
       : [this.slow.width, this.slow.height];
   }
 
-  /** Uncover what lies beneath. */
+  /** Removes the frames through the server. */
   hideSlow() {
     this.slow.hidden = true;
   }
 
-  /** Nothing to show any more. */
+  /** The session has ended. */
   clear() {
     this.slow.hidden = true;
     this.receiver = null;
@@ -111,11 +110,9 @@ export class Viewport {
 
   #follow() {
     if ("requestVideoFrameCallback" in this.video) {
-      const callback = (
-        /** @type {number} */ _now,
-        /** @type {VideoFrameCallbackMetadata} */ metadata,
-      ) => {
-        this.#shown(metadata.rtpTimestamp ?? this.#lastRendered());
+      /** @type {VideoFrameRequestCallback} */
+      const callback = (_now, { rtpTimestamp }) => {
+        this.#shown(rtpTimestamp ?? this.#lastRendered());
         this.video.requestVideoFrameCallback(callback);
       };
       this.video.requestVideoFrameCallback(callback);
@@ -139,15 +136,14 @@ export class Viewport {
     }
   }
 
-  /** Browsers that do not tell the frame's own timestamp tell that of the newest packet played. */
+  /** The timestamp of the newest packet, in browsers that do not report that of the frame. */
   #lastRendered() {
     return this.receiver?.getSynchronizationSources?.()[0]?.rtpTimestamp;
   }
 
   /** @param {HTMLMediaElement} element */
   #play(element) {
-    // Muted video may always play; sound waits for the visitor's click, and a stream that is
-    // replaced aborts: neither is an error.
+    // Sound waits for the visitor's click, and a replaced stream aborts: neither is an error.
     element.play().catch(() => undefined);
   }
 }

@@ -305,9 +305,9 @@ def test_answer_without_network_survives_a_reload_and_is_sent_later(respondent):
     page.get_by_role("group", name="Row g2").get_by_label("No").check()
     expect(page.locator("[data-status]")).to_contain_text("No connection")
     assert not Answer.objects.exists()
-    page.unroute("**/answer/")
     page.reload()
     expect(page.get_by_role("group", name="Row g2").get_by_label("No")).to_be_checked()
+    page.unroute("**/answer/")
     assert stored(page) == {"g2": -1}
 
 

@@ -76,6 +76,13 @@ def test_a_drive_has_the_newest_state_and_network(drive):
     )
 
 
+def test_errors_of_the_page_are_counted(drive):
+    assert seen()["drives"][0]["script_errors"] == 0
+    data = {"error": "TypeError: x is null", "times": 1}
+    replays.told(drive.session, 2.0, "script_error", "page", **data)
+    assert seen()["drives"][0]["script_errors"] == 1
+
+
 def test_the_progress_of_a_task_follows_its_events(drive):
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 4.0, "checkpoint", number=1)

@@ -1,4 +1,4 @@
-/** One coded event, to be moved, annotated and deleted. */
+/** The editor of a coded event. */
 
 import { make, makeButton } from "../../../lib/dom.js";
 import { edited, moved } from "./events.js";
@@ -26,12 +26,9 @@ export const createEditor = (event, code, words, page) => {
   for (const modifier of code.modifiers) {
     box.append(modifierRow(event, modifier, words, page));
   }
-  box.append(commentRow(event, words, page));
-  box.append(
-    makeButton("button button--danger coding__delete", words.say("coding.delete"), () =>
-      page.change([edited(event, { is_deleted: true }, page.newId)]),
-    ),
-  );
+  const remove = () => page.change([edited(event, { is_deleted: true }, page.newId)]);
+  const name = "button button--danger coding__delete";
+  box.append(commentRow(event, words, page), makeButton(name, words.say("coding.delete"), remove));
   return box;
 };
 

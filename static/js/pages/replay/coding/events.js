@@ -1,7 +1,4 @@
-/**
- * The events of a coder, and what a key or a button makes of them. Pure: it returns changes, each
- * of which has all fields of its event.
- */
+/** The events of a coder, and the changes of a key or a button. Pure. A change has all fields. */
 
 /**
  * @typedef {{code: string, name: string, kind: "point" | "interval", key: string,
@@ -47,27 +44,22 @@ export const withEdits = (saved, edits) => {
  * @param {CodedEvent} event @param {Partial<Edit>} changes @param {() => string} newId
  * @returns {Edit}
  */
-export const edited = (
-  { event, version, code, begin, end, modifiers, comment },
-  changes,
-  newId,
-) => ({
-  ...{ id: newId(), event, base: version, code, begin, end, modifiers, comment, is_deleted: false },
+export const edited = ({ version, ...fields }, changes, newId) => ({
+  ...fields,
+  id: newId(),
+  base: version,
+  is_deleted: false,
   ...changes,
 });
 
-/**
- * The state event that is on, as a coder left it: begun and not ended.
- * @param {CodedEvent[]} events @param {string} code
- */
+/** The state event without an end. @param {CodedEvent[]} events @param {string} code */
 export const openOne = (events, code) =>
   events.find((event) => event.code === code && event.end === null);
 
 /**
- * What the key of a code does at a moment: sets a point; begins a state, which ends the others of
- * its group; or ends the state that is on.
- * @param {CodedEvent[]} events @param {Code[]} codes @param {Code} code
- * @param {number} at s
+ * The effect of the key of a code: it sets a point; starts a state, which ends the others of its
+ * group; or ends the state that is on.
+ * @param {CodedEvent[]} events @param {Code[]} codes @param {Code} code @param {number} at s
  * @param {() => string} newId @returns {{edits: Edit[], problem: "" | "too_early"}}
  */
 export const press = (events, codes, code, at, newId) => {
@@ -96,18 +88,16 @@ export const press = (events, codes, code, at, newId) => {
   };
 };
 
+const EMPTY = { version: 0, end: null, modifiers: {}, comment: "" };
+
 /** @param {Code} code @param {number} begin @param {() => string} newId @returns {Edit} */
-const created = (code, begin, newId) => ({
-  ...{ id: newId(), event: newId(), base: 0, code: code.code, begin, end: null },
-  ...{ modifiers: {}, comment: "", is_deleted: false },
-});
+const created = (code, begin, newId) =>
+  edited({ ...EMPTY, event: newId(), code: code.code, begin }, {}, newId);
 
 /**
  * An event with its beginning or end somewhere else; null where it would end before it begins.
- * @param {CodedEvent} event @param {"begin" | "end"} side
- * @param {number} at s
- * @param {number} duration s
- * @param {() => string} newId @returns {Edit | null}
+ * @param {CodedEvent} event @param {"begin" | "end"} side @param {number} at s
+ * @param {number} duration s @param {() => string} newId @returns {Edit | null}
  */
 export const moved = (event, side, at, duration, newId) => {
   const t = rounded(Math.min(Math.max(at, 0), duration));

@@ -1,20 +1,18 @@
-/**
- * The panel by which somebody codes a replay: a button and a key for each code, the events so far,
- * and whether they are saved.
- */
+/** The panel for coding a replay: a button and a key for each code, and the coded events. */
 
-import { isShortcut, openHolder } from "../../../input/key_dispatcher.js";
+import { onPageKey } from "../../../input/key_dispatcher.js";
 import { make, makeButton, write } from "../../../lib/dom.js";
+import { SaveQueue } from "../../../lib/save_queue.js";
+import { attempt } from "../../../lib/storage.js";
+import { fetchJson } from "../../../lib/page_poll.js";
 import { written } from "../timeline.js";
 import { createEditor } from "./editor.js";
 import { newUuid } from "../../../lib/ids.js";
 import { openOne, press, withEdits } from "./events.js";
-import { SaveQueue } from "./save_queue.js";
 
 /** @typedef {import("./events.js").Code} Code */
 /** @typedef {import("./events.js").CodedEvent} CodedEvent */
-
-const TYPED = "input:not([type=range], [type=checkbox]), textarea, select";
+/** @typedef {import("./events.js").Edit} Edit */
 
 export class CodingPanel {
   /**
@@ -37,12 +35,20 @@ export class CodingPanel {
     this.selected = "";
     this.csrf = element("coding").querySelector("[name=csrfmiddlewaretoken]").value;
     this.tabs = "BroadcastChannel" in window ? new BroadcastChannel(config.kept) : null;
+    /** @type {SaveQueue<Edit>} */
     this.queue = new SaveQueue({
-      storage: storageOf(),
+      storage: attempt(() => localStorage) ?? null,
       key: config.kept,
-      send: (edits) => this.#post(config.save, JSON.stringify({ edits }), "application/json"),
-      onState: (state) => this.#showState(state),
-      onAnswer: (answer, sent) => this.#takeAnswer(answer, sent),
+      send: async (edits) => {
+        const body = JSON.stringify({ edits });
+        return outcomeOf(await this.#post(config.save, body, "application/json"));
+      },
+      onState: (state, edits, outcome) => {
+        if (outcome?.isDone || state === "refused") {
+          this.#takeAnswer(outcome?.body ?? {}, outcome?.isDone ? edits : []);
+        }
+        this.#showState(state);
+      },
     });
     this.buttons = new Map(this.codes.map((code) => [code.code, this.#button(code)]));
     element("coding-codes").replaceChildren(...this.buttons.values());
@@ -57,7 +63,7 @@ export class CodingPanel {
     return withEdits(this.saved, this.queue.pending);
   }
 
-  /** @param {import("./events.js").Edit[]} edits */
+  /** @param {Edit[]} edits */
   change(edits) {
     if (edits.length && !this.isDone && !this.isDrawing) {
       this.#say("");
@@ -79,7 +85,7 @@ export class CodingPanel {
     }
   }
 
-  /** Which states are on at a moment. @param {number} t s */
+  /** Marks the states that are on. @param {number} t s */
   mark(t) {
     const on = new Set(
       this.shown
@@ -106,7 +112,7 @@ export class CodingPanel {
     this.mark(this.player.now());
   }
 
-  /** A comment that is being typed is kept. @param {CodedEvent[]} events */
+  /** Keeps a comment that is being typed. @param {CodedEvent[]} events */
   #renderList(events) {
     const text = JSON.stringify([events, this.selected, this.isDone]);
     if (text === this.drawn) {
@@ -132,10 +138,8 @@ export class CodingPanel {
     element("coding").dataset.done = String(this.isDone);
     write(element("coding-done"), words.say(this.isDone ? "coding.reopen" : "coding.finish"));
     element("coding-done").hidden = this.isDone && this.isShown;
-    write(
-      element("coding-status"),
-      words.say(this.isDone ? (this.isShown ? "coding.is_shown" : "coding.is_done") : "coding.own"),
-    );
+    const done = this.isShown ? "coding.is_shown" : "coding.is_done";
+    write(element("coding-status"), words.say(this.isDone ? done : "coding.own"));
   }
 
   /** @param {Code} code */
@@ -155,13 +159,8 @@ export class CodingPanel {
     const { words } = this;
     const code = this.codes.find((one) => one.code === event.code);
     const row = make("li", "coding__event");
-    const isPoint = code?.kind === "point";
-    const end =
-      event.end === null
-        ? isPoint
-          ? ""
-          : ` – ${words.say("coding.open")}`
-        : ` – ${written(event.end, true)}`;
+    const open = code?.kind === "point" ? "" : ` – ${words.say("coding.open")}`;
+    const end = event.end === null ? open : ` – ${written(event.end, true)}`;
     const more = [...Object.values(event.modifiers), event.comment].filter(Boolean).join(" · ");
     const button = makeButton("coding__row", "", () => {
       this.#select(event.event === this.selected ? "" : event.event);
@@ -204,18 +203,12 @@ export class CodingPanel {
       () => document.visibilityState === "visible" && this.#reload(),
     );
     this.tabs?.addEventListener("message", () => this.#reload());
-    document.addEventListener("keydown", (event) => {
-      const target = /** @type {Element} */ (event.target);
-      if (event.repeat || isShortcut(event) || openHolder(document) || target.closest(TYPED)) {
-        return;
-      }
-      const code = this.codes.find(
-        ({ key }) => key && key.toLowerCase() === event.key.toLowerCase(),
-      );
-      if (code) {
-        event.preventDefault();
+    onPageKey(({ repeat, key: pressed }) => {
+      const code = this.codes.find(({ key }) => key?.toLowerCase() === pressed.toLowerCase());
+      if (code && !repeat) {
         this.press(code);
       }
+      return code !== undefined && !repeat;
     });
   }
 
@@ -225,11 +218,8 @@ export class CodingPanel {
       return;
     }
     const body = new URLSearchParams(this.isDone ? { again: "1" } : {});
-    const { status, body: answer } = await this.#post(
-      this.config.done,
-      body,
-      "application/x-www-form-urlencoded",
-    ).catch(() => ({ status: 0, body: null }));
+    const type = "application/x-www-form-urlencoded";
+    const { status, body: answer } = await this.#post(this.config.done, body, type);
     if (status === 200 || status === 409) {
       this.#takeAnswer(answer, []);
     } else {
@@ -237,7 +227,7 @@ export class CodingPanel {
     }
   }
 
-  /** @param {any} answer @param {import("./events.js").Edit[]} sent */
+  /** @param {any} answer @param {Edit[]} sent */
   #takeAnswer(answer, sent) {
     if (Array.isArray(answer?.saved)) {
       this.saved = answer.saved;
@@ -256,32 +246,31 @@ export class CodingPanel {
     }
   }
 
-  /** What another tab has saved. */
+  /** Takes the changes of another tab. */
   async #reload() {
-    const answer = await fetch(this.config.events, { credentials: "same-origin" }).catch(
-      () => null,
+    await fetchJson(this.config.events).then(
+      (answer) => this.#takeAnswer(answer, []),
+      () => undefined, // without network the events stay as they are
     );
-    if (answer?.ok) {
-      this.#takeAnswer(await answer.json(), []);
-    }
     this.queue.flush();
   }
 
-  /** @param {string} url @param {BodyInit} body @param {string} type */
+  /**
+   * @param {string} url @param {BodyInit} body @param {string} type
+   * @returns {Promise<{status: number, body: any}>} status 0 without network, 302 when signed out
+   */
   async #post(url, body, type) {
     const headers = { "X-CSRFToken": this.csrf, "Content-Type": type, Accept: "application/json" };
-    const answer = await fetch(url, {
-      method: "POST",
-      body,
-      headers,
-      credentials: "same-origin",
-      redirect: "manual",
-    });
-    const status = answer.type === "opaqueredirect" ? 302 : answer.status;
-    return { status, body: await answer.json().catch(() => null) };
+    try {
+      const answer = await fetch(url, { method: "POST", body, headers, redirect: "manual" });
+      const status = answer.type === "opaqueredirect" ? 302 : answer.status;
+      return { status, body: await answer.json().catch(() => null) };
+    } catch {
+      return { status: 0, body: null };
+    }
   }
 
-  /** @param {import("./save_queue.js").SaveState} state */
+  /** @param {import("../../../lib/save_queue.js").SaveState} state */
   #showState(state) {
     const box = this.element("coding-saved");
     box.dataset.state = state;
@@ -296,10 +285,20 @@ export class CodingPanel {
   }
 }
 
+/** @type {Record<number, import("../../../lib/save_queue.js").SaveState>} */
+const STATES = { 200: "saved", 400: "refused", 409: "refused" };
+const SIGNED_OUT = [302, 401, 403, 404];
+
 /**
- * Bring a row into sight without moving the page, on which somebody watches the map.
- * @param {Element} list @param {Element} row
+ * @param {{status: number, body: any}} answer
+ * @returns {import("../../../lib/save_queue.js").Outcome}
  */
+export const outcomeOf = ({ status, body }) => {
+  const other = SIGNED_OUT.includes(status) ? "signed_out" : "waiting";
+  return { state: STATES[status] ?? other, isDone: status === 200, body };
+};
+
+/** Scrolls the list to a row, and not the page. @param {Element} list @param {Element} row */
 const scrollInside = (list, row) => {
   const [box, own] = [list.getBoundingClientRect(), row.getBoundingClientRect()];
   list.scrollTop +=
@@ -309,7 +308,7 @@ const scrollInside = (list, row) => {
 };
 
 /**
- * Continue in the field of a new list what was being typed in that of the old one.
+ * Continues in a new field what was being typed in the former one.
  * @param {HTMLInputElement | null} field @param {HTMLInputElement} former
  */
 const keepTyping = (field, former) => {
@@ -317,17 +316,5 @@ const keepTyping = (field, former) => {
     field.value = former.value;
     field.focus();
     field.setSelectionRange(former.selectionStart, former.selectionEnd);
-  }
-};
-
-/** Storage may be forbidden. @returns {Storage | null} */
-const storageOf = () => {
-  try {
-    return localStorage;
-  } catch (error) {
-    if (error instanceof DOMException) {
-      return null;
-    }
-    throw error;
   }
 };
