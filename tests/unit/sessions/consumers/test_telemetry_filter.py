@@ -5,7 +5,7 @@ from sessions.consumers.relay import TelemetryFilter
 EVERYTHING = ("state", "pose", "scan", "path", "event", "action", "heartbeat")
 
 
-def test_a_page_gets_everything_until_it_hears_its_robot_directly():
+def test_a_page_gets_everything_until_its_direct_connection_is_up():
     telemetry = TelemetryFilter()
     assert all(
         telemetry.passes(suffix, 0.01 * n)
@@ -26,7 +26,7 @@ def test_a_page_that_watches_through_the_sfu_gets_few_states_and_no_heartbeats()
     assert set(passed) == {"state", "path", "event", "action"}
 
 
-def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
+def test_a_page_with_a_direct_connection_gets_few_states_and_all_reliable_messages():
     telemetry = TelemetryFilter()
     telemetry.direct = True
     passed = [
@@ -40,7 +40,7 @@ def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not
     assert all(passed.count(suffix) == 32 for suffix in ("path", "event", "action", "heartbeat"))
 
 
-def test_everything_comes_again_at_once_when_the_direct_way_falls_silent():
+def test_everything_is_sent_again_when_the_direct_connection_is_silent():
     telemetry = TelemetryFilter()
     telemetry.direct = True
     assert telemetry.passes("state", 1.0)

@@ -15,13 +15,13 @@ def world() -> World:
     return World()
 
 
-def test_a_free_robot_is_given_to_whoever_asks_first(world):
+def test_the_first_request_gets_a_free_robot(world):
     assert isinstance(world.take("ana"), Grant)
     assert world.hold.epoch == 1
     assert world.scene.holder.visitor == "ana"
 
 
-def test_a_second_visitor_waits_while_the_lease_is_held_and_learns_place_and_minutes(world):
+def test_a_second_visitor_waits_with_a_place_and_minutes(world):
     world.take("ana")
     assert world.take("ben") == Wait(None, 1, 1.0)
     assert world.take("cem") == Wait(None, 2, 2.0)
@@ -55,7 +55,7 @@ def test_a_wrong_old_peer_is_not_resumed(world):
     )
 
 
-def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_when_it_takes_over(
+def test_a_second_tab_is_refused_until_it_takes_over_with_a_new_epoch(
     world,
 ):
     world.take("ana", peer="first")
@@ -83,7 +83,7 @@ def test_a_tab_that_copied_the_session_of_an_open_one_is_refused(world):
     )
 
 
-def test_a_second_tab_cannot_steal_a_drive_that_lives_on_the_data_channel_alone(world):
+def test_a_second_tab_cannot_take_a_drive_that_uses_only_the_data_channel(world):
     world.take("ana", peer="first")
     session = world.session_of("ana").id
     world.change(session, state="driving", seen_at=None)
@@ -111,7 +111,7 @@ def test_a_session_that_is_over_is_not_resumed(world):
     ("online", "enabled", "reason"),
     [(False, True, "offline"), (True, False, "disabled"), (False, False, "disabled")],
 )
-def test_a_robot_that_is_not_there_is_not_given(world, online, enabled, reason):
+def test_an_absent_robot_is_not_granted(world, online, enabled, reason):
     world.online, world.enabled = online, enabled
     assert world.take("ana") == Refused(reason=reason)
 
@@ -150,7 +150,7 @@ def test_sessions_with_a_closed_page_do_not_count_for_those_behind_them(world):
     assert [world.take(who).place for who in ("ben", "cem")] == [1, 2]
 
 
-def test_an_offered_turn_is_for_nobody_else(world):
+def test_an_offered_turn_is_reserved(world):
     world.take("ana")
     world.take("ben")
     world.take("cem")
@@ -161,7 +161,7 @@ def test_an_offered_turn_is_for_nobody_else(world):
     assert isinstance(world.take("ben"), Grant)
 
 
-def test_a_lease_that_names_an_ended_visit_counts_as_free(world):
+def test_a_lease_of_an_ended_session_counts_as_free(world):
     world.take("ana")
     # the process that ended it was killed before it freed the lease
     del world.sessions[world.session_of("ana").id]
