@@ -27,18 +27,18 @@ def shown(traffic: Traffic | None = None, barred: str = "", **changes):
     )
 
 
-def test_a_robot_that_nobody_drives_is_free():
+def test_a_robot_without_a_driver_is_free():
     it = shown()
     assert (it.state, it.label, it.drives) == ("available", "Free now", True)
     assert it.action == "Drive Giraff"
     assert (it.charge, it.battery) == (82, "82 %")
 
 
-def test_a_robot_that_visitors_do_not_see_says_so_to_those_who_do():
+def test_a_hidden_robot_is_marked_as_hidden():
     assert shown(shown_to_visitors=False).detail == "Ready, but hidden from visitors."
 
 
-def test_a_robot_that_somebody_drives_offers_the_next_place():
+def test_a_robot_with_a_driver_offers_the_next_place():
     it = shown(Traffic(driven=True))
     assert (it.state, it.action, it.drives) == ("busy", "Join the queue", True)
     assert it.detail == "Somebody is driving. You would be next."
@@ -51,7 +51,7 @@ def test_the_line_is_counted(waiting, words):
     assert shown(Traffic(driven=True, waiting=waiting)).detail == words
 
 
-def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
+def test_a_robot_between_two_turns_is_busy_while_a_visitor_waits():
     assert shown(Traffic(driven=False, waiting=1)).state == "busy"
 
 
@@ -64,12 +64,12 @@ def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
         {"enabled": False},
     ],
 )
-def test_a_robot_that_is_not_there_cannot_be_driven_and_its_old_battery_is_not_shown(changes):
+def test_an_absent_robot_cannot_be_driven_and_shows_no_battery(changes):
     it = shown(**changes)
     assert (it.state, it.drives, it.charge, it.battery) == ("offline", False, None, "")
 
 
-def test_an_offline_robot_says_when_it_was_last_there():
+def test_an_offline_robot_shows_when_it_was_last_seen():
     for seen_at, words in (
         (NOW - datetime.timedelta(hours=3, minutes=7), "Last seen 3\xa0hours ago."),
         (NOW - datetime.timedelta(seconds=59), "Last seen just now."),
@@ -84,7 +84,7 @@ def test_an_emergency_stop_is_shown_before_everything_else():
 
 
 @pytest.mark.parametrize("reason", ["not_invited", "not_trained", "disabled"])
-def test_a_visitor_who_may_not_drive_reads_why(reason):
+def test_a_visitor_who_may_not_drive_reads_the_reason(reason):
     it = shown(barred=reason)
     assert not it.drives
     assert it.action == "Open its page"
@@ -96,7 +96,7 @@ def test_a_visitor_who_may_not_drive_reads_why(reason):
     [None, [], "x", {}, {"battery": None}, {"safety": 3}]
     + [{"battery": {"charge": charge}} for charge in ("full", 7, float("nan"))],
 )
-def test_a_report_that_makes_no_sense_shows_no_battery(report):
+def test_a_malformed_report_shows_no_battery(report):
     it = shown(report=report)
     assert (it.state, it.charge) == ("available", None)
 
@@ -123,7 +123,7 @@ def test_card_shows_charging_and_place():
     assert (it.battery, it.place) == ("100 %, charging", "Office")
 
 
-def test_lists_begin_with_what_can_be_driven_now():
+def test_lists_start_with_free_robots():
     assert STATES == ("available", "busy", "stopped", "offline")
 
 
@@ -131,14 +131,14 @@ def test_lists_begin_with_what_can_be_driven_now():
     ("turnaround", "label"),
     [("returning", "Returning to its station"), ("charging", "Charging"), ("paused", "Not ready")],
 )
-def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
+def test_a_robot_between_two_sessions_shows_its_activity_and_has_a_queue(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)
     assert (it.state, it.label, it.action) == ("busy", label, "Join the queue")
     assert shown(Traffic(driven=True), returns_home=True, turnaround=turnaround).label == "In use"
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
 
 
-def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
+def test_a_robot_that_was_stopped_between_sessions_is_free_and_marked():
     stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
     it = shown(**stopped)
     assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
@@ -181,7 +181,7 @@ def test_the_sentence_depends_on_whether_the_robot_is_docked(
         (2, 31.0, "You'd be number 3 in the queue, with a wait of about 31 min."),
     ],
 )
-def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):
+def test_a_busy_robot_shows_the_next_place_and_its_wait(waiting, minutes, words):
     assert shown(Traffic(driven=True, waiting=waiting, minutes=minutes)).detail == words
 
 
@@ -201,7 +201,7 @@ def test_the_card_shows_a_waiting_visitor_their_place_and_leads_back_to_it(minut
 LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does not answer"]}
 
 
-def test_a_robot_that_its_agent_does_not_reach_is_unavailable():
+def test_a_robot_without_a_connection_to_its_agent_is_unavailable():
     for traffic in (Traffic(), Traffic(driven=True, waiting=2)):
         it = shown(traffic, report=LOST)
         assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
@@ -232,7 +232,7 @@ def test_a_robot_that_does_not_stop_is_unavailable():
 
 
 @pytest.mark.parametrize("source", ["screen:Giraff", "button"])
-def test_a_robot_that_somebody_beside_it_has_stopped_says_so(source):
+def test_a_stop_at_the_robot_is_shown_as_such(source):
     report = {"safety": {"estop": True, "estopSource": source}}
     assert shown(report=report).detail.startswith("Stopped by someone next to it.")
 

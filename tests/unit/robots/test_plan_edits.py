@@ -31,7 +31,7 @@ def problems(plan: dict) -> tuple[str, ...]:
     return ()
 
 
-def test_without_fields_a_plan_stays_as_it_is():
+def test_a_plan_without_edits_is_unchanged():
     plan = document()
     assert edited(plan, {}, anywhere) == plan
     for kind, at in (("dock", (1.0, 1.0)), ("place", (2.0, 4.0)), ("checkpoint", (3.0, 1.0))):
@@ -41,7 +41,7 @@ def test_without_fields_a_plan_stays_as_it_is():
 
 
 @pytest.mark.parametrize("site", ["office", "clinic"])
-def test_a_shipped_plan_stays_as_it_is(site):
+def test_a_shipped_plan_is_unchanged(site):
     plan = json.loads((SHIPPED / site / "plan.json").read_text())
     again = floorplan.decode(json.dumps(edited(plan, {}, anywhere)))
     assert again == floorplan.decode(json.dumps(plan))
@@ -66,7 +66,7 @@ def test_rooms_get_names_and_an_empty_name_changes_nothing():
     assert [room["title"] for room in plan["rooms"]] == ["Hall", "west", "east"]
 
 
-def test_two_rooms_become_one_and_the_opening_between_them_goes():
+def test_joining_two_rooms_removes_the_opening_between_them():
     plan = edited(document(), {"rooms.1.join": "hall", "rooms.0.title": "Both"}, anywhere)
     assert [room["title"] for room in plan["rooms"]] == ["Both", "east"]
     polygon = tuple((x, y) for x, y in plan["rooms"][0]["polygon"])
@@ -134,7 +134,7 @@ def test_an_opening_that_is_moved_beside_the_border_of_its_rooms_connects_them_s
     assert problems(plan) == ()
 
 
-def test_the_opening_of_a_room_that_is_removed_leads_to_what_is_there_instead():
+def test_an_opening_to_a_removed_room_leads_nowhere():
     plan = edited(document(), {"rooms.1.remove": "on"}, anywhere)
     assert any("nowhere" in problem for problem in problems(plan))
 
@@ -178,7 +178,7 @@ def test_docks_are_for_different_robots_and_a_robot_is_changed_with_its_station(
     assert dock["x"] == 1.5
 
 
-def test_checkpoints_begin_at_the_dock_and_are_numbered_anew():
+def test_checkpoints_start_at_the_dock_and_are_renumbered():
     plan = with_new(document(), "dock", 1.0, 4.0, WORDS)
     for x in (2.0, 3.0, 4.0):
         plan = with_new(plan, "checkpoint", x, 1.0, WORDS)
@@ -195,7 +195,7 @@ def test_checkpoints_begin_at_the_dock_and_are_numbered_anew():
     assert "routes" not in plan
 
 
-def test_parts_that_are_removed_are_gone_and_names_are_not_given_twice():
+def test_removed_parts_disappear_and_names_stay_unique():
     plan = document()
     for _ in range(3):
         plan = with_new(plan, "place", 2.0, 4.0, WORDS)

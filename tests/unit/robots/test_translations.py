@@ -63,7 +63,7 @@ def test_translations_of_another_form_are_refused_with_the_form_they_should_have
     check_translations({})
 
 
-def test_a_robot_is_not_told_of_translations_that_an_older_agent_would_refuse():
+def test_robots_receive_plans_without_translations():
     plan = json.loads((PLANS / "office" / "plan.json").read_text())
     place = FloorPlan(
         name="office",

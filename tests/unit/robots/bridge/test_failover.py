@@ -52,15 +52,15 @@ def test_every_node_is_tried_once_before_the_waits_become_longer():
     assert 0.1 <= broker.ended(was_up=True) < 0.2
 
 
-def test_two_clients_do_not_come_at_the_same_moment():
+def test_clients_reconnect_at_different_times():
     waits = {Failover((A, B), random.Random(seed)).ended(was_up=True) for seed in range(20)}
     assert len(waits) == 20
 
 
-def test_of_a_cluster_nothing_is_subscribed_to_at_qos_1_by_who_keeps_no_session():
+def test_clients_without_a_session_subscribe_to_a_cluster_at_qos_0():
     assert [failover(A).qos(qos) for qos in (0, 1)] == [0, 1]
     assert [failover(A, B).qos(qos) for qos in (0, 1)] == [0, 0]
 
 
-def test_a_node_that_falls_silent_is_noticed_sooner_where_there_is_another():
+def test_a_silent_node_is_detected_sooner_where_there_is_another():
     assert failover(A, B).keepalive_seconds < failover(A).keepalive_seconds

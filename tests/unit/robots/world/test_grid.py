@@ -73,7 +73,7 @@ def test_a_file_that_is_no_map_is_refused(tmp_path: Path) -> None:
         load_grid(tmp_path / "nowhere.yaml")
 
 
-def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_malformed_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.png").write_bytes(b"not a picture at all")
     with pytest.raises(MapError, match=r"map\.png"):
         load_grid(write(tmp_path, None))
@@ -109,7 +109,7 @@ def png_of(width: int, height: int, data: bytes = b"", first: bytes = b"") -> by
 @pytest.mark.parametrize(
     "image", [png_of(16_000, 16_000), b"P5\n# a map\n20000 20000\n255\n", b"P2 9000 1 255\n"]
 )
-def test_a_picture_that_says_it_is_too_large_is_never_unpacked(
+def test_an_image_with_too_large_a_size_is_never_decoded(
     image: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("av.open", lambda *_: pytest.fail("it was opened"))
@@ -128,7 +128,7 @@ def test_a_picture_that_says_it_is_too_large_is_never_unpacked(
         b"BM" + struct.pack("<IIIIii", 54, 0, 54, 40, 20_000, 20_000) + bytes(28),
     ],
 )
-def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(
+def test_an_image_without_a_size_is_never_decoded(
     image: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("av.open", lambda *_: pytest.fail("it was opened"))
@@ -136,7 +136,7 @@ def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(
         decode_grey(image, "the map")
 
 
-def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
+def test_a_file_of_brackets_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text("[" * 500)
     with pytest.raises(MapError):
         load_grid(tmp_path / "map.yaml")
@@ -147,7 +147,7 @@ def test_an_image_that_was_moved_with_its_file_is_found_beside_it(tmp_path: Path
     assert np.array_equal(grid.image, IMAGE)
 
 
-def test_in_the_mode_raw_a_value_is_a_percentage_and_more_than_a_hundred_is_unknown(
+def test_in_mode_raw_values_are_percentages_and_above_100_unknown(
     tmp_path: Path,
 ) -> None:
     picture = np.array([[0, 100, 101], [66, 10, 255]], dtype=np.uint8)
@@ -156,7 +156,7 @@ def test_in_the_mode_raw_a_value_is_a_percentage_and_more_than_a_hundred_is_unkn
     assert grid.free().tolist() == [[True, False, False], [False, True, False]]
 
 
-def test_in_the_mode_scale_what_is_between_the_thresholds_is_unknown(tmp_path: Path) -> None:
+def test_in_mode_scale_values_between_the_thresholds_are_unknown(tmp_path: Path) -> None:
     picture = np.array([[254, 128, 0]], dtype=np.uint8)
     grid = load_grid(write(tmp_path, picture, mode="scale"))
     assert grid.free().tolist() == [[True, False, False]]
@@ -201,7 +201,7 @@ def test_a_yaml_file_that_unpacks_to_more_is_refused_in_a_short_sentence(
 
 
 @pytest.mark.parametrize("kind", [b"zTXt", b"iCCP", b"iTXt", b"eXIf"])
-def test_chunks_beside_the_picture_are_never_unpacked(
+def test_other_chunks_of_a_png_are_never_decompressed(
     kind: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bomb = chunk(kind, b"name\0\0" + zlib.compress(bytes(10_000_000)))

@@ -141,7 +141,7 @@ def test_giraffs_fourth_checkpoint_is_before_the_mirror(site: sites.Site) -> Non
 
 @each_site
 @pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.series)
-def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(
+def test_every_robot_fits_in_its_dock_and_at_every_start_and_place(
     site: sites.Site, model: RobotModel
 ) -> None:
     assert Simulation(model, site.plan, seed=1).docked
@@ -149,7 +149,7 @@ def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(
         Simulation(model, site.plan, seed=1, start=place.name)
 
 
-def test_a_site_that_is_not_there_is_refused_with_those_that_are() -> None:
+def test_the_error_of_a_missing_site_lists_the_existing_ones() -> None:
     with pytest.raises(sites.SiteError, match="office"):
         sites.load_plan("castle")
 

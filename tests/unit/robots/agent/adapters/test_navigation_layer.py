@@ -73,7 +73,7 @@ async def started(adapter):
 
 
 @on_virtual_time
-async def test_cancel_ends_an_action_at_once_although_its_process_goes_on():
+async def test_a_cancel_ends_an_action_at_once_although_its_process_continues():
     adapter = wrapped()
     starting = await started(adapter)
     adapter.node.answer.set_result(None)

@@ -46,7 +46,7 @@ def test_an_idle_robot_sends_a_state_each_half_minute_and_nothing_else(idle):
     assert sent_in(idle, 2.0 * SILENCE + 1.0) == ["state"] * 2
 
 
-def test_a_page_that_opens_hears_the_robot_at_once_and_for_some_seconds_after_it_was_closed(idle):
+def test_a_page_that_opens_receives_states_at_once_until_seconds_after_it_was_closed(idle):
     before = idle.link.count
     look(idle)
     idle.sleep(0.1)
@@ -61,7 +61,7 @@ def test_a_page_that_opens_hears_the_robot_at_once_and_for_some_seconds_after_it
     assert all(not beat.echoes for beat in idle.link.all("heartbeat")), "nobody reads these echoes"
 
 
-def test_a_server_that_only_compares_clocks_keeps_nobody_awake_but_is_echoed(rig):
+def test_a_server_that_only_compares_clocks_is_echoed_and_leaves_the_robot_idle(rig):
     for _ in range(4):
         look(rig, needed=False, peer="server")
         rig.sleep(0.5)
@@ -69,7 +69,7 @@ def test_a_server_that_only_compares_clocks_keeps_nobody_awake_but_is_echoed(rig
     assert sent_in(rig, 2.0) == []
 
 
-def test_the_record_of_a_session_has_four_states_a_second_and_what_a_viewer_sees_too(idle):
+def test_a_session_or_a_viewer_gets_four_states_a_second(idle):
     idle.lease(renewal=0, ttl=60.0)
     assert 15 <= sent_in(idle, 4.0).count("state") <= 18
     idle.media.connected = 1
@@ -78,7 +78,7 @@ def test_the_record_of_a_session_has_four_states_a_second_and_what_a_viewer_sees
     assert sent_in(idle, 2.0).count("state") in {7, 8, 9}
 
 
-def test_the_robots_own_displays_hear_it_over_their_data_channel_while_it_is_idle(idle):
+def test_displays_receive_heartbeats_on_their_data_channel_while_the_robot_is_idle(idle):
     before = len(idle.media.told)
     idle.sleep(2.0)
     assert [suffix for suffix, _ in idle.media.told[before:]].count("heartbeat") >= 9
@@ -106,17 +106,17 @@ def test_important_change_is_reported_at_once_and_a_small_one_is_not(idle):
         assert sent_in(idle, 0.3).count("state") == 1, change
 
 
-def test_an_emergency_stop_is_said_at_once(idle):
+def test_an_emergency_stop_is_reported_at_once(idle):
     idle.act(staff(m.EStop, "e1"))
     assert idle.link.wait("state", lambda state: state.safety.estop, within=0.5)
 
 
-def test_a_new_connection_to_the_broker_hears_how_the_robot_is(idle):
+def test_a_new_connection_to_the_broker_sends_one_state(idle):
     idle.link.cut(mend=True)
     assert sent_in(idle, 0.5) == ["state"]
 
 
-def test_a_turn_over_the_end_of_the_circle_is_small():
+def test_a_turn_across_180_degrees_is_small():
     state = m.State(
         stamp=1.0,
         boot="b",
@@ -149,17 +149,17 @@ def first_pauses(robots, *, needed):
     return found
 
 
-def test_robots_that_nobody_needs_come_back_spread_over_seconds():
+def test_idle_robots_reconnect_spread_over_seconds():
     pauses = first_pauses(1000, needed=False)
     for second in range(10):
         assert 60 <= sum(second <= pause < second + 1 for pause in pauses) <= 140
 
 
-def test_a_robot_that_is_driven_comes_back_at_once():
+def test_a_robot_with_a_driver_reconnects_at_once():
     assert max(first_pauses(1000, needed=True)) <= 0.2
 
 
-def test_pauses_grow_to_a_bound_and_begin_anew_after_a_connection_that_held():
+def test_pauses_grow_to_a_bound_and_are_reset_by_a_lasting_connection():
     reconnection = Reconnection(random.Random(1))
     pauses = [reconnection.pause(0.0, 1000.0 + n) for n in range(500)]
     assert max(pauses) <= SPREAD.longest
@@ -169,7 +169,7 @@ def test_pauses_grow_to_a_bound_and_begin_anew_after_a_connection_that_held():
     )
 
 
-def test_one_that_was_driven_when_the_broker_went_tries_at_once_for_two_minutes():
+def test_a_robot_with_a_driver_retries_at_once_for_two_minutes():
     reconnection = Reconnection(random.Random(1))
     reconnection.needed(0.0)
     pauses = [reconnection.pause(0.0, now) for now in range(1, 240)]

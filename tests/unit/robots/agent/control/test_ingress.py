@@ -25,7 +25,7 @@ def velocity(seq: int) -> VelocityCommand:
     )
 
 
-def test_of_a_flood_the_newest_is_heard_and_the_loop_is_woken_once() -> None:
+def test_only_the_newest_of_a_flood_is_handled_and_the_loop_is_woken_once() -> None:
     loop = Loop()
     for n in range(10_000):
         loop.ingress.put("p1", "driver", velocity(n))
@@ -40,7 +40,7 @@ def test_of_a_flood_the_newest_is_heard_and_the_loop_is_woken_once() -> None:
     assert loop.woken == 2
 
 
-def test_stops_of_all_pages_come_before_everything_else() -> None:
+def test_stops_of_all_pages_are_handled_first() -> None:
     loop = Loop()
     for peer in ("p1", "p2"):
         loop.ingress.put(peer, "observer", EStop(action_id=f"e-{peer}", stamp=1.0))
@@ -73,7 +73,7 @@ def test_commands_of_one_page_keep_their_order() -> None:
     assert loop.heard() == [Cancel(action_id="c1", stamp=1.0), goto, velocity(2)]
 
 
-def test_letting_go_is_heard_though_a_key_was_pressed_again_at_once() -> None:
+def test_a_release_is_handled_though_a_key_was_pressed_again_at_once() -> None:
     loop = Loop()
     zero = VelocityCommand(
         session="s1", epoch=1, seq=2, stamp=1.0, linear=0.0, angular=0.0, method="keyboard"
@@ -83,7 +83,7 @@ def test_letting_go_is_heard_though_a_key_was_pressed_again_at_once() -> None:
     assert loop.heard() == [zero, velocity(3)]
 
 
-def test_a_page_has_room_for_some_actions_and_takes_no_other_pages_room() -> None:
+def test_each_page_has_room_for_its_own_actions() -> None:
     loop = Loop()
     for n in range(100):
         loop.ingress.put("p1", "driver", Photo(action_id=f"a{n}", stamp=1.0))
@@ -95,7 +95,7 @@ def test_a_page_has_room_for_some_actions_and_takes_no_other_pages_room() -> Non
     assert rejected == {"too_many": 100 - ACTIONS_WAITING}
 
 
-def test_unreadable_packets_are_counted_and_not_kept() -> None:
+def test_unreadable_packets_are_counted_and_dropped() -> None:
     loop = Loop()
     for _ in range(1000):
         loop.ingress.put("p1", "driver", Rejection("malformed"))

@@ -28,7 +28,7 @@ def test_better_receipt_replaces_a_worse_one_and_never_the_reverse(receipts):
 
 
 @pytest.mark.parametrize(("target", "session"), [("a2", "s1"), ("a1", "s2"), ("a1", None)])
-def test_words_that_nobody_said_or_of_another_session_are_not_confirmed(receipts, target, session):
+def test_unknown_words_and_those_of_another_session_are_not_confirmed(receipts, target, session):
     assert receipts.confirm(target, "shown", session) == ("unknown_words", False)
     assert receipts.of("a1") is None
 

@@ -136,7 +136,7 @@ def test_noise_for_which_no_threshold_is_allowed_is_to_be_filtered():
 # --- trials ---------------------------------------------------------------------------------------
 
 
-def test_a_base_that_stops_by_itself_passes_and_nothing_is_said_while_it_is_measured(time):
+def test_a_base_that_stops_by_itself_passes_and_gets_no_zeros_meanwhile(time):
     base = Base(time, 0.3)
     for _ in range(2):
         base.applied.clear()
@@ -151,7 +151,7 @@ def test_a_base_that_stops_by_itself_passes_and_nothing_is_said_while_it_is_meas
         assert base.closed
 
 
-def test_a_base_that_nothing_stops_fails_and_is_stopped(time):
+def test_a_base_without_a_watchdog_fails_and_is_stopped(time):
     base = Base(time, NEVER)
     is_well, lines = tried(time, base)
     assert not is_well
@@ -159,7 +159,7 @@ def test_a_base_that_nothing_stops_fails_and_is_stopped(time):
     assert speeds(base)[-1] == 0.0
 
 
-def test_a_base_that_stops_later_than_its_profile_says_fails_with_the_measure(time):
+def test_a_base_that_stops_later_than_its_profile_states_fails(time):
     is_well, lines = tried(time, Base(time, 1.0))
     assert not is_well
     assert "The profile states a watchdog of 0.3 s" in lines[-1]
@@ -171,7 +171,7 @@ def test_a_base_that_does_not_move_cannot_be_measured(time):
     assert "did not move" in lines[-1]
 
 
-def test_a_base_that_hums_is_measured_and_its_owner_reads_which_threshold_to_set(time):
+def test_noise_at_rest_is_measured_and_the_owner_reads_which_threshold_to_set(time):
     base = Base(time, 0.3)
     base.hum = Velocity(linear=0.0, angular=0.06)
     is_well, lines = tried(time, base)
@@ -182,7 +182,7 @@ def test_a_base_that_hums_is_measured_and_its_owner_reads_which_threshold_to_set
     assert is_well, lines
 
 
-def test_a_trial_that_is_broken_off_ends_with_zeros(time):
+def test_an_interrupted_check_ends_with_zeros(time):
     base, lines = Base(time, NEVER), []
     work = begun(time, base, lines)
     time.wait(lambda: "Silence…" in lines)
@@ -193,7 +193,7 @@ def test_a_trial_that_is_broken_off_ends_with_zeros(time):
     assert base.closed
 
 
-def test_a_robot_that_is_lost_meanwhile_is_told_to_stop_and_gives_its_reason(time):
+def test_a_robot_that_is_lost_during_the_check_is_stopped_and_reported(time):
     base, lines = Base(time, NEVER), []
     work = begun(time, base, lines)
     time.wait(lambda: base.applied)

@@ -63,7 +63,7 @@ def test_other_rates_and_two_channels_become_mono_at_48_khz():
         ("ALSA lib confmisc.c:165:(snd_config_get_card) Cannot get card index for 7\n", ""),
     ],
 )
-def test_the_reason_is_found_in_what_alsa_utils_say(said, reason):
+def test_the_reason_is_found_in_the_output_of_alsa_utils(said, reason):
     """alsa-utils 1.2.8, aplay/aplay.c: `error()` writes `PROGRAM: FUNCTION:LINE: TEXT`; the line
     numbers are of that version.
     """

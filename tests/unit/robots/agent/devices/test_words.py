@@ -6,11 +6,11 @@ from robots.agent.devices.words import DeviceSetting, DeviceSettingError, read
 
 
 @pytest.mark.parametrize("words", ["", "none", "  none "])
-def test_no_device_is_one_too(words):
+def test_none_is_a_device_setting(words):
     assert read(words, "camera") is None
 
 
-def test_a_camera_of_linux_is_known_by_its_file_and_may_be_told_what_ffmpeg_knows():
+def test_a_camera_of_linux_is_named_by_its_file_and_takes_options_of_ffmpeg():
     found = read("/dev/video2 video_size=1280x720 input_format=mjpeg", "camera")
     assert (found.format, found.address, found.live) == ("v4l2", "/dev/video2", True)
     assert found.options == {

@@ -36,7 +36,7 @@ def own(kind, action_id, **fields):
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
-def test_commands_are_older_by_the_delay_when_they_reach_the_wheels_on_either_way(rig, way):
+def test_commands_reach_the_base_older_by_the_delay_on_either_transport(rig, way):
     impaired(rig, m.NetworkLab(delay=DELAY, jitter=0.02, seed=1))
     rig.drive(0.5, way=way, until=lambda: sum(len(s.applied) for s in rig.link.all("state")) > 20)
     ages = [c.age for s in rig.link.all("state") for c in s.applied if c.linear > 0.0]
@@ -47,7 +47,7 @@ def test_commands_are_older_by_the_delay_when_they_reach_the_wheels_on_either_wa
     assert report.held > DELAY - 0.03
 
 
-def test_a_clean_network_holds_nothing(rig):
+def test_a_clean_network_delays_no_command(rig):
     rig.grant()
     rig.drive(0.5)
     assert all(s.control_network is None and s.video_network is None for s in rig.link.all("state"))
@@ -56,7 +56,7 @@ def test_a_clean_network_holds_nothing(rig):
 @pytest.mark.parametrize("lab", [m.NetworkLab(loss=1.0), m.NetworkLab(delay=10.0)])
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_stop_and_e_stop_are_obeyed_at_once_whatever_the_network(tmp_path, lab, way, kind):
+def test_stop_and_estop_are_obeyed_at_once_on_any_network(tmp_path, lab, way, kind):
     with ControlRig(tmp_path) as rig:
         rig.grant()
         rig.drive(0.5)
@@ -73,7 +73,7 @@ def test_stop_and_e_stop_are_obeyed_at_once_whatever_the_network(tmp_path, lab, 
         )
 
 
-def test_a_lost_network_lets_no_command_through_while_the_heartbeat_keeps_the_driver_present(rig):
+def test_a_loss_of_every_command_leaves_the_drivers_heartbeat(rig):
     impaired(rig, m.NetworkLab(loss=1.0))
     since = rig.link.count
     for _ in range(10):
@@ -97,7 +97,7 @@ def test_the_round_trip_is_measured_beside_the_lab_so_that_ages_stay_right(rig):
     assert rig.kernel.clocks.of("p1").round_trip < 0.5
 
 
-def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
+def test_a_command_that_the_network_has_made_too_old_is_refused(rig):
     rig.grant()  # the robot's own limit: 250 ms
     configure(rig, m.NetworkLab(delay=0.4))
     rig.link.wait("state", lambda s: s.control_network is not None)
@@ -107,7 +107,7 @@ def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
     assert rig.robot.told == ZERO
 
 
-def test_delayed_velocities_move_nothing_after_a_stop(rig):
+def test_delayed_velocities_are_refused_after_a_stop(rig):
     # long enough for the stop of a driver who is held up
     impaired(rig, m.NetworkLab(delay=0.8))
     for _ in range(4):
@@ -125,7 +125,7 @@ def test_actions_of_staff_and_of_the_server_do_not_travel_on_the_drivers_network
     rig.status("ours", "FINISHED")
 
 
-def test_the_next_visitor_gets_a_clean_network_before_the_server_has_taken_the_lab_back(rig):
+def test_the_next_visitor_has_a_clean_network_before_the_server_ends_the_lab(rig):
     impaired(rig, m.NetworkLab(delay=0.2, loss=0.5, seed=2))
     rig.media.network = m.LabReport(lab=m.NetworkLab(delay=0.2))
     rig.link.say("lease", None)
@@ -178,7 +178,7 @@ def test_networks_of_the_command_line_hold_for_every_driver(tmp_path):
         )
 
 
-def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
+def test_a_command_reports_the_age_of_its_picture(rig):
     rig.grant(limits=m.LeaseLimits(command_age=1.0))
     seen = rig.unix() - 0.2
     command = rig.push(0.5, frame=seen)

@@ -20,7 +20,7 @@ def test_a_driver_has_the_networks_that_the_server_names_for_the_session():
     assert in_force(LEASE, told, CLEAN) == Networks(SLOW, NARROW, "s1")
 
 
-def test_the_next_visitor_has_a_clean_network_also_before_the_server_says_so():
+def test_the_next_visitor_has_a_clean_network_before_a_new_config():
     assert in_force(LEASE, config(control_network=SLOW, network_session="s0"), CLEAN) == CLEAN
 
 
@@ -28,18 +28,18 @@ def test_a_network_without_a_session_is_every_drivers():
     assert in_force(LEASE, config(video_network=NARROW), CLEAN) == Networks(None, NARROW, "s1")
 
 
-def test_without_a_driver_there_is_no_lab():
+def test_there_is_no_lab_without_a_driver():
     assert in_force(None, config(control_network=SLOW), OWN) == CLEAN
 
 
 @pytest.mark.parametrize(
     "told", [None, config(), config(control_network=SLOW, network_session="s0")]
 )
-def test_the_agents_own_networks_hold_where_the_server_says_nothing(told):
+def test_the_agents_own_networks_apply_unless_the_server_names_others(told):
     assert in_force(LEASE, told, OWN) == Networks(OWN.control, None, "s1")
 
 
-def test_the_server_goes_before_the_agents_own():
+def test_the_servers_networks_replace_the_agents_own():
     assert in_force(LEASE, config(control_network=SLOW), OWN).control == SLOW
 
 
@@ -54,7 +54,7 @@ DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
     "message",
     [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)],
 )
-def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message, sender):
+def test_the_drivers_commands_use_the_drivers_network_on_both_transports(message, sender):
     assert is_held(message, sender, LEASE)
 
 

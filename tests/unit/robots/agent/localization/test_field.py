@@ -52,7 +52,7 @@ def test_points_off_the_map_are_far_from_everything() -> None:
 
 @given(st.floats(0.45, 0.95), st.floats(0.45, 1.15), st.floats(-math.pi, math.pi))
 @examples(60, thorough=600)
-def test_a_ray_goes_as_far_as_in_the_drawn_world(x: float, y: float, angle: float) -> None:
+def test_a_ray_is_as_long_as_in_the_drawn_world(x: float, y: float, angle: float) -> None:
     at_x, at_y = here(x, y)
     cast_here = FIELD.cast(at_x, at_y, np.array([angle]), 10.0)[0]
     # a corner may be clipped by less than a cell

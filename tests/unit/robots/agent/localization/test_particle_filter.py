@@ -34,11 +34,11 @@ def about(
     )
 
 
-def test_guesses_about_one_place_need_the_fewest() -> None:
+def test_particles_at_one_place_need_the_fewest() -> None:
     assert needed(np.zeros((50, 3)), SAMPLING) == SAMPLING.fewest
 
 
-def test_the_wider_the_spread_the_more_guesses_are_needed_up_to_the_most() -> None:
+def test_a_wider_spread_needs_more_particles_up_to_the_most() -> None:
     counts = [
         needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
     ]
@@ -63,7 +63,7 @@ def test_drawing_keeps_the_shares() -> None:
     assert drawn.weights.sum() == pytest.approx(1.0)
 
 
-def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
+def test_evidence_moves_weight_and_depletes_the_particles() -> None:
     particles = evenly(np.zeros((100, 3)))
     assert not particles.is_depleted()
     evidence = np.full(100, -1000.0)
@@ -91,7 +91,7 @@ def test_the_heaviest_cluster_is_found_with_its_share() -> None:
     assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)
 
 
-def test_places_are_told_by_their_best_guesses_and_a_turn_makes_another_place() -> None:
+def test_places_have_their_best_particles_and_a_turn_is_another_place() -> None:
     poses = about((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 0.0, math.pi), each=100)
     fits = np.arange(300.0)
     owner, best = places(poses, fits, 0.6, math.radians(30.0))
@@ -99,7 +99,7 @@ def test_places_are_told_by_their_best_guesses_and_a_turn_makes_another_place() 
     assert owner.tolist() == [2] * 100 + [1] * 100 + [0] * 100
 
 
-def test_a_guess_that_is_no_number_is_a_place_of_its_own() -> None:
+def test_a_particle_of_nan_is_a_place_of_its_own() -> None:
     owner, best = places(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), np.zeros(2), 0.6, 0.5)
     assert sorted(owner.tolist()) == [0, 1]
     assert len(best) == 2
@@ -111,7 +111,7 @@ def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
     assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
 
 
-def test_one_guess_is_a_cluster() -> None:
+def test_one_particle_is_a_cluster() -> None:
     cluster = heaviest(evenly(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
     assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
     assert cluster.share == pytest.approx(1.0)

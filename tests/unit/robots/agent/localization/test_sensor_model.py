@@ -54,7 +54,7 @@ def test_the_lasers_mount_counts() -> None:
     assert likelihood_field(FIELD, MODEL).of(at(POSE), seen)[0] > -1.0
 
 
-def test_something_new_before_a_wall_is_short_and_not_through() -> None:
+def test_a_new_obstacle_before_a_wall_is_short_and_not_through() -> None:
     judged = agreement(
         FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0))
     )
@@ -68,7 +68,7 @@ def test_from_behind_a_wall_the_beams_went_through_it() -> None:
     assert judged.through[0] > 0.15
 
 
-def test_between_places_beams_through_a_wall_take_back_more_than_as_many_that_fit() -> None:
+def test_beams_through_a_wall_outweigh_as_many_that_fit() -> None:
     half = np.array([0.5])
     assert Agreement(half, 0.0 * half, half).merit[0] == 0.0
     assert Agreement(half, 0.0 * half, half).against_others[0] < 0.0
@@ -94,7 +94,7 @@ def test_the_true_pose_is_likelier_than_its_neighbours() -> None:
     assert np.argmax(found) == 0
 
 
-def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
+def test_a_beam_without_a_match_costs_the_same_at_any_length() -> None:
     likelihood = likelihood_field(FIELD, MODEL)
     near, far = (
         Sweep(np.array([[x, 0.0]]), 0.0, 0.0, np.zeros(1), np.array([x]), 10.0) for x in (5.0, 9.0)
@@ -102,14 +102,14 @@ def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
     assert likelihood.of(at(POSE), near) == pytest.approx(likelihood.of(at(POSE), far), abs=0.1)
 
 
-def test_beams_that_did_not_come_back_and_the_robots_own_hand_are_left_out() -> None:
+def test_beams_without_an_echo_and_of_the_robot_itself_are_left_out() -> None:
     ranges = np.array([math.nan, math.inf, 0.02, -1.0, 2.0])
     seen = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, ranges), 0.1)
     assert seen.ranges.tolist() == [2.0]
     assert seen.angles == pytest.approx([0.4])
 
 
-def test_no_beams_say_nothing() -> None:
+def test_a_scan_without_beams_has_no_likelihood() -> None:
     nothing = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, np.array([math.inf])), 0.1)
     assert likelihood_field(FIELD, MODEL).of(at(POSE, POSE), nothing).tolist() == [0.0, 0.0]
     assert agreement(FIELD, MODEL, at(POSE), nothing).fits[0] == 0.0

@@ -142,11 +142,11 @@ def test_check_looks_for_no_unused_name():
         ("import av._core", {"_core"}),
     ],
 )
-def test_the_ways_to_touch_a_private_name_are_known(text, names):
+def test_uses_of_a_private_name_are_found(text, names):
     assert touched(text) == names
 
 
-def test_a_name_that_is_put_together_is_refused():
+def test_a_computed_attribute_name_is_refused():
     with pytest.raises(AssertionError, match="put together"):
         touched("getattr(sender, f'_RTCRtpSender__{name}')")
 

@@ -83,7 +83,7 @@ def test_late_action_fails_with_the_reason():
     assert news[3:] == [("d", "FAILED", "it took too long")]
 
 
-def test_a_head_is_there_when_its_angle_is():
+def test_tilt_finishes_when_the_head_has_its_angle():
     pending_actions, news = told()
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(1.0, dock=APART, tilt=0.4)

@@ -27,12 +27,12 @@ def driven(readings, count=20, speed=0.5, turn=0.0, start=100.0):
     return readings
 
 
-def test_a_stamp_is_believed_when_the_clocks_agree():
+def test_a_stamp_counts_when_the_clocks_agree():
     assert stamp_of(99.8, 100.0) == 99.8
     assert stamp_of(5.0, 100.0) == 100.0
 
 
-def test_before_anything_was_heard_it_stands_nowhere():
+def test_pose_is_unknown_before_the_first_reading():
     readings = Readings()
     state = readings.state(10.0)
     assert (state.pose, state.velocity, state.odometry, state.distance) == (
@@ -44,7 +44,7 @@ def test_before_anything_was_heard_it_stands_nowhere():
     assert readings.last_received_at == -math.inf
 
 
-def test_an_architecture_that_says_only_where_gets_its_velocity_from_that():
+def test_velocity_and_distance_are_derived_from_poses():
     state = driven(Readings(), speed=0.4, turn=0.2).state(0.0)
     assert state.velocity.linear == pytest.approx(0.4, abs=0.01)
     assert state.velocity.angular == pytest.approx(0.2, abs=0.01)
@@ -52,7 +52,7 @@ def test_an_architecture_that_says_only_where_gets_its_velocity_from_that():
     assert state.odometry is None
 
 
-def test_a_robot_that_backs_up_has_a_negative_velocity():
+def test_a_robot_in_reverse_has_a_negative_velocity():
     assert driven(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
 
 
@@ -86,7 +86,7 @@ def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
     assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
 
 
-def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is_nowhere():
+def test_a_transform_locates_the_odometry_in_the_map_until_localization_is_lost():
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
@@ -116,7 +116,7 @@ def test_a_repeated_velocity_is_not_a_measurement():
     assert [readings.state(100.0).is_measured for _ in range(2)] == [True, False]
 
 
-def test_stamps_grow_whatever_clocks_do():
+def test_stamps_grow_although_clocks_step_back():
     readings = Readings()
     stamps = []
     for said in (100.0, 99.0, 99.0, 100.5):
@@ -126,14 +126,14 @@ def test_stamps_grow_whatever_clocks_do():
     assert stamps == sorted(set(stamps))
 
 
-def test_a_scan_is_told_once():
+def test_a_scan_is_in_one_state():
     readings = Readings()
     readings.scanned(SCAN)
     assert readings.state(1.0).scan == SCAN
     assert readings.state(1.1).scan is None
 
 
-def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
+def test_a_missing_charge_is_estimated_from_the_voltage():
     readings = Readings(BatteryRange(20.0, 30.0))
     readings.charged(voltage=25.0)
     assert readings.state(1.0).battery.charge == pytest.approx(0.5)
@@ -145,7 +145,7 @@ def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
     assert readings.state(1.2).battery.charge == 0.9
 
 
-def test_a_contact_begins_when_a_bumper_is_pressed():
+def test_each_press_of_a_bumper_is_a_contact():
     readings = Readings()
     for touching in (False, True, True, False, True):
         readings.bumped(touching=touching)
@@ -161,7 +161,7 @@ def test_bumper_bearings_are_reported_while_pressed_if_known():
     assert readings.state(1.3).bumper == ()
 
 
-def test_echoes_and_points_are_told_once():
+def test_echoes_and_points_are_in_one_state():
     readings = Readings()
     readings.echoed(0, 0.5, 1.0)
     readings.echoed(1, None, 1.0)
@@ -180,7 +180,7 @@ def test_states_are_sound():
     assert sound(readings.state(101.0)).distance > 0.0
 
 
-def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
+def test_a_battery_is_unknown_without_a_reading():
     state = Readings().state(1.0)
     assert (
         state.battery.charge,
@@ -190,7 +190,7 @@ def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
     ) == (None, None, None, False)
 
 
-def test_volts_tell_no_charge_of_an_unknown_battery_and_what_is_no_longer_known_is_unknown_again():
+def test_charge_is_unknown_without_a_battery_range_or_a_current_reading():
     readings = Readings()
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)
@@ -203,7 +203,7 @@ def test_volts_tell_no_charge_of_an_unknown_battery_and_what_is_no_longer_known_
     ) == (None, 25.0, None, False)
 
 
-def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():
+def test_a_charge_of_nan_is_unknown():
     readings = Readings()
     readings.charged(charge=math.nan, charging=False)
     assert sound(readings.state(1.0)).battery.charge is None

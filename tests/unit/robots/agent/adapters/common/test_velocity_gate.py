@@ -39,7 +39,7 @@ def test_only_one_question_is_open_and_its_answer_gets_the_newest_velocity(gate)
     assert gate.answered(0.14) is None
 
 
-def test_without_an_answer_the_gate_shuts_and_a_late_one_moves_nothing(gate):
+def test_the_gate_shuts_without_an_answer_and_ignores_a_late_one(gate):
     gate.want(AHEAD, 0.1)
     gate.ask(0.1)
     gate.received(0.3)
@@ -80,7 +80,7 @@ def test_each_reading_permits_three_velocities_that_differ(gate):
     assert gate.ask(0.1)
 
 
-def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_without(gate):
+def test_an_unchanged_velocity_is_repeated_after_a_reading_or_a_while(gate):
     sent(gate, AHEAD, 0.0, 0.0)
     gate.want(AHEAD, 0.1)
     assert not gate.ask(0.1)
@@ -91,7 +91,7 @@ def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_wit
     assert gate.ask(0.37)
 
 
-def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time():
+def test_a_silent_robot_is_not_moved_and_a_slow_one_has_more_time():
     gate = VelocityGate(PARAMS, 0.0)
     assert gate.shut(0.39) == ""
     assert gate.shut(0.41) == "does not report its state"
@@ -111,7 +111,7 @@ def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time
         max_size=60,
     )
 )
-def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fresh_reading(steps):
+def test_no_velocity_is_sent_without_a_recent_answer_and_a_fresh_reading(steps):
     gate, now, heard, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
     for number, (step, pause) in enumerate(steps):
         now += pause

@@ -31,7 +31,7 @@ def received_as(*kinds):
         (None, False, False),
     ],
 )
-def test_velocities_are_stamped_as_the_others_have_it(graph, before, now):
+def test_velocities_have_the_type_of_the_subscribers(graph, before, now):
     assert chosen_stamped(graph, "/cmd_vel", stamped=before) is now
 
 
@@ -46,7 +46,7 @@ def test_a_topic_of_another_type_is_named_with_the_option():
     )
 
 
-def test_a_topic_where_nobody_is_names_where_somebody_is():
+def test_a_topic_without_a_subscriber_is_named_with_topics_that_have_one():
     graph = {
         "/base/cmd_vel": TopicPeers(frozenset({TWIST}), listeners=1),
         "/log": TopicPeers(frozenset({TWIST}), listeners=0),
@@ -61,7 +61,7 @@ def test_a_topic_where_nobody_is_names_where_somebody_is():
     )
 
 
-def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
+def test_an_unpublished_topic_is_named_with_its_option():
     front = {"/front": TopicPeers(frozenset({SCAN.kind}), speakers=1)}
     assert unpublished(front, [SCAN]) == (
         (
@@ -76,7 +76,7 @@ def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_som
     assert unpublished(None, [SCAN]) == ()
 
 
-def test_nodes_that_a_restarted_master_has_forgotten_are_named_and_many_are_counted():
+def test_nodes_that_a_restarted_master_has_forgotten_are_named():
     assert (
         master_restarted(["/laser", "/base_driver"])
         == "the ROS master was restarted. Nodes that started before it are no longer known to it;"
