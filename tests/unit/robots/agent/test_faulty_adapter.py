@@ -13,6 +13,7 @@ import pytest
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, ObstaclePoints, Sonar, SonarEcho
 from robots.api import messages as m
+from robots.api.geometry import Pose2D
 from tests.support.agents.control_rig import ControlRig, own, stamped
 from tests.support.agents.scripted_robot import PROFILE, NavigatingRobot, SelfDrivingRobot
 
@@ -213,6 +214,10 @@ NONSENSE = {
     "an angle of NumPy's": {"scan": scan(angle_min=np.float32(0.0))},
     "a velocity that is none": {"velocity": None},
     "no pose": {"pose": None},
+    "a pose of NaN": {"pose": m.Pose(x=math.nan, y=0.0, theta=0.0)},
+    "odometry of NaN": {"odometry": Pose2D(math.nan, 0.0, 0.0)},
+    "an infinite path": {"path": ((math.inf, 0.0),)},
+    "a point too far away": {"assist_point": (1e9, 0.0)},
 }
 
 
