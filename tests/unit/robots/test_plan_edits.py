@@ -1,4 +1,4 @@
-"""Fields of the page that finishes a plan, and the plan that comes of them."""
+"""Fields of the page that finishes a plan, and the resulting plan."""
 
 import json
 import math
@@ -97,12 +97,8 @@ def test_a_comma_is_no_decimal_mark_in_english(text):
 
 
 def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
-    fields = {
-        "openings.0.x": "4.5",
-        "openings.0.y": "3.0",
-        "openings.0.x2": "4.5",
-        "openings.0.y2": "4,1",
-    }
+    ends = {"x": "4.5", "y": "3.0", "x2": "4.5", "y2": "4,1"}
+    fields = {f"openings.0.{name}": text for name, text in ends.items()}
     with translation.override("es"):
         plan = edited(document(), fields, anywhere)
     assert plan["passages"][0]["start"] == [4.5, 3.0]
@@ -122,16 +118,13 @@ def border_beside_opening() -> dict:
     return plan
 
 
-def test_an_opening_beside_the_border_of_its_rooms_connects_them_still():
+def test_an_opening_beside_the_border_of_its_rooms_still_connects_them():
     plan = border_beside_opening()
     shown = {"openings.0.x": "1.00", "openings.0.y": "2.00"}
     assert edited(plan, shown, anywhere) == plan
-
-
-def test_an_opening_that_is_moved_beside_the_border_of_its_rooms_connects_them_still():
-    plan = edited(border_beside_opening(), {"openings.0.x": "0.9"}, anywhere)
-    assert set(plan["passages"][0]["connects"]) == {"hall", "west"}
-    assert problems(plan) == ()
+    moved = edited(plan, {"openings.0.x": "0.9"}, anywhere)
+    assert set(moved["passages"][0]["connects"]) == {"hall", "west"}
+    assert problems(moved) == ()
 
 
 def test_an_opening_to_a_removed_room_leads_nowhere():
@@ -184,12 +177,8 @@ def test_checkpoints_start_at_the_dock_and_are_renumbered():
         plan = with_new(plan, "checkpoint", x, 1.0, WORDS)
     assert [c["number"] for c in checkpoints_of(plan)] == [1, 2, 3]
     plan = edited(plan, {"checkpoints.1.remove": "on", "docks.0.y": "4.5"}, anywhere)
-    route = plan["routes"][0]["checkpoints"]
-    assert [(c["number"], c["x"], c["y"]) for c in route] == [
-        (0, 1.0, 4.5),
-        (1, 2.0, 1.0),
-        (2, 4.0, 1.0),
-    ]
+    route = [(c["number"], c["x"], c["y"]) for c in plan["routes"][0]["checkpoints"]]
+    assert route == [(0, 1.0, 4.5), (1, 2.0, 1.0), (2, 4.0, 1.0)]
     assert problems(plan) == ()
     plan = edited(plan, {f"checkpoints.{n}.remove": "on" for n in range(2)}, anywhere)
     assert "routes" not in plan

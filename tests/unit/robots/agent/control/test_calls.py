@@ -1,4 +1,4 @@
-"""Who is let through to the people at the robot."""
+"""Whose call and knock reaches the people at the robot."""
 
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
@@ -30,6 +30,8 @@ def test_no_media_passes_without_a_call():
     assert status(calls) is None
     assert calls.passing(lease(), 0.0) == NOTHING
     assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
+    calls.ask(call(), lease(), 0.0)
+    assert calls.passing(None, 0.0) == NOTHING, "there is no lease"
 
 
 def test_rule_accept_accepts_a_call_at_once():
@@ -97,12 +99,6 @@ def test_an_answer_is_valid_for_the_session_and_each_page_starts_muted():
     other = lease(session="s2", epoch=3)
     calls.ask(call(), other, 4.0)
     assert status(calls, other, 4.0) == "ringing"
-
-
-def test_no_media_passes_without_a_lease():
-    calls = CallControl()
-    calls.ask(call(), lease(), 0.0)
-    assert calls.passing(None, 0.0) == NOTHING
 
 
 # --- knocks ---------------------------------------------------------------------------------------

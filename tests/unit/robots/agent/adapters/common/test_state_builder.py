@@ -1,4 +1,4 @@
-"""From what an RCA says, piece by piece, to one state: pure, with times that the test says."""
+"""States that are built from an RCA's single readings, in virtual time."""
 
 import math
 
@@ -9,16 +9,16 @@ from robots.agent.adapters.common.robot_profile import BatteryRange
 from robots.agent.adapters.common.state_builder import Readings, stamp_of
 from robots.agent.control.state_validation import sound
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import NOWHERE, ObstaclePoints
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints
 from robots.api.geometry import Pose2D
-from robots.api.messages import Pose, Scan, Velocity
+from robots.api.messages import Battery, Pose, Scan, Velocity
 
 AHEAD = Velocity(linear=0.3, angular=0.0)
 SCAN = Scan(stamp=1.0, angle_min=0.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None))
 
 
-def driven(readings, count=20, speed=0.5, turn=0.0, start=100.0):
-    """Poses every 50 ms, of a robot that says no velocity."""
+def moved_by_poses(readings, count=20, speed=0.5, turn=0.0, start=100.0):
+    """Take poses every 50 ms, of a robot that reports no velocity."""
     here = Pose2D(0.0, 0.0, 0.0)
     for number in range(count):
         stamp = start + 0.05 * number
@@ -35,17 +35,13 @@ def test_a_stamp_counts_when_the_clocks_agree():
 def test_pose_is_unknown_before_the_first_reading():
     readings = Readings()
     state = readings.state(10.0)
-    assert (state.pose, state.velocity, state.odometry, state.distance) == (
-        NOWHERE,
-        ZERO,
-        None,
-        0.0,
-    )
+    assert (state.pose, state.velocity) == (NOWHERE, ZERO)
+    assert (state.odometry, state.distance) == (None, 0.0)
     assert readings.last_received_at == -math.inf
 
 
 def test_velocity_and_distance_are_derived_from_poses():
-    state = driven(Readings(), speed=0.4, turn=0.2).state(0.0)
+    state = moved_by_poses(Readings(), speed=0.4, turn=0.2).state(0.0)
     assert state.velocity.linear == pytest.approx(0.4, abs=0.01)
     assert state.velocity.angular == pytest.approx(0.2, abs=0.01)
     assert state.distance == pytest.approx(0.4 * 0.05 * 19, abs=0.001)
@@ -53,11 +49,11 @@ def test_velocity_and_distance_are_derived_from_poses():
 
 
 def test_a_robot_in_reverse_has_a_negative_velocity():
-    assert driven(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
+    assert moved_by_poses(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
 
 
 def test_a_pose_that_jumps_is_a_new_fix_and_no_motion():
-    readings = driven(Readings(), speed=0.0)
+    readings = moved_by_poses(Readings(), speed=0.0)
     readings.located(Pose(x=8.0, y=3.0, theta=1.0), 101.0, 101.0)
     state = readings.state(0.0)
     assert state.velocity == ZERO
@@ -78,10 +74,9 @@ def test_an_old_fix_is_carried_on_by_the_odometry():
 def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
     readings = Readings()
     for number in range(10):
-        readings.moved(
-            Pose2D(0.05 * number, 0.0, 0.0), AHEAD, 100.0 + 0.1 * number, 100.0 + 0.1 * number
-        )
-    # computed late, of a scan from before
+        stamp = 100.0 + 0.1 * number
+        readings.moved(Pose2D(0.05 * number, 0.0, 0.0), AHEAD, stamp, stamp)
+    # computed late, of an earlier scan
     readings.located(Pose(x=5.0, y=0.0, theta=0.0), 100.3, 101.0)
     assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
 
@@ -90,17 +85,14 @@ def test_a_transform_locates_the_odometry_in_the_map_until_localization_is_lost(
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
-    assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (
-        pytest.approx(1.0),
-        pytest.approx(3.0),
-        True,
-    )
+    assert (readings.pose.x, readings.pose.y) == pytest.approx((1.0, 3.0))
+    assert readings.pose.localized
     readings.lost(101.0)
     assert readings.pose == NOWHERE
 
 
 def test_a_robot_without_odometry_that_lost_its_pose_counts_as_at_rest():
-    readings = driven(Readings(), speed=0.3)
+    readings = moved_by_poses(Readings(), speed=0.3)
     assert readings.velocity.linear > 0.2
     readings.lost(101.0)
     for _ in range(2):
@@ -119,10 +111,9 @@ def test_a_repeated_velocity_is_not_a_measurement():
 def test_stamps_grow_although_clocks_step_back():
     readings = Readings()
     stamps = []
-    for said in (100.0, 99.0, 99.0, 100.5):
-        readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, said, said)
-        stamps.append(readings.state(100.0).stamp)
-        stamps.append(readings.state(100.0).stamp)  # said again, when there was nothing new
+    for stamp in (100.0, 99.0, 99.0, 100.5):
+        readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, stamp, stamp)
+        stamps += [readings.state(100.0).stamp for _ in range(2)]
     assert stamps == sorted(set(stamps))
 
 
@@ -166,41 +157,28 @@ def test_echoes_and_points_are_in_one_state():
     readings.echoed(0, 0.5, 1.0)
     readings.echoed(1, None, 1.0)
     readings.saw(ObstaclePoints(1.0, np.zeros((0, 2))))
-    told = readings.state(1.1)
-    assert [(echo.sonar, echo.distance) for echo in told.sonar] == [(0, 0.5), (1, None)]
-    assert told.points is not None
+    first = readings.state(1.1)
+    assert [(echo.sonar, echo.distance) for echo in first.sonar] == [(0, 0.5), (1, None)]
+    assert first.points is not None
     again = readings.state(1.2)
     assert (again.sonar, again.points) == ((), None)
 
 
 def test_states_are_sound():
-    readings = driven(Readings())
+    readings = moved_by_poses(Readings())
     readings.scanned(SCAN)
     readings.charged(voltage=25.0, charge=0.5)
     assert sound(readings.state(101.0)).distance > 0.0
 
 
-def test_a_battery_is_unknown_without_a_reading():
-    state = Readings().state(1.0)
-    assert (
-        state.battery.charge,
-        state.battery.voltage,
-        state.battery.charging,
-        state.charger_contact,
-    ) == (None, None, None, False)
-
-
 def test_charge_is_unknown_without_a_battery_range_or_a_current_reading():
     readings = Readings()
+    state = readings.state(1.0)
+    assert (state.battery, state.charger_contact) == (UNKNOWN_BATTERY, False)
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)
     state = readings.state(1.0)
-    assert (
-        state.battery.charge,
-        state.battery.voltage,
-        state.battery.charging,
-        state.charger_contact,
-    ) == (None, 25.0, None, False)
+    assert (state.battery, state.charger_contact) == (Battery(voltage=25.0, charging=None), False)
 
 
 def test_a_charge_of_nan_is_unknown():

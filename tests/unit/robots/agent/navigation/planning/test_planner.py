@@ -99,11 +99,6 @@ def test_a_blocked_gap_leaves_no_path_or_a_detour() -> None:
     assert np.hypot(*(detour.points - (2.7, 1.0)).T).min() > made.costmap.inscribed
 
 
-def test_a_map_without_free_space_is_refused() -> None:
-    with pytest.raises(NoWayError, match="no free space"):
-        planner("####\n####\n####")
-
-
 def test_unknown_cells_are_not_free() -> None:
     made = planner("######\n#????#\n#?..?#\n#....#\n#....#\n#....#\n######".replace("\n", " "))
     with pytest.raises(NoWayError):
