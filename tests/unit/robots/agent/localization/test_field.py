@@ -1,4 +1,4 @@
-"""How far it is to the nearest wall, by hand."""
+"""Distances to the nearest wall, compared with ones computed by hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Finding oneself on a whole map from one sweep."""
+"""A pose on the whole map from one scan."""
 
 import math
 

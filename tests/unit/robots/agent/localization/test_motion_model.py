@@ -1,4 +1,4 @@
-"""Guesses that move as the wheels say, each a little differently."""
+"""Particles that move with the odometry, with noise."""
 
 import math
 

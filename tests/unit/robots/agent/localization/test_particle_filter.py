@@ -1,4 +1,4 @@
-"""Guesses, their weights and their number."""
+"""Particles, their weights and their number."""
 
 import math
 
@@ -39,25 +39,21 @@ def test_particles_at_one_place_need_the_fewest() -> None:
 
 
 def test_a_wider_spread_needs_more_particles_up_to_the_most() -> None:
-    counts = [
-        needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
-    ]
+    spreads = [about((0.0, 0.0, 0.0), place=place) for place in (0.1, 0.3, 0.8, 5.0)]
+    counts = [needed(poses, SAMPLING) for poses in spreads]
     assert counts == sorted(counts)
     assert counts[0] < counts[2]
     assert counts[-1] <= SAMPLING.most
 
 
 def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
-    poses = np.array(
-        [[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]]
-    )
+    poses = np.array([[0.1, 0.1, 0.05 + turns * math.tau] for turns in (0, 1, -2)])
     assert needed(poses, SAMPLING) == SAMPLING.fewest
 
 
 def test_drawing_keeps_the_shares() -> None:
-    particles = ParticleSet(
-        about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500)
-    )
+    poses = about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
+    particles = ParticleSet(poses, np.repeat([0.3 / 500, 0.7 / 500], 500))
     drawn = particles.drawn(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
@@ -82,9 +78,8 @@ def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None
 
 
 def test_the_heaviest_cluster_is_found_with_its_share() -> None:
-    particles = ParticleSet(
-        about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500)
-    )
+    poses = about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1))
+    particles = ParticleSet(poses, np.repeat([0.8 / 500, 0.2 / 500], 500))
     cluster = heaviest(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)

@@ -1,4 +1,4 @@
-"""What fits the map, what falls short of it, and what goes through its walls."""
+"""Beams that fit the map, fall short of it, or pass through its walls."""
 
 import math
 
@@ -55,9 +55,8 @@ def test_the_lasers_mount_counts() -> None:
 
 
 def test_a_new_obstacle_before_a_wall_is_short_and_not_through() -> None:
-    judged = agreement(
-        FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0))
-    )
+    pose = Pose2D(2.4, 0.5, 2.0)
+    judged = agreement(FIELD, MODEL, at(pose), sweep(CHANGED, pose))
     assert judged.short[0] > 0.2
     assert judged.through[0] < 0.05
 
@@ -72,25 +71,19 @@ def test_beams_through_a_wall_outweigh_as_many_that_fit() -> None:
     half = np.array([0.5])
     assert Agreement(half, 0.0 * half, half).merit[0] == 0.0
     assert Agreement(half, 0.0 * half, half).against_others[0] < 0.0
-    assert (
-        Agreement(half, half, 0.0 * half).against_others[0]
-        == Agreement(half, half, 0.0 * half).merit[0]
-        > 0.8
-    )
+    fits = Agreement(half, half, 0.0 * half)
+    assert fits.against_others[0] == fits.merit[0] > 0.8
 
 
 def test_the_three_shares_make_one() -> None:
-    judged = agreement(
-        FIELD, MODEL, at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0)), sweep(CHANGED)
-    )
+    poses = at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0))
+    judged = agreement(FIELD, MODEL, poses, sweep(CHANGED))
     assert judged.fits + judged.short + judged.through == pytest.approx(1.0)
 
 
 def test_the_true_pose_is_likelier_than_its_neighbours() -> None:
-    turned = Pose2D(POSE.x, POSE.y, POSE.theta + 0.1)
-    found = likelihood_field(FIELD, MODEL).of(
-        at(POSE, Pose2D(POSE.x + 0.2, POSE.y, POSE.theta), turned), sweep()
-    )
+    moved, turned = POSE._replace(x=POSE.x + 0.2), POSE._replace(theta=POSE.theta + 0.1)
+    found = likelihood_field(FIELD, MODEL).of(at(POSE, moved, turned), sweep())
     assert np.argmax(found) == 0
 
 
