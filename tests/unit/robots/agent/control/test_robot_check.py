@@ -26,14 +26,14 @@ NEVER = 1e9
 
 
 class Base(ScriptedRobot):
-    """A robot whose base keeps the last velocity for `watchdog` seconds."""
+    """A robot whose base executes the last velocity for `watchdog` seconds."""
 
     def __init__(self, time, watchdog, stuck=False):
         super().__init__(
             profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times
         )
         self.watchdog, self.stuck, self.hum = watchdog, stuck, ZERO
-        self.mute = ""  # why it reports nothing more, though it listens
+        self.mute = ""  # the error that ends its reports; it still takes velocities
 
     async def states(self):
         while True:
@@ -77,7 +77,7 @@ def speeds(base):
 
 
 @pytest.mark.parametrize(
-    ("told", "seconds"),
+    ("samples", "seconds"),
     [
         ([(10.1, 0.05), (10.2, 0.05), (10.4, 0.0), (10.6, 0.0)], 0.4),
         ([(10.1, 0.05), (10.2, 0.0), (10.3, 0.05), (10.5, 0.001)], 0.5),  # it did not stay
@@ -86,8 +86,8 @@ def speeds(base):
         ([], None),
     ],
 )
-def test_a_base_has_stopped_where_it_stays(told, seconds):
-    found = stopped_after([SpeedSample(at, speed) for at, speed in told], 10.0, 0.01)
+def test_a_base_has_stopped_when_it_stays_at_rest(samples, seconds):
+    found = stopped_after([SpeedSample(at, speed) for at, speed in samples], 10.0, 0.01)
     assert found == (None if seconds is None else pytest.approx(seconds))
 
 
@@ -143,11 +143,12 @@ def test_a_base_that_stops_by_itself_passes_and_gets_no_zeros_meanwhile(time):
         is_well, lines = tried(time, base)
         assert is_well, lines
         assert "it keeps the watchdog of 0.3 s" in lines[-1]
-        told = speeds(base)
-        assert set(told[: told.index(0.0)]) == {0.05}
-        last, first_zero = base.applied[told.index(0.0) - 1][0], base.applied[told.index(0.0)][0]
-        assert first_zero - last > 0.3, "no zero before the base has stopped by itself"
-        assert told[-1] == 0.0
+        sent = speeds(base)
+        zero = sent.index(0.0)
+        assert set(sent[:zero]) == {0.05}
+        silence = base.applied[zero][0] - base.applied[zero - 1][0]
+        assert silence > 0.3, "no zero before the base has stopped by itself"
+        assert sent[-1] == 0.0
         assert base.closed
 
 
