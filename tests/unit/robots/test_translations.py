@@ -1,4 +1,4 @@
-"""What visitors call robots and places, by language; nothing is stored."""
+"""Titles of robots and places by language; nothing is stored."""
 
 import json
 
@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.utils import translation
 
 from robots.api import floorplan
-from robots.models import FloorPlan, Robot, check_translations
+from robots.models import FloorPlan, check_translations
 from tests.support.robots import unsaved_robot
 
 SPANISH = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
@@ -75,9 +75,9 @@ def test_robots_receive_plans_without_translations():
         sha256="0" * 64,
         plan=plan,
     )
-    told = place.as_message().plan
+    sent = place.as_message().plan
     assert "translations" in plan
-    assert told == {name: part for name, part in plan.items() if name != "translations"}
+    assert sent == {name: part for name, part in plan.items() if name != "translations"}
     with translation.override("es"):
         assert place.shown_title == "Oficina"
     with translation.override("en"):

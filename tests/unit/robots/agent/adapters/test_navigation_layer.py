@@ -1,4 +1,4 @@
-"""The adapter around a robot without navigation: how its actions end, and what it passes on."""
+"""The adapter around a robot without navigation: ends of its actions, and forwarded calls."""
 
 import asyncio
 from dataclasses import replace
@@ -148,17 +148,17 @@ def test_optional_protocols_are_those_of_the_inner_adapter():
     assert not isinstance(plain, LimitsSpeed)
     assert isinstance(plain, PassesVelocities)
     assert plain.wanted() is None
-    told = []
+    calls = []
     inner = ScriptedRobot()
-    inner.set_lock = lambda *, locked: told.append(locked)
-    inner.limit_speed = told.append
+    inner.set_lock = lambda *, locked: calls.append(locked)
+    inner.limit_speed = calls.append
     inner.wanted = lambda: FORWARD
     able = wrapped(inner)
     assert isinstance(able, WithLock)
     assert isinstance(able, LimitsSpeed)
     able.set_lock(locked=True)
     able.limit_speed(0.4)
-    assert told == [True, 0.4]
+    assert calls == [True, 0.4]
     assert able.wanted() == FORWARD
 
 

@@ -1,4 +1,4 @@
-"""A robot that nobody needs is nearly silent, and speaks at once when somebody does."""
+"""An idle robot sends little, and reports at once when a page needs it."""
 
 import random
 from itertools import pairwise
@@ -9,6 +9,7 @@ from robots.agent.broker_link.reconnection import SPREAD, Reconnection
 from robots.agent.control import dispatcher, reports
 from robots.api import messages as m
 from robots.api.idle import WATCHER, is_news
+from tests.support import words
 from tests.support.agents.control_rig import ControlRig, staff
 from tests.support.agents.scripted_robot import still
 
@@ -37,7 +38,7 @@ def sent_in(rig, seconds):
     return [suffix for suffix, _ in rig.link.sent[before:]]
 
 
-def look(rig, *, needed=True, peer=WATCHER):
+def ask_for_states(rig, *, needed=True, peer=WATCHER):
     beat = m.CommandHeartbeat(n=1, stamp=rig.unix(), peer=peer, needed=needed)
     rig.link.say("command/heartbeat", beat)
 
@@ -48,7 +49,7 @@ def test_an_idle_robot_sends_a_state_each_half_minute_and_nothing_else(idle):
 
 def test_a_page_that_opens_receives_states_at_once_until_seconds_after_it_was_closed(idle):
     before = idle.link.count
-    look(idle)
+    ask_for_states(idle)
     idle.sleep(0.1)
     assert {suffix for suffix, _ in idle.link.sent[before:]} >= {"state", "heartbeat"}
     sent = sent_in(idle, 0.8)
@@ -57,13 +58,13 @@ def test_a_page_that_opens_receives_states_at_once_until_seconds_after_it_was_cl
     idle.sleep(SETTLED)
     assert sent_in(idle, 2.0) == []
     states = idle.link.all("state")
-    assert all(b.seq == a.seq + 1 for a, b in pairwise(states)), "numbers have no gap over silence"
-    assert all(not beat.echoes for beat in idle.link.all("heartbeat")), "nobody reads these echoes"
+    assert all(b.seq == a.seq + 1 for a, b in pairwise(states)), "silence leaves no gap"
+    assert all(not beat.echoes for beat in idle.link.all("heartbeat")), "no client reads echoes"
 
 
 def test_a_server_that_only_compares_clocks_is_echoed_and_leaves_the_robot_idle(rig):
     for _ in range(4):
-        look(rig, needed=False, peer="server")
+        ask_for_states(rig, needed=False, peer="server")
         rig.sleep(0.5)
     assert any(beat.echoes for beat in rig.link.all("heartbeat"))
     assert sent_in(rig, 2.0) == []
@@ -95,11 +96,8 @@ CHANGES = (
 
 
 def test_important_change_is_reported_at_once_and_a_small_one_is_not(idle):
-    small = still(
-        pose=m.Pose(x=1.1, y=2.0, theta=0.6),
-        battery=m.Battery(charge=0.795, voltage=25.1, charging=False),
-    )
-    idle.robot.reading = small
+    battery = m.Battery(charge=0.795, voltage=25.1, charging=False)
+    idle.robot.reading = still(pose=m.Pose(x=1.1, y=2.0, theta=0.6), battery=battery)
     assert sent_in(idle, 1.0) == []
     for change in CHANGES:
         idle.robot.reading = still(**change)
@@ -117,26 +115,14 @@ def test_a_new_connection_to_the_broker_sends_one_state(idle):
 
 
 def test_a_turn_across_180_degrees_is_small():
-    state = m.State(
-        stamp=1.0,
-        boot="b",
-        seq=1,
-        pose=m.Pose(x=0.0, y=0.0, theta=3.1),
-        velocity=m.Velocity(linear=0.0, angular=0.0),
-        battery=m.Battery(),
+    before, after = (
+        words.state(seq, pose=m.Pose(x=0.0, y=0.0, theta=theta))
+        for seq, theta in ((1, 3.1), (2, -3.1))
     )
-    turned = m.State(
-        stamp=1.0,
-        boot="b",
-        seq=2,
-        pose=m.Pose(x=0.0, y=0.0, theta=-3.1),
-        velocity=state.velocity,
-        battery=m.Battery(),
-    )
-    assert not is_news(state, turned)
+    assert not is_news(before, after)
 
 
-# --- coming back to the broker --------------------------------------------------------------------
+# --- reconnection to the broker -------------------------------------------------------------------
 
 
 def first_pauses(robots, *, needed):

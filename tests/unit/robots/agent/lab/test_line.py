@@ -26,12 +26,12 @@ ARRIVALS = st.lists(st.tuples(st.floats(0.0, 0.1), st.integers(1, 1200)), max_si
 
 
 def run(lab, arrivals, *, tick=0.005):
-    """Put packets in, take what is due every `tick` and at every moment of `next`; return the line
+    """Offer packets, take due ones every `tick` and at every moment of `next`; return the line
     and (moment, number) of what came out.
     """
     line, came, now = NetworkLine(lab), [], 0.0
 
-    def take_until(end):
+    def deliver_until(end):
         nonlocal now
         while (at := line.next()) is not None and at <= end:
             now = max(now, at)
@@ -40,9 +40,9 @@ def run(lab, arrivals, *, tick=0.005):
         now = end
 
     for number, (gap, size) in enumerate(arrivals):
-        take_until(now + gap)
+        deliver_until(now + gap)
         line.offer(functools.partial(lambda number: came.append((now, number)), number), size, now)
-    take_until(now + 100.0)
+    deliver_until(now + 100.0)
     return line, came
 
 

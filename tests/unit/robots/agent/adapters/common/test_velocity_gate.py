@@ -1,6 +1,4 @@
-"""When a robot may be told to move: after an answer, as often as it is heard, and never for a peer
-that may not read it.
-"""
+"""A velocity is sent after an answer of the peer, with a limited number for each reading."""
 
 import pytest
 from hypothesis import given
@@ -106,13 +104,13 @@ def test_a_silent_robot_is_not_moved_and_a_slow_one_has_more_time():
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from(["want", "stand", "heard", "ask", "answer"]), st.floats(0.0, 0.5)
+            st.sampled_from(["want", "stand", "receive", "ask", "answer"]), st.floats(0.0, 0.5)
         ),
         max_size=60,
     )
 )
 def test_no_velocity_is_sent_without_a_recent_answer_and_a_fresh_reading(steps):
-    gate, now, heard, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
+    gate, now, received_at, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
     for number, (step, pause) in enumerate(steps):
         now += pause
         match step:
@@ -120,9 +118,9 @@ def test_no_velocity_is_sent_without_a_recent_answer_and_a_fresh_reading(steps):
                 gate.want(Velocity(linear=0.01 * (number + 1), angular=0.0), now)
             case "stand":
                 gate.stood(now)
-            case "heard":
+            case "receive":
                 gate.received(now)
-                heard, since = now, 0
+                received_at, since = now, 0
             case "ask" if gate.ask(now):
                 assert asked is None
                 asked = now
@@ -132,5 +130,5 @@ def test_no_velocity_is_sent_without_a_recent_answer_and_a_fresh_reading(steps):
                     since += 1
                     assert velocity != ZERO
                     assert now - asked_at <= PARAMS.patience
-                    assert now - heard <= PARAMS.longest
+                    assert now - received_at <= PARAMS.longest
                     assert since <= PARAMS.orders
