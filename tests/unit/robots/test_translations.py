@@ -65,16 +65,8 @@ def test_translations_of_another_form_are_refused_with_the_form_they_should_have
 
 def test_robots_receive_plans_without_translations():
     plan = json.loads((PLANS / "office" / "plan.json").read_text())
-    place = FloorPlan(
-        name="office",
-        title="Office",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        image=b"",
-        sha256="0" * 64,
-        plan=plan,
-    )
+    picture = {"resolution": 0.05, "origin_x": 0.0, "origin_y": 0.0, "image": b""}
+    place = FloorPlan(name="office", title="Office", sha256="0" * 64, plan=plan, **picture)
     sent = place.as_message().plan
     assert "translations" in plan
     assert sent == {name: part for name, part in plan.items() if name != "translations"}

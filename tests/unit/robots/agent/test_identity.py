@@ -11,11 +11,8 @@ BOOT = "not hexadecimal"  # so that no random id can hold it by chance
 
 
 def link(**identity: str) -> MqttLink:
-    return MqttLink(
-        Endpoint.of("mqtt://127.0.0.1:1", **identity),
-        words.factsheet(boot=BOOT),
-        rng=random.Random(1),
-    )
+    endpoint = Endpoint.of("mqtt://127.0.0.1:1", **identity)
+    return MqttLink(endpoint, words.factsheet(boot=BOOT), rng=random.Random(1))
 
 
 async def test_a_client_id_is_random_and_does_not_contain_the_boot():
@@ -42,17 +39,8 @@ async def test_new_credentials_are_used_from_the_next_connection():
 async def test_new_credentials_are_used_at_once_and_after_a_restart(
     tmp_path,
 ):
-    agent = Agent(
-        load(
-            {
-                "robot": "giraff",
-                "server": "https://site.example",
-                "adapter": "simulator",
-                "var": tmp_path,
-            },
-            {"TELEPRESENCE_TOKEN": "old"},
-        )
-    )
+    given = {"robot": "giraff", "server": "https://site.example", "adapter": "simulator"}
+    agent = Agent(load({**given, "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
     assert agent._endpoints(("mqtt://127.0.0.1:1",))[0].username == "giraff"
     agent._link = link(username="giraff", password="old")
     agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})

@@ -129,11 +129,8 @@ class KernelMachine(RuleBasedStateMachine):
         angular=st.sampled_from([None, 0.2]),
     )
     def grants(self, known, ttl=10.0, linear=None, angular=None):
-        self.epoch, self.renewal, self.caps = (
-            self.epoch + 1,
-            0,
-            m.LeaseLimits(linear=linear, angular=angular),
-        )
+        self.epoch, self.renewal = self.epoch + 1, 0
+        self.caps = m.LeaseLimits(linear=linear, angular=angular)
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
         if known:
             self.bench.know_clock()
@@ -144,20 +141,18 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(linear=st.sampled_from([None, 0.1, 0.5]))
     def renews(self, linear):
         self.renewal, self.caps = self.renewal + 1, m.LeaseLimits(linear=linear)
-        self.bench.lease(
-            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
-        )
+        self.leases(self.caps)
+
+    def leases(self, limits):
+        """Send the lease of the session with its current renewal."""
+        session = f"s{self.epoch}"
+        self.bench.lease(session=session, epoch=self.epoch, renewal=self.renewal, limits=limits)
 
     @rule(linear=st.sampled_from([0.05, 0.15]))
     def lowers(self, linear):
         if self.kernel.leases.live(self.now) is not None:
             self.caps = m.LeaseLimits(linear=min(linear, self.caps.linear or math.inf))
-        self.bench.lease(
-            session=f"s{self.epoch}",
-            epoch=self.epoch,
-            renewal=self.renewal,
-            limits=m.LeaseLimits(linear=linear),
-        )
+        self.leases(m.LeaseLimits(linear=linear))
 
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
@@ -261,15 +256,9 @@ class KernelMachine(RuleBasedStateMachine):
         own = (way == "datachannel" and peer == "p1") or (way == "mqtt" and role == "driver")
         own = own and self.kernel.leases.live(self.now) is not None
         self.bench.seq += 1
-        obeyed = self.bench.stop(
-            action_id=f"id-{number}",
-            seq=self.bench.seq,
-            way=way,
-            peer=peer,
-            role=role,
-            session=f"s{self.epoch}",
-            epoch=self.epoch,
-        )
+        sender = {"way": way, "peer": peer, "role": role}
+        drive = {"seq": self.bench.seq, "session": f"s{self.epoch}", "epoch": self.epoch}
+        obeyed = self.bench.stop(action_id=f"id-{number}", **sender, **drive)
         assert self.kernel.stop_id == f"id-{number}"
         if obeyed:
             assert self.kernel.navigation is None
@@ -400,11 +389,7 @@ class KernelMachine(RuleBasedStateMachine):
     @rule()
     def its_agent_begins_anew(self):
         lease, latch = self.kernel.leases.newest, self.kernel.latch
-        newest = (
-            None
-            if lease is None
-            else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
-        )
+        newest = lease and Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
         level = self.kernel.assist.level
         self.kernel = self.new_kernel(latch=latch, newest_lease=newest)
         self.kernel.assist.level = level
@@ -416,9 +401,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.unbidden_for = 0
         self.pressed_at = {}
         self.renewal += 1
-        self.bench.lease(
-            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
-        )
+        self.leases(self.caps)
         self.bench.know_clock()
         self.hold()
 
@@ -426,12 +409,8 @@ class KernelMachine(RuleBasedStateMachine):
     def the_clock_of_a_page_steps(self, step):
         beat = self.kernel.clocks.beat(self.now, self.bench.unix)
         there = self.bench.unix + DRIVER_CLOCK + step
-        answer = m.CommandHeartbeat(
-            n=beat.n,
-            stamp=there,
-            peer="p1",
-            echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
-        )
+        echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there)
+        answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer="p1", echo=echo)
         self.kernel.clocks.heard("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
 
     @rule(seconds=st.sampled_from([0.05, 0.29, 0.6, 1.05, 3.0]))

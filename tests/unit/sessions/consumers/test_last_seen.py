@@ -1,4 +1,4 @@
-"""Pages that say together that they are open."""
+"""Pages whose open state is stored in one batch."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ from sessions.consumers.last_seen import LastSeenBatcher
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What the database was asked; `over` is ended for it, and it answers nothing while away."""
+    """The sessions of each query; `over` has ended, and `away` makes the database fail."""
     found = []
 
     def seen(sessions, now):
@@ -33,11 +33,8 @@ def asked(monkeypatch):
 
 async def test_many_pages_share_one_query_and_each_gets_its_own_answer(asked):
     pages = LastSeenBatcher()
-    assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [
-        True,
-        False,
-        True,
-    ]
+    answers = await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b")))
+    assert answers == [True, False, True]
     assert await pages.seen("a")
     assert asked == [{"a", "over", "b"}, {"a"}]
 

@@ -1,4 +1,4 @@
-"""What waits for a slow page."""
+"""Frames that wait for a slow page."""
 
 import asyncio
 import time
@@ -26,14 +26,9 @@ async def test_only_the_oldest_telemetry_is_dropped():
         queue.put(f"state {number}", droppable=True)
         queue.put(f"event {number}", droppable=False)
     frames = [await queue.take() for _ in range(13)]
-    assert [frame for frame in frames if frame.startswith("state")] == [
-        "state 7",
-        "state 8",
-        "state 9",
-    ]
-    assert [frame for frame in frames if frame.startswith("event")] == [
-        f"event {number}" for number in range(10)
-    ]
+    states, events = ([f for f in frames if f.startswith(kind)] for kind in ("state", "event"))
+    assert states == ["state 7", "state 8", "state 9"]
+    assert events == [f"event {number}" for number in range(10)]
     assert frames[-2:] == ["state 9", "event 9"]
     assert queue.dropped == 7
 

@@ -17,9 +17,8 @@ from robots.agent.robot_interface import (
     PassesVelocities,
     WithLock,
 )
-from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Velocity
-from robots.world.sensing import LaserScan
+from robots.world.sensing import CENTRE, LaserScan
 from tests.support.agents.scripted_robot import ScriptedRobot, still
 from tests.support.virtual_time import on_virtual_time
 
@@ -53,17 +52,8 @@ def wrapped(inner=None, now=lambda: 0.0):
 
 
 def output(wanted):
-    return NavigationOutput(
-        stamp=0.0,
-        odometry=Pose2D(0.0, 0.0, 0.0),
-        pose=Pose2D(0.0, 0.0, 0.0),
-        covariance=None,
-        score=1.0,
-        localized=True,
-        wanted=wanted,
-        news=(),
-        path=None,
-    )
+    pose = {"stamp": 0.0, "odometry": CENTRE, "pose": CENTRE, "covariance": None}
+    return NavigationOutput(**pose, score=1.0, localized=True, wanted=wanted, news=(), path=None)
 
 
 async def started(adapter):

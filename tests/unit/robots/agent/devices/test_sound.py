@@ -22,12 +22,8 @@ def recorded(source: DeviceMicrophone, blocks: int) -> np.ndarray:
 
 
 def test_other_rates_and_two_channels_become_mono_at_48_khz():
-    microphone = DeviceMicrophone(
-        words.read(
-            "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo",
-            "microphone",
-        )
-    )
+    sine = "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo"
+    microphone = DeviceMicrophone(words.read(sine, "microphone"))
     microphone.start()
     samples = recorded(microphone, 25)
     microphone.stop()

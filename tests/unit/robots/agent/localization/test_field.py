@@ -57,12 +57,8 @@ def test_a_ray_is_as_long_as_in_the_drawn_world(x: float, y: float, angle: float
     cast_here = FIELD.cast(at_x, at_y, np.array([angle]), 10.0)[0]
     # a corner may be clipped by less than a cell
     beside, _ = cast(SIDES, x, y, angle + np.array([-0.08, 0.0, 0.08]))
-    assert (
-        FIELD.distances(at_x + cast_here * math.cos(angle), at_y + cast_here * math.sin(angle))[0][
-            0
-        ]
-        < 0.05
-    )
+    end_x, end_y = at_x + cast_here * math.cos(angle), at_y + cast_here * math.sin(angle)
+    assert FIELD.distances(end_x, end_y)[0][0] < 0.05
     assert beside.min() - 0.1 < cast_here < beside.max() + 0.15
 
 

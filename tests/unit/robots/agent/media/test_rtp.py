@@ -102,14 +102,8 @@ def test_header_has_only_the_agreed_extensions() -> None:
 
 def _map() -> HeaderExtensionsMap:
     extensions = HeaderExtensionsMap()
-    extensions.configure(
-        RTCRtpParameters(
-            headerExtensions=[
-                RTCRtpHeaderExtensionParameters(1, MID),
-                RTCRtpHeaderExtensionParameters(3, ABS_SEND_TIME),
-            ]
-        )
-    )
+    agreed = [RTCRtpHeaderExtensionParameters(*one) for one in ((1, MID), (3, ABS_SEND_TIME))]
+    extensions.configure(RTCRtpParameters(headerExtensions=agreed))
     return extensions
 
 
@@ -134,12 +128,8 @@ def test_a_lost_packet_is_wrapped_for_retransmission() -> None:
     rtx = RtpPacket.parse(stream.retransmission(101, NOW))
     assert (rtx.ssrc, rtx.payload_type, rtx.sequence_number) == (6, 98, 3)
     original = unwrap_rtx(rtx, payload_type=97, ssrc=5)
-    assert (original.sequence_number, original.payload, original.marker, original.timestamp) == (
-        101,
-        b"two",
-        1,
-        77,
-    )
+    assert (original.sequence_number, original.payload) == (101, b"two")
+    assert (original.marker, original.timestamp) == (1, 77)
 
 
 def test_a_packet_is_repeated_unchanged_without_a_retransmission_stream() -> None:

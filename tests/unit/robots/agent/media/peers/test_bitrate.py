@@ -64,16 +64,9 @@ class Network:
         taken = max(0.0, min(bits, 0.5 * self.capacity + self.capacity * STEP - waiting))
         self.lost = 0.8 * self.lost + 0.2 * (bits - taken) / bits
         # A picture of which a part is lost is not shown.
-        self.queue.append(
-            (
-                taken,
-                (
-                    self.now - self.rng.uniform(0.03, 0.09)
-                    if shows and taken == bits
-                    else float("-inf")
-                ),
-            )
-        )
+        whole = shows and taken == bits
+        picture = self.now - self.rng.uniform(0.03, 0.09) if whole else float("-inf")
+        self.queue.append((taken, picture))
         room = self.capacity * STEP
         while self.queue and self.queue[0][0] <= room:
             left, picture = self.queue.popleft()
