@@ -29,7 +29,7 @@ class Drive:
         self.monitor = monitor_of(adapter.profile)
         self.state = None
         self.news = []
-        # of all states: what is wrong for a moment is gone before a busy tester looks
+        # of all states, because a busy test may miss an error that lasts a moment
         self.complaints = set()
         self.driver = None
         self.told = ZERO

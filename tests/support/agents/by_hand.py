@@ -41,24 +41,22 @@ class Keyboard:
         self.held.discard(key)
 
     def speed(self, step: str) -> tuple[float, float]:
-        """What is asked of the robot after another DT: m/s, rad/s."""
+        """Return the robot's speeds (m/s, rad/s) after another DT."""
         for axis, (more, less) in enumerate(
             (("ArrowUp", "ArrowDown"), ("ArrowLeft", "ArrowRight"))
         ):
-            way = (more in self.held) - (less in self.held)
-            before = abs(self.shares[axis]) if way and self.shares[axis] * way > 0 else 0.0
-            self.shares[axis] = way * min(1.0, max(START, before + (RISE * DT if before else 0.0)))
-        share, (ahead, left) = STEPS[step], self.shares
-        limits = GIRAFF.limits
-        return ahead * share * (limits.linear if ahead > 0.0 else limits.reverse), left * math.sqrt(
-            share
-        ) * limits.angular
+            sign = (more in self.held) - (less in self.held)
+            before = abs(self.shares[axis]) if sign and self.shares[axis] * sign > 0 else 0.0
+            self.shares[axis] = sign * min(1.0, max(START, before + (RISE * DT if before else 0.0)))
+        share, (ahead, left), limits = STEPS[step], self.shares, GIRAFF.limits
+        linear = ahead * share * (limits.linear if ahead > 0.0 else limits.reverse)
+        return linear, left * math.sqrt(share) * limits.angular
 
 
 @dataclass
 class Person:
-    """Somebody on the paper's course. `late` are seconds, `blur` metres and radians by which they
-    misjudge what they see, `looks` seconds.
+    """A person on the paper's course, who looks every `looks` s, reacts `late` s later, and
+    misjudges the pose by `blur` (m, rad).
     """
 
     seed: int
@@ -85,11 +83,8 @@ class Person:
 
     def drive(self, passed: int, within: float) -> float | None:
         """Pass the checkpoints after `passed` and dock; return the seconds, or None."""
-        keyboard, seen, next_look = (
-            Keyboard(),
-            deque[Pose2D](maxlen=max(1, round(self.late / DT))),
-            0.0,
-        )
+        keyboard, next_look = Keyboard(), 0.0
+        seen = deque[Pose2D](maxlen=max(1, round(self.late / DT)))
         keys = Keys(keyboard)
         while self.sim.time < within:
             seen.append(self.sim.pose)
@@ -105,13 +100,10 @@ class Person:
         return None
 
     def _follow_dock(self) -> None:
-        motion, released = self.sim.motion, self.sim.commanded == STILL
+        released = self.sim.commanded == STILL
+        motion = self.sim.motion._asdict()
         reading = DockReading(
-            at=self.sim.time,
-            contact=self.sim.docked,
-            linear=motion.linear,
-            angular=motion.angular,
-            released=released,
+            at=self.sim.time, contact=self.sim.docked, released=released, **motion
         )
         self.dock = follow(DOCKED, self.dock, reading)
 
@@ -121,13 +113,9 @@ class Person:
 
     def _look(self, pose: Pose2D, passed: int, keys: Keys) -> None:
         metres, radians = self.blur
-        gauss = self.rng.gauss
-        view = View(
-            pose=Pose2D(
-                pose.x + gauss(0, metres), pose.y + gauss(0, metres), pose.theta + gauss(0, radians)
-            ),
-            localized=True,
-        )
+        errors = [self.rng.gauss(0, deviation) for deviation in (metres, metres, radians)]
+        seen = Pose2D(*(value + error for value, error in zip(pose, errors, strict=True)))
+        view = View(pose=seen, localized=True)
         view.task = self._task(passed)
         intent, self.step = self.node.decide(
             view, self.sim.time, bumped=bool(self.sim.touching - {"giraff-dock"})
@@ -141,12 +129,9 @@ class Person:
             return protocol.Task(
                 session="s", stamp=0.0, cue=self.cue, number=passed + 1, x=stop[0], y=stop[1]
             )
-        home = math.dist((self.guide.dock.x, self.guide.dock.y), self.sim.pose[:2])
         if self.dock.touching:
             return protocol.Task(session="s", stamp=0.0, cue="dock_hold")
-        self.cue = (
-            "dock_now"
-            if home <= NEAR_HOME * (LEAVING if self.cue == "dock_now" else 1.0)
-            else "return_home"
-        )
+        distance = math.dist((self.guide.dock.x, self.guide.dock.y), self.sim.pose[:2])
+        near = NEAR_HOME * (LEAVING if self.cue == "dock_now" else 1.0)
+        self.cue = "dock_now" if distance <= near else "return_home"
         return protocol.Task(session="s", stamp=0.0, cue=self.cue)

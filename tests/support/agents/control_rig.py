@@ -21,7 +21,7 @@ QUICK = 0.05  # s; half of it is what a clock may be wrong by
 
 
 class ListeningMedia:
-    """A media side (publisher.Media) that keeps what it is told."""
+    """A media side (publisher.Media) that records its calls."""
 
     ended = False
 
@@ -69,7 +69,7 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """A context manager in virtual time, which passes only while the test waits."""
+    """A context manager with virtual time, which passes only while the test waits."""
 
     def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
         self.time = self.clock()
@@ -130,8 +130,15 @@ class ControlRig:
         self.time.wait(condition, within, what)
 
     def post(self, call, *arguments):
-        """Have something done by the control loop."""
+        """Call something in the control loop."""
         self.time.loop.call_soon_threadsafe(call, *arguments)
+
+    def state(self):
+        """Return the next state."""
+        return self.link.wait("state", since=self.link.count)
+
+    def event(self, kind):
+        return self.link.wait("event", lambda event: event.type == kind)
 
     def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
         fields = {"video": "none"} | fields
@@ -147,7 +154,7 @@ class ControlRig:
         self.link.say("lease", lease, retained=retained)
 
     def grant(self, **fields):
-        """A lease, and a driver whose clock the robot knows and who holds no key."""
+        """Give a driver the lease, and wait until the robot knows its clock and can be driven."""
         self.lease(**fields)
         self.wait(lambda: self.kernel.leases.live(self.now()) is not None)
         self.know_clock(fields.get("peer", "p1"))
@@ -160,8 +167,8 @@ class ControlRig:
         self.wait(lambda: not self.kernel.held)
 
     def know_clock(self, peer="p1", within=5.0):
-        """Echo the robot's beats until it knows a clock well: an echo that a busy machine kept
-        waiting makes every command look old.
+        """Echo the robot's heartbeats until it knows a clock well: an echo that a busy machine
+        delays makes every command look old.
         """
         begun = self.now()
         while True:
@@ -169,11 +176,11 @@ class ControlRig:
             for _ in range(3):
                 self.beat(peer, of=beat)
                 self.sleep(0.005)
-            # Of those that come while the loop is busy the newest counts, and three make a clock.
+            # A busy loop takes only the newest heartbeat, and a clock needs three.
             clock = self.kernel.clocks.of(peer)
             if clock is not None and min(list(clock.samples))[0] < QUICK:
                 return
-            assert self.now() < begun + patient(within), "no echo comes back soon"
+            assert self.now() < begun + patient(within), "every echo is late"
 
     def beat(self, peer="p1", way="datachannel", of=None):
         beat = of or self.link.wait("heartbeat")
@@ -189,6 +196,13 @@ class ControlRig:
             self.link.say("command/heartbeat", answer)
         else:
             self.frame("command/heartbeat", answer, peer=peer)
+
+    def beat_for(self, seconds):
+        """Let time pass with the driver's heartbeats."""
+        until = self.now() + seconds
+        while self.now() < until:
+            self.beat()
+            self.sleep(0.2)
 
     def frame(self, suffix, message, *, peer="p1", role="driver"):
         self.control.receive(peer, role, decoded(encode_frame(suffix, message)))
@@ -213,7 +227,7 @@ class ControlRig:
         return command
 
     def drive(self, linear=0.5, *, until=None, way="datachannel", within=5.0, every=0.05, **fields):
-        """Push at 20 Hz until the condition holds (by default: until the base is told so)."""
+        """Push at 20 Hz until the condition holds, by default until the base receives `linear`."""
         until = until or (lambda: abs(self.robot.told.linear - linear) < 1e-6)
         begun = self.now()
         while not until():
@@ -223,8 +237,12 @@ class ControlRig:
             self.push(linear, way=way, **fields)
             self.sleep(every)
 
+    def release(self, **fields):
+        """Push zeros until no stop holds the robot."""
+        self.drive(0.0, until=lambda: not self.kernel.held, **fields)
+
     def act(self, action, *, way="mqtt", peer="p1"):
-        """Ask for an action, now unless it says when it was asked for."""
+        """Ask for an action, now unless it has a stamp."""
         action = action if action.stamp else msgspec.structs.replace(action, stamp=self.unix())
         if way == "mqtt":
             self.link.say("command/action", action)
@@ -238,7 +256,7 @@ class ControlRig:
 
 
 class ThreadedControlRig(ControlRig):
-    """The control loop in its thread, as an agent runs it, in real time."""
+    """The control loop in its own thread and real time, as an agent runs it."""
 
     clock = RealTime
 
@@ -253,7 +271,7 @@ class ThreadedControlRig(ControlRig):
 
 
 def stamped(kind, action_id="a1", **fields):
-    return kind(action_id=action_id, stamp=0.0, **fields)  # the rig says when
+    return kind(action_id=action_id, stamp=0.0, **fields)  # the rig stamps it
 
 
 def staff(kind, action_id="a1", **fields):

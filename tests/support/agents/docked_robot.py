@@ -1,4 +1,4 @@
-"""What a robot last said of itself that stands in its charging station, ready for whoever comes."""
+"""The last report of a robot that is ready in its charging station."""
 
 from typing import Any
 

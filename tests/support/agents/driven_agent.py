@@ -1,9 +1,9 @@
 """`python -m tests.support.agents.driven_agent JSON`: an agent with its driver, in one process,
 made to be killed and stopped.
 
-Everything between the adapter and the driver is the agent's own; the driver presses all the time,
-lets go where the robot holds, and gives dated orders (orders.py). JSON: `adapter`, `profile`,
-`options`, `directory`, and `began`, the monotonic time from which orders are dated.
+Everything between the adapter and the driver is the agent's own. The driver drives all the time
+with dated orders (orders.py), and releases the keys when a stop holds the robot. JSON: `adapter`,
+`profile`, `options`, `directory`, and `began`, the monotonic time from which orders are dated.
 """
 
 import json

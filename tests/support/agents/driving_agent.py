@@ -29,18 +29,17 @@ async def drive(address: str, linear: float, media: bool) -> None:
     if media:
         threading.Thread(target=watch, args=(adapter, seen), daemon=True).start()
         await asyncio.to_thread(seen.wait)
-    told = False
+    reported = False
     async for state in adapter.states():
         adapter.apply(Velocity(linear=linear, angular=0.0))
-        if not told and abs(state.velocity.linear) > 0.2:
-            told = True
+        if not reported and abs(state.velocity.linear) > 0.2:
+            reported = True
             print("driving", flush=True)
             if address == "child":
                 print(adapter.address, flush=True)
 
 
 if __name__ == "__main__":
-    # it is stopped and let go on, and its robot may have to wait for the processor: neither is a
-    # robot that is gone
+    # a process that is suspended, or a robot that waits for the processor, is not lost
     simulator.SILENCE = 30.0
     asyncio.run(drive(sys.argv[1], float(sys.argv[2]), sys.argv[3] == "media"))

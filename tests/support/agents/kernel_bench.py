@@ -1,4 +1,4 @@
-"""A safety kernel in the test's own time, with a driver whose clock has a known offset."""
+"""A safety kernel in virtual time, with a driver whose clock has a known offset."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,13 +20,13 @@ CAPABILITIES = frozenset(
     {"velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "photo", "say", "call"}
 )
 UNIX = 1_700_000_000.0
-DRIVER_CLOCK = 37.25  # the driver's Unix time is that much ahead of the robot's
+DRIVER_CLOCK = 37.25  # s that the driver's Unix time is ahead of the robot's
 TICK = 0.02
 
 
 @dataclass
 class Bench:
-    """Turn time with `run`; everything else happens at `now`."""
+    """`run` lets time pass; everything else happens at `now`."""
 
     limits: m.Limits = LIMITS
     watchdog: float = 0.5
@@ -34,7 +34,7 @@ class Bench:
     now: float = 1000.0
     seq: int = 0
     wanted: m.Velocity | None = None  # what the agent's own navigation wants
-    motion: m.Velocity | None = None  # how the robot moves, when that is not what it was told
+    motion: m.Velocity | None = None  # how the robot moves if not as commanded
     capabilities: frozenset[str] = CAPABILITIES
     monitor: Any = None
     standstill: m.Velocity = STANDSTILL
@@ -111,8 +111,8 @@ class Bench:
         return decision
 
     def run(self, seconds, *, every=None, beats=None, **command):
-        """Tick at 50 Hz; with `every` (s) send a command that often; with `beats` the driver is
-        heard on that way five times a second.
+        """Tick at 50 Hz; with `every` (s) send a command that often; with `beats` send the driver's
+        heartbeats on that transport five times a second.
         """
         for step in range(1, round(seconds / TICK) + 1):
             self.now += TICK
@@ -125,10 +125,16 @@ class Bench:
         return self.speed
 
     def at_speed(self, linear=0.5, angular=0.0):
-        """A driver with lease and clock, driving for two seconds."""
+        """Give a driver the lease, and let it drive for two seconds."""
         self.lease()
         self.know_clock()
         return self.run(2.0, every=0.06, linear=linear, angular=angular)
+
+    def navigate(self, action_id="g1", kind="goto", *, by_server=False):
+        self.kernel.navigate(action_id, kind, ordered_by_server=by_server, now=self.now)
+
+    def end_lease(self):
+        self.kernel.take_lease(None, retained=False, now=self.now)
 
     @property
     def speed(self):
@@ -152,3 +158,11 @@ class Bench:
         acted = self.kernel.estop(action, CommandSender(way, peer), now=self.now, unix=self.unix)
         self.tick()
         return acted
+
+
+def bench_with_driver(**fields) -> Bench:
+    """Return a bench whose driver has the lease and a known clock."""
+    bench = Bench(**fields)
+    bench.lease()
+    bench.know_clock()
+    return bench

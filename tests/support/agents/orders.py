@@ -31,12 +31,11 @@ class DatedOrders:
 
 
 def caught_at_most_one(old, commands):
-    """Tell whether of orders that were obeyed late, by their times, there is at most one, and a
-    zero came with it.
+    """Tell whether at most one order was obeyed late, at the given times, together with a zero.
 
-    An architecture that hangs after it has answered that it is there, and before it reads the order
-    that this answer set free, gets that one order late: velocity_gate.py says so, and nobody can do
-    better without a clock of its own at the other end.
+    An architecture that hangs between its answer and reading the order that this answer released
+    gets that order late; without a clock at the other end that cannot be avoided
+    (velocity_gate.py).
     """
     return len(old) <= 1 and all(
         any(

@@ -37,7 +37,7 @@ PROFILE = Profile(
 
 
 def still(**fields):
-    """A reading of a robot that stands somewhere in its map."""
+    """A reading of a localized robot at rest."""
     values = {
         "stamp": time.time(),
         "pose": m.Pose(x=1.0, y=2.0, theta=0.5),
@@ -59,7 +59,7 @@ class ScriptedRobot:
     refuses: str = ""  # non-empty: no action can be started
     hanging: bool = False  # an action that is started never answers
     finishes: bool = True  # actions run until their end, instead of for ever
-    # whose clock its readings and what it was told are stamped with
+    # the clock of its readings and of the velocities that it receives
     times: TimeSource = field(default_factory=TimeSource)
 
     def __post_init__(self):
@@ -125,7 +125,7 @@ class ScriptedRobot:
     async def close(self):
         self.closed = True
 
-    # --- what a test asks -------------------------------------------------------------------------
+    # --- for tests --------------------------------------------------------------------------------
 
     def velocities(self, since=0.0):
         with self.lock:
@@ -133,7 +133,7 @@ class ScriptedRobot:
 
     @property
     def told(self):
-        """The velocity the base was last told."""
+        """The last velocity of the base."""
         velocities = self.velocities()
         return velocities[-1][1] if velocities else ZERO
 
@@ -144,11 +144,9 @@ class ScriptedRobot:
 
 
 class NavigatingRobot(ScriptedRobot):
-    """One whose architecture drives it by itself, at `GOING`, from the start of an action until
-    that is cancelled.
-
-    Its base does what it was told last, whoever told it: what the architecture tells it fifty times
-    a second overrules zeros until then.
+    """One whose architecture drives it, at `GOING`, from the start of an action until that is
+    cancelled. The base executes the last velocity that it received, and the architecture sends
+    fifty a second, so that zeros of the agent have no effect until then.
     """
 
     GOING = m.Velocity(linear=0.5, angular=0.0)
@@ -160,7 +158,7 @@ class NavigatingRobot(ScriptedRobot):
         self.cancel_hangs = self.ignores_cancel = False
         self.cancel_fails = ""
         self.ignored_cancels = 0  # the next ones
-        self.rolls_until = 0.0  # after the architecture has let go
+        self.rolls_until = 0.0  # after the end of the action
 
     @property
     def motion(self):
@@ -184,7 +182,7 @@ class NavigatingRobot(ScriptedRobot):
         return await super().cancel(action_id)
 
     def halt(self, rolls=0.2):
-        """The architecture lets go of the base, which rolls on for a moment."""
+        """End the action; the base rolls on for a moment."""
         if self.going:
             self.going, self.rolls_until = False, self.times.now() + rolls
 

@@ -17,7 +17,7 @@ def attempts(limit):
     return Attempts(f"unit-{next(NUMBERS)}", limit)
 
 
-def test_a_limit_is_not_let_through_twice_around_a_full_minute():
+def test_a_limit_does_not_apply_twice_around_a_full_minute():
     some = attempts(5)
     assert all(some.count("ada", FULL - 1.0) for _ in range(5))
     assert not some.count("ada", FULL + 1.0)
@@ -28,7 +28,7 @@ def test_a_limit_is_not_let_through_twice_around_a_full_minute():
     start=st.floats(1e9, 1e9 + 120.0),
     limit=st.integers(1, 6),
 )
-def test_in_no_minute_more_are_let_through_than_the_limit(gaps, start, limit):
+def test_no_minute_has_more_attempts_than_the_limit(gaps, start, limit):
     some, passed, now = attempts(limit), [], start
     for gap in gaps:
         now += gap
@@ -59,7 +59,7 @@ def test_further_attempts_do_not_prolong_the_wait():
     assert 60 <= passed[2] <= 66
 
 
-def test_one_that_could_still_be_made_is_left():
+def test_a_remaining_attempt_is_reported():
     some = attempts(1)
     assert some.are_left("ada", FULL)
     assert some.count("ada", FULL)
@@ -69,7 +69,7 @@ def test_one_that_could_still_be_made_is_left():
 
 
 @pytest.mark.parametrize("seconds", [10**9, 1, 300])
-def test_windows_of_every_length_hold_their_limit(seconds):
+def test_windows_of_every_length_keep_their_limit(seconds):
     some = Attempts(f"unit-{next(NUMBERS)}", 2, seconds)
     assert [some.count("ada", FULL + seconds * part / 10) for part in range(3)] == [
         True,

@@ -1,4 +1,4 @@
-"""Ending tasks."""
+"""Cancelling tasks."""
 
 import asyncio
 import gc
@@ -9,9 +9,9 @@ from robots.cancellation import cancel
 
 
 async def test_a_late_exception_of_a_cancelled_task_is_dropped():
-    told = []
+    reported = []
     loop = asyncio.get_running_loop()
-    loop.set_exception_handler(lambda _loop, context: told.append(context["message"]))
+    loop.set_exception_handler(lambda _loop, context: reported.append(context["message"]))
     ends = asyncio.Event()
 
     async def raises_late():
@@ -33,4 +33,4 @@ async def test_a_late_exception_of_a_cancelled_task_is_dropped():
     del task
     gc.collect()
     await asyncio.sleep(0)
-    assert told == []
+    assert reported == []

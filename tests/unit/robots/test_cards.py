@@ -27,18 +27,18 @@ def shown(traffic: Traffic | None = None, barred: str = "", **changes):
     )
 
 
-def test_a_robot_that_nobody_drives_is_free():
+def test_a_robot_without_a_driver_is_free():
     it = shown()
     assert (it.state, it.label, it.drives) == ("available", "Free now", True)
     assert it.action == "Drive Giraff"
     assert (it.charge, it.battery) == (82, "82 %")
 
 
-def test_a_robot_that_visitors_do_not_see_says_so_to_those_who_do():
+def test_a_hidden_robot_is_marked_as_hidden():
     assert shown(shown_to_visitors=False).detail == "Ready, but hidden from visitors."
 
 
-def test_a_robot_that_somebody_drives_offers_the_next_place():
+def test_a_robot_with_a_driver_offers_the_next_place():
     it = shown(Traffic(in_use=True))
     assert (it.state, it.action, it.drives) == ("busy", "Join the queue", True)
     assert it.detail == "Somebody is driving. You would be next."
@@ -51,7 +51,7 @@ def test_the_line_is_counted(waiting, words):
     assert shown(Traffic(in_use=True, waiting=waiting)).detail == words
 
 
-def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
+def test_a_robot_between_two_turns_is_busy_while_a_visitor_waits():
     assert shown(Traffic(in_use=False, waiting=1)).state == "busy"
 
 
@@ -64,12 +64,12 @@ def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
         {"enabled": False},
     ],
 )
-def test_a_robot_that_is_not_there_cannot_be_driven_and_its_old_battery_is_not_shown(changes):
+def test_an_absent_robot_cannot_be_driven_and_shows_no_battery(changes):
     it = shown(**changes)
     assert (it.state, it.drives, it.charge, it.battery) == ("offline", False, None, "")
 
 
-def test_an_offline_robot_says_when_it_was_last_there():
+def test_an_offline_robot_shows_when_it_was_last_seen():
     for seen_at, words in (
         (NOW - datetime.timedelta(hours=3, minutes=7), "Last seen 3\xa0hours ago."),
         (NOW - datetime.timedelta(seconds=59), "Last seen just now."),
@@ -78,13 +78,8 @@ def test_an_offline_robot_says_when_it_was_last_there():
         assert shown(connection="OFFLINE", last_seen_at=seen_at).detail == words
 
 
-def test_an_emergency_stop_is_shown_before_everything_else():
-    it = shown(Traffic(in_use=True), report={"safety": {"estop": True}})
-    assert (it.state, it.drives) == ("stopped", False)
-
-
 @pytest.mark.parametrize("reason", ["not_invited", "not_trained", "disabled"])
-def test_a_visitor_who_may_not_drive_reads_why(reason):
+def test_a_visitor_who_may_not_drive_reads_the_reason(reason):
     it = shown(barred=reason)
     assert not it.drives
     assert it.action == "Open its page"
@@ -96,7 +91,7 @@ def test_a_visitor_who_may_not_drive_reads_why(reason):
     [None, [], "x", {}, {"battery": None}, {"safety": 3}]
     + [{"battery": {"charge": charge}} for charge in ("full", 7, float("nan"))],
 )
-def test_a_report_that_makes_no_sense_shows_no_battery(report):
+def test_a_malformed_report_shows_no_battery(report):
     it = shown(report=report)
     assert (it.state, it.charge) == ("available", None)
 
@@ -123,7 +118,7 @@ def test_card_shows_charging_and_place():
     assert (it.battery, it.place) == ("100 %, charging", "Office")
 
 
-def test_lists_begin_with_what_can_be_driven_now():
+def test_lists_start_with_free_robots():
     assert STATES == ("available", "busy", "stopped", "offline")
 
 
@@ -131,14 +126,14 @@ def test_lists_begin_with_what_can_be_driven_now():
     ("turnaround", "label"),
     [("returning", "Returning to its station"), ("charging", "Charging"), ("paused", "Not ready")],
 )
-def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
+def test_a_robot_between_two_sessions_shows_its_activity_and_has_a_queue(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)
     assert (it.state, it.label, it.action) == ("busy", label, "Join the queue")
     assert shown(Traffic(in_use=True), returns_home=True, turnaround=turnaround).label == "In use"
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
 
 
-def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
+def test_a_robot_that_was_stopped_between_sessions_is_free_and_marked():
     stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
     it = shown(**stopped)
     assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
@@ -147,8 +142,8 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
         it.detail
         == "Someone stopped it after the last visit. It can move again once you start to drive."
     )
-    driven = shown(Traffic(in_use=True), **stopped)
-    assert (driven.label, driven.badge) == ("In use", "busy")
+    busy = shown(Traffic(in_use=True), **stopped)
+    assert (busy.label, busy.badge) == ("In use", "busy")
 
 
 @pytest.mark.parametrize(
@@ -181,7 +176,7 @@ def test_the_sentence_depends_on_whether_the_robot_is_docked(
         (2, 31.0, "You'd be number 3 in the queue, with a wait of about 31 min."),
     ],
 )
-def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):
+def test_a_busy_robot_shows_the_next_place_and_its_wait(waiting, minutes, words):
     assert shown(Traffic(in_use=True, waiting=waiting, minutes=minutes)).detail == words
 
 
@@ -201,42 +196,54 @@ def test_the_card_shows_a_waiting_visitor_their_place_and_leads_back_to_it(minut
 LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does not answer"]}
 
 
-def test_a_robot_that_its_agent_does_not_reach_is_unavailable():
-    for traffic in (Traffic(), Traffic(in_use=True, waiting=2)):
-        it = shown(traffic, report=LOST)
-        assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
-        assert "10.0.0.7" not in it.detail
-    assert shown(report={"errors": ["lens dirty"]}).state == "available"
+ESTOP, FAULT = {"safety": {"estop": True}}, {"safety": {"inhibited": "fault"}}
+RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: it moves"]}
+DRIVEN = Traffic(in_use=True, waiting=2)
 
 
-def test_an_emergency_stop_is_shown_before_a_lost_adapter():
-    assert shown(report={**LOST, "safety": {"estop": True}}).label == "Stopped"
+@pytest.mark.parametrize(
+    ("traffic", "changes", "state", "label", "detail"),
+    [
+        (DRIVEN, {"report": ESTOP}, "stopped", "Stopped", ""),
+        (Traffic(), {"report": LOST}, "stopped", "Not available", ""),
+        (DRIVEN, {"report": LOST}, "stopped", "Not available", ""),
+        (Traffic(), {"report": LOST | ESTOP}, "stopped", "Stopped", ""),
+        (Traffic(), {"report": LOST, "connection": "OFFLINE"}, "offline", "Offline", ""),
+        (
+            Traffic(),
+            {"report": FAULT | {"errors": ["rival: another agent runs"]}},
+            "stopped",
+            "Not available",
+            "The robot has a fault. You can drive again once it is solved.",
+        ),
+        (Traffic(), {"report": RUNS_ON}, "stopped", "Not available", ""),
+    ],
+)
+def test_a_stop_or_a_fault_comes_first_and_the_details_of_a_fault_are_hidden(
+    traffic, changes, state, label, detail
+):
+    it = shown(traffic, **changes)
+    assert (it.state, it.label, it.drives) == (state, label, False)
+    assert detail in it.detail
+    assert not any(word in it.detail for word in ("10.0.0.7", "rival", "runs_on"))
 
 
-def test_an_offline_robot_that_was_not_reached_is_shown_as_offline():
-    assert shown(connection="OFFLINE", report=LOST).state == "offline"
+@pytest.mark.parametrize(
+    "report",
+    [{"errors": ["lens dirty"]}]
+    + [{"safety": {"inhibited": why}} for why in ("collision", "stopped", "no_lease")],
+)
+def test_a_robot_that_refuses_single_commands_is_available(report):
+    assert shown(report=report).state == "available"
 
 
-def test_a_robot_with_a_fault_is_unavailable_without_its_details():
-    report = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs"]}
-    it = shown(report=report)
-    assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
-    assert it.detail == "The robot has a fault. You can drive again once it is solved."
-
-
-def test_a_robot_that_does_not_stop_is_unavailable():
-    it = shown(report={"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: it moves"]})
-    assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
+def test_a_robot_that_does_not_stop_has_the_sentence_of_the_page():
+    it = shown(report=RUNS_ON)
     page = (settings.BASE_DIR / "templates/sessions/_words.html").read_text()
     assert f'data-word="lobby.runs_on.text">{{% translate "{it.detail}" %}}' in page
 
 
 @pytest.mark.parametrize("source", ["screen:Giraff", "button"])
-def test_a_robot_that_somebody_beside_it_has_stopped_says_so(source):
+def test_a_stop_at_the_robot_is_shown_as_such(source):
     report = {"safety": {"estop": True, "estopSource": source}}
     assert shown(report=report).detail.startswith("Stopped by someone next to it.")
-
-
-def test_a_reason_that_refuses_single_commands_is_no_standstill():
-    for inhibited in ("collision", "stopped", "no_lease"):
-        assert shown(report={"safety": {"inhibited": inhibited}}).state == "available"

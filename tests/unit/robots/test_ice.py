@@ -14,10 +14,8 @@ def test_without_servers_the_list_is_empty_and_never_a_public_default(settings):
 
 def test_turn_credentials_are_the_ones_that_coturn_checks(settings):
     settings.STUN_URLS = ["stun:turn.example.org"]
-    settings.TURN_URLS, settings.TURN_SECRET = (
-        ["turn:turn.example.org", "turns:turn.example.org?transport=tcp"],
-        "secret",
-    )
+    settings.TURN_URLS = ["turn:turn.example.org", "turns:turn.example.org?transport=tcp"]
+    settings.TURN_SECRET = "secret"
     stun, turn = ice_servers("visitor", 1_000_000.7)
     assert stun.urls == ("stun:turn.example.org",)
     assert stun.username == ""
@@ -40,10 +38,7 @@ def test_the_relays_of_a_region_are_one_entry(settings):
         "eu=turns:eu.example.org?transport=tcp",
     ]
     eu, us = ice_servers("visitor", 0.0)
-    assert eu.urls == (
-        "turn:eu.example.org?transport=udp",
-        "turns:eu.example.org?transport=tcp",
-    )
+    assert eu.urls == ("turn:eu.example.org?transport=udp", "turns:eu.example.org?transport=tcp")
     assert us.urls == ("turn:us.example.org",)
     assert us.credential == eu.credential
 

@@ -30,7 +30,7 @@ def log():
     logger.handlers.clear()
 
 
-def test_a_terminal_that_takes_nothing_does_not_stop_who_logs(log):
+def test_a_blocked_terminal_does_not_block_logging(log):
     stuck = StuckHandler()
     log.addHandler(ThreadedHandler([stuck], most=100))
     began = time.monotonic()

@@ -1,4 +1,4 @@
-"""Fields of the page that finishes a plan, and the plan that comes of them."""
+"""Fields of the page that finishes a plan, and the resulting plan."""
 
 import json
 import math
@@ -31,7 +31,7 @@ def problems(plan: dict) -> tuple[str, ...]:
     return ()
 
 
-def test_without_fields_a_plan_stays_as_it_is():
+def test_a_plan_without_edits_is_unchanged():
     plan = document()
     assert edited(plan, {}, anywhere) == plan
     for kind, at in (("dock", (1.0, 1.0)), ("place", (2.0, 4.0)), ("checkpoint", (3.0, 1.0))):
@@ -41,7 +41,7 @@ def test_without_fields_a_plan_stays_as_it_is():
 
 
 @pytest.mark.parametrize("site", ["office", "clinic"])
-def test_a_shipped_plan_stays_as_it_is(site):
+def test_a_shipped_plan_is_unchanged(site):
     plan = json.loads((SHIPPED / site / "plan.json").read_text())
     again = floorplan.decode(json.dumps(edited(plan, {}, anywhere)))
     assert again == floorplan.decode(json.dumps(plan))
@@ -66,7 +66,7 @@ def test_rooms_get_names_and_an_empty_name_changes_nothing():
     assert [room["title"] for room in plan["rooms"]] == ["Hall", "west", "east"]
 
 
-def test_two_rooms_become_one_and_the_opening_between_them_goes():
+def test_joining_two_rooms_removes_the_opening_between_them():
     plan = edited(document(), {"rooms.1.join": "hall", "rooms.0.title": "Both"}, anywhere)
     assert [room["title"] for room in plan["rooms"]] == ["Both", "east"]
     polygon = tuple((x, y) for x, y in plan["rooms"][0]["polygon"])
@@ -97,12 +97,8 @@ def test_a_comma_is_no_decimal_mark_in_english(text):
 
 
 def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
-    fields = {
-        "openings.0.x": "4.5",
-        "openings.0.y": "3.0",
-        "openings.0.x2": "4.5",
-        "openings.0.y2": "4,1",
-    }
+    ends = {"x": "4.5", "y": "3.0", "x2": "4.5", "y2": "4,1"}
+    fields = {f"openings.0.{name}": text for name, text in ends.items()}
     with translation.override("es"):
         plan = edited(document(), fields, anywhere)
     assert plan["passages"][0]["start"] == [4.5, 3.0]
@@ -122,19 +118,16 @@ def border_beside_opening() -> dict:
     return plan
 
 
-def test_an_opening_beside_the_border_of_its_rooms_connects_them_still():
+def test_an_opening_beside_the_border_of_its_rooms_still_connects_them():
     plan = border_beside_opening()
     shown = {"openings.0.x": "1.00", "openings.0.y": "2.00"}
     assert edited(plan, shown, anywhere) == plan
+    moved = edited(plan, {"openings.0.x": "0.9"}, anywhere)
+    assert set(moved["passages"][0]["connects"]) == {"hall", "west"}
+    assert problems(moved) == ()
 
 
-def test_an_opening_that_is_moved_beside_the_border_of_its_rooms_connects_them_still():
-    plan = edited(border_beside_opening(), {"openings.0.x": "0.9"}, anywhere)
-    assert set(plan["passages"][0]["connects"]) == {"hall", "west"}
-    assert problems(plan) == ()
-
-
-def test_the_opening_of_a_room_that_is_removed_leads_to_what_is_there_instead():
+def test_an_opening_to_a_removed_room_leads_nowhere():
     plan = edited(document(), {"rooms.1.remove": "on"}, anywhere)
     assert any("nowhere" in problem for problem in problems(plan))
 
@@ -178,24 +171,20 @@ def test_docks_are_for_different_robots_and_a_robot_is_changed_with_its_station(
     assert dock["x"] == 1.5
 
 
-def test_checkpoints_begin_at_the_dock_and_are_numbered_anew():
+def test_checkpoints_start_at_the_dock_and_are_renumbered():
     plan = with_new(document(), "dock", 1.0, 4.0, WORDS)
     for x in (2.0, 3.0, 4.0):
         plan = with_new(plan, "checkpoint", x, 1.0, WORDS)
     assert [c["number"] for c in checkpoints_of(plan)] == [1, 2, 3]
     plan = edited(plan, {"checkpoints.1.remove": "on", "docks.0.y": "4.5"}, anywhere)
-    route = plan["routes"][0]["checkpoints"]
-    assert [(c["number"], c["x"], c["y"]) for c in route] == [
-        (0, 1.0, 4.5),
-        (1, 2.0, 1.0),
-        (2, 4.0, 1.0),
-    ]
+    route = [(c["number"], c["x"], c["y"]) for c in plan["routes"][0]["checkpoints"]]
+    assert route == [(0, 1.0, 4.5), (1, 2.0, 1.0), (2, 4.0, 1.0)]
     assert problems(plan) == ()
     plan = edited(plan, {f"checkpoints.{n}.remove": "on" for n in range(2)}, anywhere)
     assert "routes" not in plan
 
 
-def test_parts_that_are_removed_are_gone_and_names_are_not_given_twice():
+def test_removed_parts_disappear_and_names_stay_unique():
     plan = document()
     for _ in range(3):
         plan = with_new(plan, "place", 2.0, 4.0, WORDS)

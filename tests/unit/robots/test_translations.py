@@ -1,4 +1,4 @@
-"""What visitors call robots and places, by language; nothing is stored."""
+"""Titles of robots and places by language; nothing is stored."""
 
 import json
 
@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.utils import translation
 
 from robots.api import floorplan
-from robots.models import FloorPlan, Robot, check_translations
+from robots.models import FloorPlan, check_translations
 from tests.support.robots import unsaved_robot
 
 SPANISH = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
@@ -63,21 +63,13 @@ def test_translations_of_another_form_are_refused_with_the_form_they_should_have
     check_translations({})
 
 
-def test_a_robot_is_not_told_of_translations_that_an_older_agent_would_refuse():
+def test_robots_receive_plans_without_translations():
     plan = json.loads((PLANS / "office" / "plan.json").read_text())
-    place = FloorPlan(
-        name="office",
-        title="Office",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        image=b"",
-        sha256="0" * 64,
-        plan=plan,
-    )
-    told = place.as_message().plan
+    picture = {"resolution": 0.05, "origin_x": 0.0, "origin_y": 0.0, "image": b""}
+    place = FloorPlan(name="office", title="Office", sha256="0" * 64, plan=plan, **picture)
+    sent = place.as_message().plan
     assert "translations" in plan
-    assert told == {name: part for name, part in plan.items() if name != "translations"}
+    assert sent == {name: part for name, part in plan.items() if name != "translations"}
     with translation.override("es"):
         assert place.shown_title == "Oficina"
     with translation.override("en"):

@@ -12,6 +12,9 @@ from sessions import protocol
 from sessions.models import Session
 from tests.support.paths import ROOT
 
+CODES = [protocol.SIGNED_OUT, protocol.NOT_ALLOWED, protocol.NO_SUCH_ROBOT]
+CODES += [protocol.FLOODED, protocol.TOO_SLOW, protocol.REPLACED]
+
 
 def test_no_suffix_of_the_page_is_one_of_the_robot_api():
     # `signal/reply` looks like the signal of a peer called reply, but the server gives peers random
@@ -28,25 +31,11 @@ def test_the_reference_names_every_suffix_and_close_code_that_a_program_may_meet
         .partition("## Topics")[0]
     )
     table = "".join(line for line in section.splitlines() if line.startswith("|"))
-    assert [
-        suffix
-        for suffix in {*protocol.TO_PAGE, *protocol.TO_SERVER, protocol.SIGNAL}
-        if f"`{suffix}`" not in table
-    ] == []
-    assert [
-        suffix
-        for suffix in (*topics.FROM_PAGE, *topics.TO_PAGE)
-        if suffix != "media" and f"`{suffix}`" not in section
-    ] == []
-    codes = (
-        protocol.SIGNED_OUT,
-        protocol.NOT_ALLOWED,
-        protocol.NO_SUCH_ROBOT,
-        protocol.FLOODED,
-        protocol.TOO_SLOW,
-        protocol.REPLACED,
-    )
-    assert [code for code in codes if str(code) not in section] == []
+    of_pages = {*protocol.TO_PAGE, *protocol.TO_SERVER, protocol.SIGNAL}
+    assert [suffix for suffix in of_pages if f"`{suffix}`" not in table] == []
+    of_robots = {*topics.FROM_PAGE, *topics.TO_PAGE} - {"media"}
+    assert [suffix for suffix in of_robots if f"`{suffix}`" not in section] == []
+    assert [code for code in CODES if str(code) not in section] == []
     words = [
         typing.get_args(typing.get_type_hints(protocol.Fault)[name]) for name in ("part", "then")
     ]
@@ -81,13 +70,5 @@ def test_every_outcome_fits_into_its_message():
 
 
 def test_close_codes_differ_and_are_for_applications():
-    codes = [
-        protocol.SIGNED_OUT,
-        protocol.NOT_ALLOWED,
-        protocol.NO_SUCH_ROBOT,
-        protocol.FLOODED,
-        protocol.TOO_SLOW,
-        protocol.REPLACED,
-    ]
-    assert len(set(codes)) == len(codes)
-    assert all(4000 <= code < 5000 for code in codes)
+    assert len(set(CODES)) == len(CODES)
+    assert all(4000 <= code < 5000 for code in CODES)

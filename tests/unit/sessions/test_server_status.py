@@ -1,5 +1,7 @@
 """The faults that a page receives, and their effect on driving."""
 
+import json
+
 import pytest
 
 from robots.api import messages as m
@@ -10,51 +12,39 @@ LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=1, stamp=1.
 
 
 @pytest.fixture
-def driven():
+def robot():
+    """A robot with a driver whose lease ends at 110 s."""
     known = KnownRobot("giraff")
     known.take("lease", LEASE, 100.0)
     return known
 
 
-def told(known, now, *faults):
-    out = relay.status(faults, known, now)
+def fault(known, now, part):
+    """Return what a page receives about a fault."""
+    out = relay.status((part,), known, now)
     assert out.droppable
-    return out.frame
+    suffix, _, frame = out.frame.partition("\n")
+    assert suffix == "server/status"
+    (found,) = json.loads(frame)["faults"]
+    assert found.pop("part") == part
+    return found
 
 
 @pytest.mark.parametrize("part", ["broker", "session_manager", "database"])
-def test_without_who_renews_leases_the_robot_stops_when_its_own_runs_out(driven, part):
-    assert (
-        told(driven, 103.5, part)
-        == f'server/status\n{{"faults":[{{"part":"{part}","then":"stops","seconds":6.5}}]}}'
-    )
-    assert (
-        told(driven, 110.0, part)
-        == f'server/status\n{{"faults":[{{"part":"{part}","then":"stopped"}}]}}'
-    )
+def test_without_renewals_the_robot_stops_at_the_end_of_its_lease(robot, part):
+    assert fault(robot, 103.5, part) == {"then": "stops", "seconds": 6.5}
+    assert fault(robot, 110.0, part) == {"then": "stopped"}
 
 
 @pytest.mark.parametrize("part", ["broker", "session_manager", "database", "robot"])
-def test_without_a_driver_visitors_go_on_waiting(part):
-    assert (
-        told(KnownRobot("giraff"), 1.0, part)
-        == f'server/status\n{{"faults":[{{"part":"{part}","then":"waits"}}]}}'
-    )
+def test_visitors_wait_during_a_fault_without_a_driver(part):
+    assert fault(KnownRobot("giraff"), 1.0, part) == {"then": "waits"}
 
 
-def test_a_robot_that_is_silent_has_stopped_by_itself(driven):
-    assert (
-        told(driven, 101.0, "robot")
-        == 'server/status\n{"faults":[{"part":"robot","then":"stopped"}]}'
-    )
+@pytest.mark.parametrize(("part", "then"), [("robot", "stopped"), ("disk_full", "goes_on")])
+def test_a_silent_robot_has_stopped_and_a_full_disk_stops_no_drive(robot, part, then):
+    assert fault(robot, 101.0, part) == {"then": then}
 
 
-def test_a_full_disk_stops_nobody(driven):
-    assert (
-        told(driven, 101.0, "disk_full")
-        == 'server/status\n{"faults":[{"part":"disk_full","then":"goes_on"}]}'
-    )
-
-
-def test_a_server_that_is_well_says_so(driven):
-    assert told(driven, 101.0) == "server/status\n{}"
+def test_a_healthy_server_reports_no_fault(robot):
+    assert relay.status((), robot, 101.0).frame == "server/status\n{}"

@@ -1,4 +1,4 @@
-"""What never reaches Django."""
+"""Requests that are refused before they reach Django."""
 
 import asyncio
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from telepresence_site.web.asgi_limits import (
 
 async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:
     """Post parts of a body; return the answer and how many bytes the application has read."""
-    said, read = [], 0
+    sent, read = [], 0
     waiting = [
         {"type": "http.request", "body": part, "more_body": n + 1 < len(parts)}
         for n, part in enumerate(parts)
@@ -40,31 +40,31 @@ async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[li
         return waiting.pop(0)
 
     async def send(message):
-        said.append(message)
+        sent.append(message)
 
     await BodyLimit(application, limit)({"type": "http", "headers": headers}, receive, send)
-    return said, read
+    return sent, read
 
 
 async def test_a_body_that_fits_is_read_to_its_end():
-    said, read = await sends(10, [b"12345", b"67890"])
-    assert (said[0]["status"], read) == (200, 10)
+    sent, read = await sends(10, [b"12345", b"67890"])
+    assert (sent[0]["status"], read) == (200, 10)
 
 
-async def test_a_body_that_says_it_is_too_large_is_refused_unread():
-    said, read = await sends(10, [b"1"], headers=((b"Content-Length", b"11"),))
-    assert (said[0]["status"], read) == (413, 0)
+async def test_a_body_with_too_large_a_content_length_is_refused_unread():
+    sent, read = await sends(10, [b"1"], headers=((b"Content-Length", b"11"),))
+    assert (sent[0]["status"], read) == (413, 0)
 
 
-async def test_a_body_that_turns_out_too_large_is_refused_once_and_read_no_further():
-    said, read = await sends(10, [b"12345678", b"9012", b"3"])
-    assert [message.get("status") for message in said] == [413, None]
+async def test_a_body_that_grows_too_large_is_refused_once_and_read_no_further():
+    sent, read = await sends(10, [b"12345678", b"9012", b"3"])
+    assert [message.get("status") for message in sent] == [413, None]
     assert read == 8
 
 
-async def test_nonsense_for_a_length_is_no_way_round_the_limit():
-    said, read = await sends(4, [b"12345"], headers=((b"content-length", b"-1"),))
-    assert (said[0]["status"], read) == (413, 0)
+async def test_an_invalid_content_length_does_not_evade_the_limit():
+    sent, read = await sends(4, [b"12345"], headers=((b"content-length", b"-1"),))
+    assert (sent[0]["status"], read) == (413, 0)
 
 
 async def opens(
@@ -90,7 +90,7 @@ async def opens(
     return bool(opened)
 
 
-async def test_a_page_of_this_very_host_and_port_opens_a_socket():
+async def test_a_page_of_the_same_host_and_port_opens_a_socket():
     assert await opens(b"https://robots.example")
     assert await opens(b"HTTPS://Robots.Example", b"robots.example:443")
     assert await opens(b"http://127.0.0.1:8000", b"127.0.0.1:8000")
@@ -111,15 +111,15 @@ async def test_a_page_of_this_very_host_and_port_opens_a_socket():
         b"https://robots.example:port",
     ],
 )
-async def test_a_page_from_anywhere_else_even_from_another_port_opens_none(origin):
+async def test_a_page_of_another_origin_or_port_opens_no_socket(origin):
     assert not await opens(origin)
 
 
-async def test_an_origin_that_is_trusted_with_forms_is_trusted_with_sockets():
+async def test_a_trusted_origin_opens_a_socket():
     assert await opens(b"https://other.example", trusted=("https://other.example",))
 
 
-async def test_a_site_that_is_reached_by_https_alone_takes_no_page_that_came_by_plain_http():
+async def test_a_site_with_https_only_refuses_pages_from_plain_http():
     assert await opens(b"https://robots.example", secure_only=True)
     assert await opens(b"HTTPS://127.0.0.1:8443", b"127.0.0.1:8443", secure_only=True)
     assert not await opens(b"http://robots.example", secure_only=True)
@@ -128,43 +128,43 @@ async def test_a_site_that_is_reached_by_https_alone_takes_no_page_that_came_by_
     assert await opens(b"http://robots.example")
 
 
-def test_an_ipv6_host_is_compared_like_any_other():
+def test_ipv6_hosts_are_compared():
     assert is_same("http://[::1]:8000", "[::1]:8000")
     assert not is_same("http://[::1]:8000", "[::2]:8000")
 
 
-async def test_an_address_that_opens_sockets_without_end_is_kept_out_for_a_while_and_no_other_is():
-    let_in: list[str] = []
+async def test_an_address_that_opens_too_many_sockets_is_refused_for_a_while_and_no_other():
+    accepted = []
     clock = [0.0]
 
     async def application(scope, _receive, _send):
-        let_in.append(scope["client"][0])
+        accepted.append(scope["client"][0])
 
     async def send(_message):
         pass
 
-    async def come(address: str, times: int, forwarded: str = "") -> int:
-        let_in.clear()
+    async def connect(address: str, times: int = 1, forwarded: str = "") -> int:
+        """Return how many connections are accepted."""
+        accepted.clear()
         headers = [(b"x-forwarded-for", forwarded.encode())] if forwarded else []
+        scope = {"type": "websocket", "client": (address, 1), "headers": headers}
         for _ in range(times):
-            await limit(
-                {"type": "websocket", "client": (address, 1), "headers": headers}, None, send
-            )
-        return len(let_in)
+            await limit(scope, None, send)
+        return len(accepted)
 
     limit = ConnectLimit(application, ["10.0.0.1"], now=lambda: clock[0])
     most = int(CONNECTS_AT_ONCE)
-    assert await come("198.51.100.7", most + 50) == most
-    assert await come("198.51.100.7", 1, forwarded="198.51.100.8") == 0  # it says so itself
-    assert await come("198.51.100.8", 1) == 1
-    assert await come("10.0.0.1", 1, forwarded="198.51.100.7") == 0  # our proxy says so
-    assert await come("10.0.0.1", 1, forwarded="198.51.100.9") == 1
+    assert await connect("198.51.100.7", most + 50) == most
+    assert await connect("198.51.100.7", forwarded="198.51.100.8") == 0, "the client's own claim"
+    assert await connect("198.51.100.8") == 1
+    assert await connect("10.0.0.1", forwarded="198.51.100.7") == 0, "a trusted proxy's header"
+    assert await connect("10.0.0.1", forwarded="198.51.100.9") == 1
     clock[0] = 2.0
-    assert await come("198.51.100.7", 50) == 10
+    assert await connect("198.51.100.7", 50) == 10
 
 
 class Sockets:
-    """Sockets that stay open until they are let go; `open` has who has how many."""
+    """Sockets that stay open until `ends` are set."""
 
     def __init__(self, who, limit=2):
         self.door = OpenLimit(self._stay, limit, who)
@@ -177,8 +177,8 @@ class Sockets:
     async def _send(self, message):
         self.refused.append(message["code"])
 
-    async def come(self, **scope) -> bool:
-        """Open one more and tell whether it was let in."""
+    async def connect(self, **scope) -> bool:
+        """Open one more and tell whether it was accepted."""
         before = len(self.ends)
         self.tasks.append(
             asyncio.create_task(self.door({"type": "websocket", **scope}, None, self._send))
@@ -187,36 +187,32 @@ class Sockets:
         return len(self.ends) > before
 
 
-async def test_an_address_has_so_many_sockets_open_and_another_when_one_has_ended_however_it_did():
+async def test_an_address_may_have_a_number_of_open_sockets():
     sockets = Sockets(lambda scope: address_of(scope, ["10.0.0.1"]))
     here, there = (
         {"client": (address, 1), "headers": []} for address in ("198.51.100.7", "198.51.100.8")
     )
     proxied = {"client": ("10.0.0.1", 1), "headers": [(b"x-forwarded-for", b"198.51.100.7")]}
-    assert [await sockets.come(**way) for way in (here, proxied, here, proxied)] == [
-        True,
-        True,
-        False,
-        False,
-    ]
+    asked = [await sockets.connect(**scope) for scope in (here, proxied, here, proxied)]
+    assert asked == [True, True, False, False]
     assert sockets.refused == [1013, 1013]
-    assert await sockets.come(**there)
+    assert await sockets.connect(**there)
     sockets.ends[0].set_exception(ConnectionError())
     sockets.tasks[1].cancel()
     await asyncio.wait(sockets.tasks[:2])
-    assert [await sockets.come(**here) for _ in range(3)] == [True, True, False]
+    assert [await sockets.connect(**here) for _ in range(3)] == [True, True, False]
     for end in sockets.ends[2:]:
         end.set_result(None)
     await asyncio.gather(*sockets.tasks, return_exceptions=True)
     assert not sockets.door._open
 
 
-async def test_a_user_has_so_many_sockets_open_anywhere_and_the_signed_out_count_with_nobody():
+async def test_a_user_may_have_a_number_of_open_sockets_and_guests_are_not_counted():
     sockets = Sockets(user_of)
-    ada, bob, nobody = (SimpleNamespace(pk=pk, is_authenticated=pk > 0) for pk in (1, 2, 0))
-    assert [await sockets.come(user=ada) for _ in range(3)] == [True, True, False]
-    assert await sockets.come(user=bob)
-    assert [await sockets.come(user=nobody) for _ in range(5)] == [True] * 5
+    ada, bob, guest = (SimpleNamespace(pk=pk, is_authenticated=pk > 0) for pk in (1, 2, 0))
+    assert [await sockets.connect(user=ada) for _ in range(3)] == [True, True, False]
+    assert await sockets.connect(user=bob)
+    assert [await sockets.connect(user=guest) for _ in range(5)] == [True] * 5
     for task in sockets.tasks:
         task.cancel()
     await asyncio.gather(*sockets.tasks, return_exceptions=True)

@@ -18,19 +18,19 @@ CALLED = re.compile(r"\b(?:_|[np]?gettext\w*)\(")
 MARKED = re.compile(r"\b(_|gettext|ngettext|pgettext)\(")
 
 
-def texts_of(code: str) -> Iterator[str]:
-    """Yield what a module marks for translation: the text, the first of a count's two."""
+def texts_of(code: str) -> Iterator[tuple[str | None, str]]:
+    """Yield context and text of what a module marks for translation; of plurals, the singular."""
     for node in ast.walk(ast.parse(code)):
         if not isinstance(node, ast.Call):
             continue
         name = getattr(node.func, "id", "")
         at = 1 if name in IN_CONTEXT else 0
         if name in MARKS | IN_CONTEXT and isinstance(node.args[at], ast.Constant):
-            yield node.args[at].value
+            yield (node.args[0].value if at else None), node.args[at].value
 
 
-def texts_of_template(source: str) -> Iterator[str]:
-    """Yield what a template marks, as Django's own preparation for xgettext writes it."""
+def texts_of_template(source: str) -> Iterator[tuple[str | None, str]]:
+    """Yield what a template marks, as Django prepares it for xgettext."""
     prepared = templatize(source)
     for found in MARKED.finditer(prepared):
         depth, end = 1, found.end()
@@ -41,7 +41,7 @@ def texts_of_template(source: str) -> Iterator[str]:
         yield from texts_of(prepared[found.start() : end])
 
 
-def marked() -> Iterator[tuple[Path, str]]:
+def marked() -> Iterator[tuple[Path, tuple[str | None, str]]]:
     for app in PACKAGES:
         for path in python_files(app):
             if CALLED.search(text_of(path)):
@@ -52,12 +52,12 @@ def marked() -> Iterator[tuple[Path, str]]:
 
 
 def test_every_text_is_in_spanish_too():
-    spanish = {entry["msgid"]: entry for entry in po_entries() if "fuzzy" not in entry["flags"]}
+    spanish = {
+        (entry.get("msgctxt"), entry["msgid"]): entry.get("msgstr") or entry.get("msgstr[0]")
+        for entry in po_entries()
+        if "fuzzy" not in entry["flags"]
+    }
     texts = list(marked())
     assert len(texts) > 1500
-    missing = {
-        f"{path.relative_to(ROOT)}: {text}"
-        for path, text in texts
-        if not any(spanish.get(text, {}).get(key) for key in ("msgstr", "msgstr[0]"))
-    }
+    missing = {f"{path.relative_to(ROOT)}: {text}" for path, text in texts if not spanish.get(text)}
     assert not missing, "see CONTRIBUTING.md for how texts come into the catalogue"

@@ -1,9 +1,8 @@
-"""The images, the compose files and the Kubernetes manifests start what systemd's units start, with
-settings that exist, and let it do as little.
+"""The images, the compose files and the Kubernetes manifests start the same processes as systemd's
+units, with existing settings and as few rights.
 """
 
 import re
-import tomllib
 
 import pytest
 from django.conf import settings
@@ -89,16 +88,16 @@ def test_a_command_of_the_site_exists_and_takes_its_options(one):
 @pytest.mark.parametrize("place", PLACES)
 def test_variables_of_our_containers_are_settings(place):
     if place == "compose":
-        told = {
+        names = {
             name for one in PLACES[place] if one.image in OURS for name in one.around["environment"]
         }
     else:
-        told = told_by_kustomize(place)
-    assert {"VAR_DIR", "STATIC_ROOT", "MQTT_URL"} <= told <= SITE_NAMES
+        names = variables_of(place)
+    assert {"VAR_DIR", "STATIC_ROOT", "MQTT_URL"} <= names <= SITE_NAMES
 
 
-def told_by_kustomize(folder):
-    """Return the names in the map of a folder, of which every process of ours is told last."""
+def variables_of(folder):
+    """Return the names in a folder's ConfigMap; each of our processes reads it after the secret."""
     for one in kubernetes(folder):
         if one.image in OURS:
             sources = [
@@ -117,7 +116,7 @@ def test_every_name_of_the_example_environment_is_read_by_the_settings():
     assert set(re.findall(r"^(?:# )?([A-Z_]+)=", example, re.MULTILINE)) <= SITE_NAMES
 
 
-def test_the_proxy_is_told_what_its_file_asks_for():
+def test_the_proxy_gets_the_variables_of_its_file():
     asked = set(re.findall(r"\{\$(\w+):", (DEPLOY / "proxy/Caddyfile").read_text()))
     services = compose("compose.yaml")
     assert set(services["proxy"].around["environment"]) == asked
@@ -159,7 +158,7 @@ def test_both_images_run_as_the_user_whom_the_manifests_name():
                 assert pod["securityContext"]["runAsUser"] == 10001, name
 
 
-def test_a_process_has_the_time_to_end_that_its_unit_gives_it():
+def test_a_process_has_the_same_time_to_end_as_in_its_unit():
     wanted = {
         unit.kind: int(unit.around["TimeoutStopSec"])
         for unit in units().values()
@@ -185,7 +184,7 @@ def test_every_listening_container_has_a_health_check():
                     assert {"readinessProbe", "livenessProbe"} <= set(one), one["name"]
 
 
-def test_web_processes_are_asked_for_pages_that_exist_as_a_host_that_is_allowed():
+def test_probes_of_web_processes_request_existing_pages_of_an_allowed_host():
     asked = [
         PLACES["one"][0].around[probe]["httpGet"] for probe in ("readinessProbe", "livenessProbe")
     ]
@@ -195,12 +194,12 @@ def test_web_processes_are_asked_for_pages_that_exist_as_a_host_that_is_allowed(
     for one in asked:
         headers = {header["name"]: header["value"] for header in one["httpHeaders"]}
         assert headers["Host"] in allowed.split(",")
-    # database and broker may be away for longer: a restart would end drives, and mend nothing
+    # a restart does not help while database or broker are away, and would end drives
     assert asked[1]["path"] != "/healthz"
 
 
 @pytest.mark.parametrize("folder", ["base", *FOLDERS])
-def test_kustomize_finds_every_file_and_passes_none_over(folder):
+def test_kustomize_uses_every_file_of_a_folder(folder):
     directory, what = KUBERNETES / folder, kustomization(folder)
     named = {name for name in what["resources"] if not (directory / name).is_dir()}
     generators = [*what.get("secretGenerator", ()), *what.get("configMapGenerator", ())]
@@ -272,10 +271,7 @@ def test_the_image_has_what_the_site_needs():
     assert ours | {"templates", "static", "locale", "docs/reference", "manage.py"} <= sent
 
 
-def test_of_a_line_for_a_shell_the_command_is_found():
-    assert in_words('sh -c "python manage.py migrate && cp a b"')[:3] == (
-        "python",
-        "manage.py",
-        "migrate",
-    )
+def test_the_command_of_a_shell_line_is_found():
+    shell = in_words('sh -c "python manage.py migrate && cp a b"')
+    assert shell[:3] == ("python", "manage.py", "migrate")
     assert in_words(["python", "-m", "daphne"]) == ("python", "-m", "daphne")

@@ -76,20 +76,17 @@ def test_a_line_of_another_library_is_one_message(message, arguments):
     assert own(line) == {"event": "bridge", "message": message % arguments}
 
 
-def test_both_formats_say_the_same():
+def test_both_formats_have_the_same_fields():
+    fields = {"attempt": 2, "reason": 'no "route"'}
     with log_ids.about(request="abc", robot="giraff"):
-        line, pairs = (
-            as_json("bridge_lost", attempt=2, reason='no "route"'),
-            as_pairs("bridge_lost", attempt=2, reason='no "route"'),
-        )
-    assert {name: str(value) for name, value in line.items() if name != "time"} == {
-        name: value for name, value in pairs.items() if name != "time"
-    }
+        line, pairs = as_json("bridge_lost", **fields), as_pairs("bridge_lost", **fields)
+    del pairs["time"]
+    assert {name: str(value) for name, value in line.items() if name != "time"} == pairs
     assert line["request"] == "abc"
     assert line["level"] == "info"
 
 
-def test_a_line_carries_what_it_is_about_and_its_own_words_win():
+def test_a_line_has_the_ids_of_its_context_unless_its_own_fields_differ():
     with log_ids.about(request="r1", robot="giraff"), log_ids.about(session="s1"):
         line = as_json("robot_lost", robot="rhodon")
     assert (line["request"], line["session"], line["robot"]) == ("r1", "s1", "rhodon")
@@ -108,11 +105,11 @@ def test_ids_of_a_line_are_looked_up_when_it_is_written():
 def test_a_process_of_one_robot_names_it_in_every_thread(monkeypatch):
     monkeypatch.setattr(log_ids, "_process", {})
     log_ids.of_process(robot="giraff")
-    said = []
-    thread = threading.Thread(target=lambda: said.append(as_json("a_word")))
+    lines = []
+    thread = threading.Thread(target=lambda: lines.append(as_json("a_word")))
     thread.start()
     thread.join()
-    assert said[0]["robot"] == "giraff"
+    assert lines[0]["robot"] == "giraff"
 
 
 def test_a_value_with_line_ends_cannot_make_a_line_of_its_own():
@@ -127,22 +124,17 @@ def test_a_failure_keeps_its_traceback():
     assert key_value_lines().format(failed).endswith("ValueError: of the test")
 
 
-def test_a_request_that_failed_is_told_by_its_route_and_not_by_its_path():
-    said = made(
-        "%s: %s",
-        "Not Found",
-        "/accounts/password/reset/key/1-abcdef-123/",
-        name="django.request",
-        status_code=404,
-    )
-    line = json.loads(json_lines().format(said))
+def test_a_failed_request_is_logged_without_its_path():
+    path = "/accounts/password/reset/key/1-abcdef-123/"
+    failed = made("%s: %s", "Not Found", path, name="django.request", status_code=404)
+    line = json.loads(json_lines().format(failed))
     assert (line["event"], line["reason"], line["status"]) == ("request_problem", "Not Found", 404)
     assert "1-abcdef-123" not in json.dumps(line)
 
 
 @pytest.mark.parametrize("format_", [json_lines, key_value_lines])
 @pytest.mark.parametrize(
-    "said",
+    "entry",
     [
         record("lost", url="mqtt://server.web:hunter2hunter2@broker.example:1883"),
         record("asked", headers={"Cookie": "hunter2hunter2"}),
@@ -153,17 +145,16 @@ def test_a_request_that_failed_is_told_by_its_route_and_not_by_its_path():
         made("found %s", "a turn secret: shared-with-coturn-hunter2hunter2"),
     ],
 )
-def test_secrets_are_struck_out(settings, format_, said):
+def test_secrets_are_struck_out(settings, format_, entry):
     settings.TURN_SECRET = "shared-with-coturn-hunter2hunter2"
-    assert "hunter2" not in format_().format(said)
+    assert "hunter2" not in format_().format(entry)
 
 
 def test_a_traceback_loses_its_secrets_too(settings):
     settings.TURN_SECRET = "shared-with-coturn"
     failed = failure("wrong: shared-with-coturn")
-    assert "shared-with-coturn" not in json_lines().format(failed) + key_value_lines().format(
-        failed
-    )
+    lines = json_lines().format(failed) + key_value_lines().format(failed)
+    assert "shared-with-coturn" not in lines
 
 
 def test_passwords_of_addresses_count_as_secrets(settings):

@@ -37,15 +37,13 @@ def test_one_server_and_other_databases_are_not_several(url):
 
 
 @pytest.mark.parametrize("hosts", ["db-1,", "db-1:x,db-2", "[fd00::1,db-2"])
-def test_hosts_that_are_none_are_refused(hosts):
+def test_malformed_hosts_are_refused(hosts):
     with pytest.raises(ValueError, match="DATABASE_URL"):
         postgresql.database(f"postgres://ana@{hosts}/name")
 
 
 class Statement:
-    """What psycopg waits for: an answer that comes at the given time, by a clock that goes on 0.1 s
-    whenever nothing came.
-    """
+    """A statement of psycopg that is answered at a given time (s); each wait takes 0.1 s."""
 
     def __init__(self, answered_at):
         self.now, self.answered_at, self.checked_at = 0.0, answered_at, []
@@ -70,29 +68,29 @@ class Statement:
             return end.value
 
 
-def test_a_quick_answer_is_only_passed_on():
+def test_a_quick_answer_is_passed_on_without_a_check():
     quick = Statement(QUIET_SECONDS / 2)
     assert quick.run(lambda: None) == "answer"
     assert quick.checked_at == []
 
 
-def test_a_slow_statement_of_a_server_that_lives_is_waited_for():
+def test_a_slow_statement_of_a_live_server_is_awaited():
     slow = Statement(3.5 * QUIET_SECONDS)
     assert slow.run(lambda: None) == "answer"
     assert len(slow.checked_at) == 3
 
 
-def test_a_server_that_does_not_live_is_given_up():
-    def gone():
+def test_a_dead_server_is_given_up():
+    def fail():
         raise ConnectionError
 
     silent = Statement(1e9)
     with pytest.raises(ConnectionError):
-        silent.run(gone)
+        silent.run(fail)
     assert silent.now == pytest.approx(QUIET_SECONDS, abs=0.2)
 
 
-def test_the_primary_is_tried_first_and_who_said_nothing_last():
+def test_the_primary_is_tried_first_and_a_silent_server_last():
     order, one, two, three = ServerOrder(), ("db-1", "1"), ("db-2", "1"), ("db-3", "1")
     assert order.sort([one, two, three]) == [one, two, three]
     order.answered(two)

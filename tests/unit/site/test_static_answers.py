@@ -29,15 +29,13 @@ def ask(
     async def send(message: dict[str, Any]) -> None:
         sent.append(message)
 
-    told = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
-    asyncio.run(
-        app(
-            {"type": "http", "method": method, "path": path, "scheme": scheme, "headers": told},
-            None,
-            send,
-        )
-    )
+    pairs = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    asyncio.run(app(scope_of(path, method, scheme, pairs), None, send))
     return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
+
+
+def scope_of(path: str, method: str, scheme: str, headers: list) -> dict[str, Any]:
+    return {"type": "http", "method": method, "path": path, "scheme": scheme, "headers": headers}
 
 
 async def django(_scope: Any, _receive: Any, send: Any) -> None:
@@ -45,7 +43,7 @@ async def django(_scope: Any, _receive: Any, send: Any) -> None:
     await send({"type": "http.response.body", "body": b""})
 
 
-def test_a_file_that_is_known_is_answered_whole_with_how_long_it_may_be_kept(files):
+def test_a_static_file_is_answered_with_its_caching_headers(files):
     status, headers, body = ask(StaticAnswers(django, files), "/static/drive.js")
     assert (status, body, int(headers[b"content-length"])) == (200, SCRIPT, len(SCRIPT))
     assert headers[b"content-type"].startswith(b"text/javascript")
@@ -54,7 +52,7 @@ def test_a_file_that_is_known_is_answered_whole_with_how_long_it_may_be_kept(fil
     assert headers[b"cross-origin-resource-policy"] == b"same-origin"
 
 
-def test_a_browser_that_has_it_is_told_so_and_one_that_asks_for_the_headers_gets_them_alone(files):
+def test_a_cached_file_is_answered_with_304_and_head_without_a_body(files):
     app = StaticAnswers(django, files)
     etag = ask(app, "/static/drive.js")[1][b"etag"].decode()
     assert ask(app, "/static/drive.js", if_none_match=etag)[::2] == (304, b"")
@@ -66,11 +64,11 @@ def test_everything_else_is_left_to_django(files):
     assert ask(StaticAnswers(django, files), "/static/missing.js")[0] == 418
     assert ask(StaticAnswers(django, files), "/static/drive.js", "POST")[0] == 418
     secure = StaticAnswers(django, files, secure_only=True)
-    assert ask(secure, "/static/drive.js")[0] == 418, "it sends the browser to HTTPS"
+    assert ask(secure, "/static/drive.js")[0] == 418, "Django redirects to HTTPS"
     assert ask(secure, "/static/drive.js", scheme="https")[0] == 200
 
 
-async def test_a_disk_that_does_not_answer_holds_no_command(files, monkeypatch):
+async def test_a_disk_that_hangs_does_not_block_the_event_loop(files, monkeypatch):
     app, may_answer = StaticAnswers(django, files), threading.Event()
     file = files["/static/drive.js"]
     right = file.get_response
@@ -85,13 +83,7 @@ async def test_a_disk_that_does_not_answer_holds_no_command(files, monkeypatch):
     async def send(message):
         sent.append(message)
 
-    scope = {
-        "type": "http",
-        "method": "GET",
-        "path": "/static/drive.js",
-        "scheme": "http",
-        "headers": [],
-    }
+    scope = scope_of("/static/drive.js", "GET", "http", [])
     async with longest_gap() as gap:
         answer = asyncio.create_task(app(scope, None, send))
         await asyncio.sleep(0.1)

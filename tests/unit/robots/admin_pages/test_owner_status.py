@@ -3,7 +3,6 @@ import datetime
 import pytest
 
 from robots.admin_pages.owner_status import owner_status
-from robots.models import Robot
 from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
@@ -16,7 +15,7 @@ FAULT = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs
 RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot keeps moving"]}
 
 
-def told(*, in_use: bool = False, **changes):
+def shown(*, in_use: bool = False, **changes):
     fields = {
         "name": "giraff",
         "title": "Giraff",
@@ -47,17 +46,12 @@ def told(*, in_use: bool = False, **changes):
             "Has a fault: another agent runs as",
         ),
         (
-            {"report": {"safety": {"inhibited": "fault"}}},
+            {"report": {"safety": FAULT["safety"]}},
             "bad",
             "Not available",
             "Has a fault: it does not say which.",
         ),
-        (
-            {"report": RUNS_ON},
-            "bad",
-            "Not available",
-            "Has a fault: the robot keeps moving although it was told to stop. Nobody",
-        ),
+        ({"report": RUNS_ON}, "bad", "Not available", "Has a fault: the robot keeps moving. No"),
         ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
         ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),
         ({"turnaround": "charging"}, "busy", "Charging", "as soon as it is ready"),
@@ -70,20 +64,20 @@ def told(*, in_use: bool = False, **changes):
     ],
 )
 def test_an_owner_reads_one_state_and_what_to_do_next(changes, tone, label, says):
-    it = told(**changes)
+    it = shown(**changes)
     assert (it.tone, it.label) == (tone, label)
     assert says in it.sentence
 
 
 def test_a_stop_of_a_hidden_robot_that_is_driven_comes_first():
     report = {"safety": {"estop": True}}
-    assert told(in_use=True, shown_to_visitors=False, report=report).label == "Stopped"
+    assert shown(in_use=True, shown_to_visitors=False, report=report).label == "Stopped"
 
 
 def test_the_battery_of_a_robot_that_is_away_is_unknown():
-    assert (told().battery, told(**AWAY).battery) == ("82 %", "")
+    assert (shown().battery, shown(**AWAY).battery) == ("82 %", "")
 
 
 def test_a_robot_is_connected_for_good_once_it_was_seen():
-    assert told(**AWAY).connected
-    assert not told(connection="OFFLINE", last_seen_at=None).connected
+    assert shown(**AWAY).connected
+    assert not shown(connection="OFFLINE", last_seen_at=None).connected

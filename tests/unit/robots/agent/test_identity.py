@@ -1,4 +1,4 @@
-"""Who an agent is to the broker."""
+"""Client ids and credentials of an agent at the broker."""
 
 import random
 
@@ -11,16 +11,13 @@ BOOT = "not hexadecimal"  # so that no random id can hold it by chance
 
 
 def link(**identity: str) -> MqttLink:
-    return MqttLink(
-        Endpoint.of("mqtt://127.0.0.1:1", **identity),
-        words.factsheet(boot=BOOT),
-        rng=random.Random(1),
-    )
+    endpoint = Endpoint.of("mqtt://127.0.0.1:1", **identity)
+    return MqttLink(endpoint, words.factsheet(boot=BOOT), rng=random.Random(1))
 
 
-async def test_a_client_id_is_random_and_tells_nothing_that_others_hear():
-    """With Mosquitto whoever knows it takes the connection over, and the boot is told to every
-    page.
+async def test_a_client_id_is_random_and_does_not_contain_the_boot():
+    """With Mosquitto a client that knows the id takes the connection over, and every page knows the
+    boot.
     """
     ids = {client.identifier for client in (link()._client(), link()._client())}
     assert len(ids) == 2
@@ -32,27 +29,18 @@ async def test_a_link_keeps_its_client_id_over_its_connections():
     assert one._client().identifier == one._client().identifier
 
 
-async def test_new_credentials_are_shown_from_the_next_connection_on():
+async def test_new_credentials_are_used_from_the_next_connection():
     one = link(username="giraff", password="old")
     one.credentials_changed("giraff.1", "new")
     fresh = one._client()._client
     assert (fresh._username, fresh._password) == (b"giraff.1", b"new")
 
 
-async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_and_after_a_restart(
+async def test_new_credentials_are_used_at_once_and_after_a_restart(
     tmp_path,
 ):
-    agent = Agent(
-        load(
-            {
-                "robot": "giraff",
-                "server": "https://site.example",
-                "adapter": "simulator",
-                "var": tmp_path,
-            },
-            {"TELEPRESENCE_TOKEN": "old"},
-        )
-    )
+    given = {"robot": "giraff", "server": "https://site.example", "adapter": "simulator"}
+    agent = Agent(load({**given, "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
     assert agent._endpoints(("mqtt://127.0.0.1:1",))[0].username == "giraff"
     agent._link = link(username="giraff", password="old")
     agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})

@@ -1,9 +1,9 @@
 """Search the safety kernel for sequences of events that break a promise.
 
 The model has a base that executes the last velocity it was sent, or drives as its own architecture
-does: that architecture may accept an action late, reject it, ignore a cancel, drive on after it had
-come to rest, and die and come back. A much simpler account of who may do what is kept beside the
-kernel. `pytest --hypothesis-profile=search` tries other sequences.
+does: that architecture may accept an action late, reject it, ignore a cancel, drive on after it was
+at rest, and restart. A much simpler account of permissions is kept beside the kernel.
+`pytest --hypothesis-profile=search` tries other sequences.
 """
 
 import math
@@ -26,8 +26,8 @@ from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 from tests.support.examples import examples, repetitions
 
 SLACK = 1e-9
-GOING = m.Velocity(linear=0.5, angular=0.2)  # how an architecture drives by itself
-LET_GO = 1.0  # s of silence of the hands, while heartbeats come
+GOING = m.Velocity(linear=0.5, angular=0.2)  # of an architecture that drives by itself
+RELEASED_AFTER = 1.0  # s without a velocity, while heartbeats arrive
 
 speeds = st.sampled_from([0.0, 0.0, 0.7, 0.3, -0.4, 5.0, -5.0])
 ways = st.sampled_from(["datachannel", "mqtt"])
@@ -42,9 +42,7 @@ def moves(velocity):
 
 
 class Walls:
-    """A collision monitor of a world in which the test puts things: so fast may the robot go ahead
-    and back, and so much would it be turned.
-    """
+    """A collision monitor that allows given speeds (m/s) ahead and back and adds a turn (rad/s)."""
 
     def __init__(self):
         self.ahead = self.back = math.inf
@@ -69,7 +67,7 @@ class WatchedKernel(Kernel):
 
 
 class KernelMachine(RuleBasedStateMachine):
-    """One robot. `base` is how it really moves."""
+    """One robot; `base` is its real velocity."""
 
     def __init__(self):
         super().__init__()
@@ -79,20 +77,20 @@ class KernelMachine(RuleBasedStateMachine):
         self.base, self.told, self.told_at = ZERO, ZERO, -math.inf
         self.goes = self.obeys = False  # the architecture drives; it would take a cancel
         self.was_begun = False  # the architecture has an action that it has not ended
-        self.fights = False  # it went on while the driver was driving
+        self.fights = False  # it drove on while the driver was driving
         self.unbidden_for = 0  # ticks for which it has moved the robot against zeros
         self.too_fast_for = 0  # ticks for which it has driven faster than the limits
         self.server_beat_at = -math.inf
-        self.lags = False  # the adapter holds velocities back until the base shows it is alive
+        self.lags = False  # the adapter delays velocities until the base has answered
         self.own = False
         self.latched = False
         self.pressed_at = {}  # e-stops by their number
-        self.held = self.by_person = False  # a stop waits for its release; a person's
+        self.held = self.by_person = False  # a stop waits for its release; a person's stop
         self.quiet_since = self.beat_at = -math.inf
         self.epoch = self.renewal = 0
         self.caps = m.LeaseLimits()
         self.faulty = False
-        self.taken = -1  # the highest number that this run of the agent has taken under this lease
+        self.taken = -1  # the highest number accepted by this run of the agent under this lease
 
     @property
     def now(self):
@@ -119,10 +117,10 @@ class KernelMachine(RuleBasedStateMachine):
     def begins(self, level, angular, ahead, back, turn):
         self.grants(known=True, angular=angular)
         self.is_helped(level)
-        self.things_stand_about(ahead, back, turn)
-        self.lets_go()
+        self.obstacles_change(ahead, back, turn)
+        self.releases_the_keys()
 
-    # --- who drives -------------------------------------------------------------------------------
+    # --- leases -----------------------------------------------------------------------------------
 
     @rule(
         known=st.just(True),
@@ -131,11 +129,8 @@ class KernelMachine(RuleBasedStateMachine):
         angular=st.sampled_from([None, 0.2]),
     )
     def grants(self, known, ttl=10.0, linear=None, angular=None):
-        self.epoch, self.renewal, self.caps = (
-            self.epoch + 1,
-            0,
-            m.LeaseLimits(linear=linear, angular=angular),
-        )
+        self.epoch, self.renewal = self.epoch + 1, 0
+        self.caps = m.LeaseLimits(linear=linear, angular=angular)
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
         if known:
             self.bench.know_clock()
@@ -146,20 +141,18 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(linear=st.sampled_from([None, 0.1, 0.5]))
     def renews(self, linear):
         self.renewal, self.caps = self.renewal + 1, m.LeaseLimits(linear=linear)
-        self.bench.lease(
-            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
-        )
+        self.leases(self.caps)
+
+    def leases(self, limits):
+        """Send the lease of the session with its current renewal."""
+        session = f"s{self.epoch}"
+        self.bench.lease(session=session, epoch=self.epoch, renewal=self.renewal, limits=limits)
 
     @rule(linear=st.sampled_from([0.05, 0.15]))
     def lowers(self, linear):
         if self.kernel.leases.live(self.now) is not None:
             self.caps = m.LeaseLimits(linear=min(linear, self.caps.linear or math.inf))
-        self.bench.lease(
-            session=f"s{self.epoch}",
-            epoch=self.epoch,
-            renewal=self.renewal,
-            limits=m.LeaseLimits(linear=linear),
-        )
+        self.leases(m.LeaseLimits(linear=linear))
 
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
@@ -168,7 +161,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.bench.lease(session=f"s{old}", epoch=old, renewal=9, retained=retained)
         after = self.kernel.leases.live(self.now)
         assert before is None or after is None or after.epoch == before.epoch
-        if after is not None and after.epoch != self.epoch:  # the server's counter began anew
+        if after is not None and after.epoch != self.epoch:  # the server's counter was reset
             self.epoch, self.renewal, self.caps = after.epoch, 9, m.LeaseLimits()
             self.held, self.by_person, self.taken = False, False, -1
 
@@ -182,17 +175,17 @@ class KernelMachine(RuleBasedStateMachine):
         self.beat_at = now
         self.kernel.heartbeat("p1", way, now)
         lease = self.kernel.leases.live(now)
-        if lease is not None and now - self.quiet_since >= LET_GO - SLACK:
+        if lease is not None and now - self.quiet_since >= RELEASED_AFTER - SLACK:
             self.held = False
 
     @rule(way=ways, seconds=st.sampled_from([0.2, 1.3]))
-    def is_heard(self, way, seconds):
+    def driver_beats(self, way, seconds):
         for _ in range(round(seconds / 0.2)):
             self.passes(10)
             self.beats(self.now, way)
 
     @rule()
-    def server_is_heard(self):
+    def server_beats(self):
         self.server_beat_at = self.now
         self.kernel.heartbeat(SERVER_PEER, "mqtt", self.now)
 
@@ -216,9 +209,7 @@ class KernelMachine(RuleBasedStateMachine):
             )
             if moving:
                 self.quiet_since = self.now
-                assert verdict.reason is not None or not self.is_held, (
-                    "a key that was held all the time moves the robot"
-                )
+                assert verdict.reason is not None or not self.is_held, "the key was never released"
             elif verdict.reason in {None, "navigating", "estop", "fault"}:
                 self.held = False
             if verdict.reason in {None, "navigating", "estop", "fault", "stopped"}:
@@ -236,24 +227,21 @@ class KernelMachine(RuleBasedStateMachine):
         command = self.bench.command(
             linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.taken - back)
         )
-        assert (
-            self.kernel.velocity(
-                command, CommandSender("datachannel", peer), now=self.now, unix=self.bench.unix
-            ).reason
-            is not None
-        )
+        sender = CommandSender("datachannel", peer)
+        verdict = self.kernel.velocity(command, sender, now=self.now, unix=self.bench.unix)
+        assert verdict.reason is not None
 
-    def lets_go(self):
+    def releases_the_keys(self):
         self.drives(0.0, 0.0, "datachannel", 0.0, 1)
 
-    # --- help -------------------------------------------------------------------------------------
+    # --- assistance -------------------------------------------------------------------------------
 
     @rule(level=levels)
     def is_helped(self, level):
         self.kernel.assist.level = level
 
     @rule(ahead=speeds_allowed, back=speeds_allowed, turn=turns)
-    def things_stand_about(self, ahead, back, turn):
+    def obstacles_change(self, ahead, back, turn):
         self.walls.ahead, self.walls.back, self.walls.turn = ahead, back, turn
 
     # --- stops ------------------------------------------------------------------------------------
@@ -268,15 +256,9 @@ class KernelMachine(RuleBasedStateMachine):
         own = (way == "datachannel" and peer == "p1") or (way == "mqtt" and role == "driver")
         own = own and self.kernel.leases.live(self.now) is not None
         self.bench.seq += 1
-        obeyed = self.bench.stop(
-            action_id=f"id-{number}",
-            seq=self.bench.seq,
-            way=way,
-            peer=peer,
-            role=role,
-            session=f"s{self.epoch}",
-            epoch=self.epoch,
-        )
+        sender = {"way": way, "peer": peer, "role": role}
+        drive = {"seq": self.bench.seq, "session": f"s{self.epoch}", "epoch": self.epoch}
+        obeyed = self.bench.stop(action_id=f"id-{number}", **sender, **drive)
         assert self.kernel.stop_id == f"id-{number}"
         if obeyed:
             assert self.kernel.navigation is None
@@ -311,22 +293,20 @@ class KernelMachine(RuleBasedStateMachine):
         role=st.sampled_from(["driver", "observer", "screen", "staff", "owner"]),
         user=st.sampled_from(["", "ops"]),
     )
-    def somebody_clears(self, role, user):
+    def clears_the_estop(self, role, user):
         latch, pressed = self.kernel.latch, self.kernel.button_pressed
-        if (
-            self.bench.ask(m.ClearEStop(action_id="c", stamp=self.bench.unix, role=role, user=user))
-            is not None
-        ):
+        clear = m.ClearEStop(action_id="c", stamp=self.bench.unix, role=role, user=user)
+        if self.bench.ask(clear) is not None:
             return
         assert not pressed
         assert role in {"screen", "staff", "owner"}
         assert user
         assert latch is None or latch.source != BUTTON or role == "owner"
-        is_driven = self.kernel.leases.live(self.now) is not None
+        has_driver = self.kernel.leases.live(self.now) is not None
         self.kernel.clear_estop(self.now)
         if self.latched:
             self.hold()
-        elif not is_driven:
+        elif not has_driver:
             self.held = self.by_person = False
         self.latched = False
 
@@ -336,14 +316,14 @@ class KernelMachine(RuleBasedStateMachine):
             self.held = True
             self.quiet_since = self.beat_at = self.now
 
-    # --- what drives by itself --------------------------------------------------------------------
+    # --- navigation -------------------------------------------------------------------------------
 
     @rule(own=st.booleans(), obeys=st.booleans(), server=st.booleans())
     def is_sent_somewhere(self, own, obeys, server):
         if self.latched or self.faulty or self.kernel.held:
             return
         self.navigation_is_over()
-        self.kernel.navigate("g", "goto", ordered_by_server=server, now=self.now)
+        self.bench.navigate("g", by_server=server)
         self.own, self.obeys = own, obeys
         self.bench.wanted = GOING if own else None
 
@@ -369,7 +349,7 @@ class KernelMachine(RuleBasedStateMachine):
     @precondition(lambda self: self.was_begun)
     @rule()
     def architecture_begins_late_or_goes_on(self):
-        """It accepts late, ignores its cancel, or goes on after it was at rest."""
+        """It accepts late, ignores its cancel, or drives on after it was at rest."""
         self.goes = True
         self.fights = self.fights or self.kernel.controller is Controller.DRIVER
 
@@ -409,11 +389,7 @@ class KernelMachine(RuleBasedStateMachine):
     @rule()
     def its_agent_begins_anew(self):
         lease, latch = self.kernel.leases.newest, self.kernel.latch
-        newest = (
-            None
-            if lease is None
-            else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
-        )
+        newest = lease and Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
         level = self.kernel.assist.level
         self.kernel = self.new_kernel(latch=latch, newest_lease=newest)
         self.kernel.assist.level = level
@@ -425,9 +401,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.unbidden_for = 0
         self.pressed_at = {}
         self.renewal += 1
-        self.bench.lease(
-            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
-        )
+        self.leases(self.caps)
         self.bench.know_clock()
         self.hold()
 
@@ -435,17 +409,13 @@ class KernelMachine(RuleBasedStateMachine):
     def the_clock_of_a_page_steps(self, step):
         beat = self.kernel.clocks.beat(self.now, self.bench.unix)
         there = self.bench.unix + DRIVER_CLOCK + step
-        answer = m.CommandHeartbeat(
-            n=beat.n,
-            stamp=there,
-            peer="p1",
-            echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
-        )
+        echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there)
+        answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer="p1", echo=echo)
         self.kernel.clocks.on_heartbeat("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
 
     @rule(seconds=st.sampled_from([0.05, 0.29, 0.6, 1.05, 3.0]))
-    def nobody_gets_to_anything(self, seconds):
-        """The loop itself is held up: the base's watchdog is all that is left."""
+    def loop_is_held_up(self, seconds):
+        """The loop does not run: only the base's watchdog acts."""
         self.bench.now += seconds
         self.base_moves()
         self.passes(1)
@@ -467,10 +437,10 @@ class KernelMachine(RuleBasedStateMachine):
         silent = self.now - self.told_at > self.bench.watchdog
         self.base = self.bench.motion = GOING if self.goes else ZERO if silent else self.told
 
-    # --- what is promised -------------------------------------------------------------------------
+    # --- promises ---------------------------------------------------------------------------------
 
     def sees(self, decision):
-        """Judge what the base is told, and pass it on."""
+        """Check a decision, and pass it to the base."""
         velocity = decision.velocity
         if velocity is None:
             self.sees_silence(decision)
@@ -491,32 +461,14 @@ class KernelMachine(RuleBasedStateMachine):
             if drives:
                 assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
             else:
-                assert (
-                    abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
-                )
+                fastest = max(abs(old), abs(self.base.angular), abs(self.base.linear))
+                assert abs(new) <= fastest + SLACK
                 assert new * old >= 0.0
         if self.latched or self.faulty or self.is_held:
             assert not drives
-        if (
-            drives
-            and self.caps.linear is not None
-            and self.kernel.leases.live(self.now) is not None
-        ):
-            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
-            assert (
-                abs(velocity.linear)
-                <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
-            )
-        if (
-            drives
-            and self.caps.angular is not None
-            and self.kernel.leases.live(self.now) is not None
-        ):
-            braking = LIMITS.angular_braking * min(self.now - self.told_at, TICK)
-            assert (
-                abs(velocity.angular)
-                <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK
-            )
+        if drives:
+            self.keeps_to_limits(velocity, before)
+            self.moves_away_from_contacts(velocity, before)
         if (
             decision.why == "driving"
             and self.kernel.assist.level != "off"
@@ -524,22 +476,33 @@ class KernelMachine(RuleBasedStateMachine):
             and velocity.linear * before.linear >= 0.0
         ):
             allowed = self.walls.ahead if velocity.linear > 0.0 else self.walls.back
-            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
-            assert (
-                abs(velocity.linear) <= max(allowed, abs(before.linear) - braking * 0.5) + SLACK
-            ), "faster towards something than is allowed"
-        if drives:
-            towards = {"ahead": velocity.linear, "behind": -velocity.linear}
-            was = {"ahead": before.linear, "behind": -before.linear}
-            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
-            between = CREEP if {"ahead", "behind"} <= set(self.kernel.contacts.sides) else 0.0
-            for side in towards.keys() & set(self.kernel.contacts.sides):
-                assert towards[side] <= max(between, was[side] - braking * 0.5) + SLACK, (
-                    "further towards what was touched"
-                )
+            slowest = abs(before.linear) - self.braked(LIMITS.linear_braking)
+            assert abs(velocity.linear) <= max(allowed, slowest) + SLACK, "too fast to an obstacle"
         self.told, self.told_at = velocity, self.now
-        # Where the adapter holds a velocity back, it is sent after the kernel has asked what was.
+        # An adapter that delays a velocity sends it after the kernel has asked for the last one.
         self.kernel.applied(last_sent if self.lags and velocity != ZERO else velocity)
+
+    def braked(self, braking):
+        """Return by how much the base must at least have braked since the last decision."""
+        return braking * min(self.now - self.told_at, TICK) * 0.5
+
+    def keeps_to_limits(self, velocity, before):
+        if self.kernel.leases.live(self.now) is None:
+            return
+        for new, old, cap, braking in (
+            (velocity.linear, before.linear, self.caps.linear, LIMITS.linear_braking),
+            (velocity.angular, before.angular, self.caps.angular, LIMITS.angular_braking),
+        ):
+            if cap is not None:
+                assert abs(new) <= max(cap, abs(old) - self.braked(braking)) + SLACK
+
+    def moves_away_from_contacts(self, velocity, before):
+        sides = set(self.kernel.contacts.sides)
+        between = CREEP if {"ahead", "behind"} <= sides else 0.0
+        for side, sign in (("ahead", 1.0), ("behind", -1.0)):
+            slowest = sign * before.linear - self.braked(LIMITS.linear_braking)
+            towards = sign * velocity.linear
+            assert side not in sides or towards <= max(between, slowest) + SLACK
 
     def sees_silence(self, decision):
         running = self.kernel.navigation
@@ -567,7 +530,7 @@ class KernelMachine(RuleBasedStateMachine):
         is_unbidden = moves(self.base) and velocity == ZERO == self.told and not self.own
         self.unbidden_for = self.unbidden_for + 1 if is_unbidden else 0
         if self.unbidden_for * TICK > 0.5:
-            assert self.kernel.moves_despite_stop(self.now), "a robot that moves is not reported"
+            assert self.kernel.moves_despite_stop(self.now), "the motion is not reported"
 
     @invariant()
     def a_latch_is_released_by_nothing_but_its_release(self):
@@ -587,12 +550,12 @@ class KernelMachine(RuleBasedStateMachine):
 
 
 class DrivenMachine(KernelMachine):
-    """The same without events that end a drive for long, so that most of it is driving."""
+    """Without events that end a drive for long, so that most steps drive."""
 
     is_stopped_for_good = a_button = its_base_is = takes_the_lease_back = an_old_lease_comes = None
-    its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = (
-        is_sent_somewhere
-    ) = wishes = architecture_begins_late_or_goes_on = None
+    its_agent_begins_anew = loop_is_held_up = the_clock_of_a_page_steps = is_sent_somewhere = (
+        wishes
+    ) = architecture_begins_late_or_goes_on = None
 
     @rule(linear=st.sampled_from([0.7, 0.7, -0.4]), angular=speeds, times=st.integers(4, 12))
     def goes_on(self, linear, angular, times):

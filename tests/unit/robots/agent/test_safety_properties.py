@@ -1,8 +1,8 @@
-"""Whatever arrives, in whatever order: the kernel never raises, never exceeds a limit, never moves
-without a live lease.
+"""With any events in any order the kernel never raises, never exceeds a limit, and never moves the
+robot without a live lease.
 
-Programs of random events with random gaps run against the kernel while an independent, much simpler
-account of what was permitted is kept beside it.
+Programs of random events with random gaps run against the kernel, beside an independent and much
+simpler account of permissions.
 """
 
 import math
@@ -15,7 +15,7 @@ from robots.agent.ramp import ZERO
 from robots.agent.safety.kernel import KERNEL
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
-from tests.support.agents.kernel_bench import LIMITS, Bench
+from tests.support.agents.kernel_bench import LIMITS, Bench, bench_with_driver
 from tests.support.examples import examples
 
 pytestmark = pytest.mark.long
@@ -83,17 +83,11 @@ programs = st.lists(
 
 
 class Account:
-    """What must hold, independent of the kernel: last accepted command, end of the lease."""
+    """Last velocity, last accepted command and end of the lease, independent of the kernel."""
 
-    def __init__(self, bench):
-        self.bench, self.last, self.last_at, self.accepted_at, self.lease_until = (
-            bench,
-            ZERO,
-            -math.inf,
-            -math.inf,
-            -math.inf,
-        )
-        self.latched = False
+    def __init__(self, bench, lease_until=-math.inf):
+        self.bench, self.lease_until, self.latched = bench, lease_until, False
+        self.last, self.last_at, self.accepted_at = ZERO, -math.inf, -math.inf
 
     def check(self):
         bench = self.bench
@@ -109,47 +103,25 @@ class Account:
             (self.last.angular, velocity.angular, LIMITS.angular_acceleration),
         ):
             grows = abs(after) > abs(before) or before * after < 0
-            assert (
-                not grows
-                or abs(after)
-                <= (abs(before) if before * after > 0 else 0.0)
-                + up * min(dt, KERNEL.max_step)
-                + SLACK
-            )
-        permitted = (
-            bench.now < self.accepted_at + LIMITS.deadman
-            and bench.now < self.lease_until
-            and not self.latched
-        )
-        if not permitted:
+            base = abs(before) if before * after > 0 else 0.0
+            assert not grows or abs(after) <= base + up * min(dt, KERNEL.max_step) + SLACK
+        permitted = bench.now < min(self.accepted_at + LIMITS.deadman, self.lease_until)
+        if self.latched or not permitted:
             assert abs(velocity.linear) <= abs(self.last.linear) + SLACK
             assert abs(velocity.angular) <= abs(self.last.angular) + SLACK
             if dt >= 0.0199 and self.last.linear != 0.0:
-                assert (
-                    abs(velocity.linear)
-                    <= max(0.0, abs(self.last.linear) - LIMITS.linear_braking * min(dt, 0.0199))
-                    + SLACK
-                )
+                braked = abs(self.last.linear) - LIMITS.linear_braking * 0.0199
+                assert abs(velocity.linear) <= max(0.0, braked) + SLACK
         self.last, self.last_at = velocity, bench.now
 
 
-# --- what may happen: one function an event, with the account of what it permits ------------------
+# --- a function for each event, which updates the account -----------------------------------------
 
 
 def _lease(bench, account, session, epoch, peer, renewal, retained, limit, ttl, video):
-    limits = m.LeaseLimits(linear=limit)
-    lease = m.Lease(
-        session=session,
-        epoch=epoch,
-        peer=peer,
-        who="x",
-        renewal=renewal,
-        stamp=bench.unix,
-        ttl=ttl,
-        video=video,
-        limits=limits,
-    )
-    if bench.kernel.take_lease(lease, retained=retained, now=bench.now):
+    terms = {"ttl": ttl, "video": video, "limits": m.LeaseLimits(linear=limit)}
+    names = {"session": session, "epoch": epoch, "peer": peer, "renewal": renewal}
+    if bench.lease(**names, **terms, retained=retained):
         if not retained:
             account.lease_until = bench.now + ttl
         elif bench.kernel.leases.live(bench.now) is None:
@@ -163,49 +135,33 @@ def _grant(bench, account, ttl):
 
 
 def _empty(bench, account):
-    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.end_lease()
     account.lease_until = -math.inf
 
 
 def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, age, frame_age):
-    command = bench.command(
-        linear,
-        angular,
-        age=age,
-        frame_age=frame_age,
-        session=session,
-        epoch=epoch,
-        seq=max(0, bench.seq + step),
-    )
-    verdict = bench.kernel.velocity(
-        command, CommandSender(way, peer), now=bench.now, unix=bench.unix
-    )
-    assert bench.now < account.lease_until or verdict.reason
-    if verdict.reason is None:
-        account.accepted_at = bench.now
+    ages = {"age": age, "frame_age": frame_age, "seq": max(0, bench.seq + step)}
+    command = bench.command(linear, angular, session=session, epoch=epoch, **ages)
+    _send(bench, account, command, CommandSender(way, peer))
 
 
 def _good(bench, account, linear, angular):
     lease = bench.kernel.leases.live(bench.now)
-    command = bench.command(
-        linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1
-    )
-    verdict = bench.kernel.velocity(command, CommandSender("mqtt"), now=bench.now, unix=bench.unix)
+    session, epoch = (lease.session, lease.epoch) if lease else ("s1", 1)
+    command = bench.command(linear, angular, session=session, epoch=epoch)
+    _send(bench, account, command, CommandSender("mqtt"))
+
+
+def _send(bench, account, command, sender):
+    verdict = bench.kernel.velocity(command, sender, now=bench.now, unix=bench.unix)
     assert (bench.now < account.lease_until and not account.latched) or verdict.reason
     if verdict.reason is None:
         account.accepted_at = bench.now
 
 
 def _stop(bench, _account, way, peer, role, session, epoch, seq, number):
-    bench.stop(
-        action_id=f"stop-{number}",
-        seq=seq,
-        way=way,
-        peer=peer,
-        role=role,
-        session=session,
-        epoch=epoch,
-    )
+    names = {"way": way, "peer": peer, "role": role, "session": session, "epoch": epoch}
+    bench.stop(action_id=f"stop-{number}", seq=seq, **names)
     assert bench.kernel.stop_id == f"stop-{number}"
 
 
@@ -228,14 +184,10 @@ def _estop(bench, account, way, peer, role, number):
 def _clear(bench, account, way, role, user):
     latch, held = bench.kernel.latch, bench.kernel.held
     between_sessions = bench.kernel.leases.live(bench.now) is None
-    if (
-        bench.ask(
-            m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user), way=way, peer="p1"
-        )
-        is None
-    ):
+    clear = m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user)
+    if bench.ask(clear, way=way, peer="p1") is None:
         assert way == "mqtt"
-        # People at the robot's screen clear what was pressed there, and a stop between sessions.
+        # The robot's screen clears its own e-stop, and a stop between sessions.
         is_theirs = latch.source == "screen" if latch else held and between_sessions
         assert role in {"staff", "owner"} or (role == "screen" and is_theirs)
         assert user
@@ -261,52 +213,36 @@ def _clock(bench, _account, peer):
 
 
 def _navigate(bench, _account, by_server):
-    bench.kernel.navigate("g", "goto", ordered_by_server=by_server, now=bench.now)
+    bench.navigate(by_server=by_server)
 
 
 def _wait(bench, _account, seconds):
     bench.now += seconds
 
 
-HAPPENINGS = {
-    "lease": _lease,
-    "grant": _grant,
-    "empty": _empty,
-    "velocity": _velocity,
-    "good": _good,
-    "stop": _stop,
-    "estop": _estop,
-    "clear": _clear,
-    "button": _button,
-    "fault": _fault,
-    "clock": _clock,
-    "navigate": _navigate,
-    "wait": _wait,
-}
+EVENTS = (_lease, _grant, _empty, _velocity, _good, _stop, _estop, _clear, _button)
+EVENTS += (_fault, _clock, _navigate, _wait)
+BY_NAME = {event.__name__.lstrip("_"): event for event in EVENTS}
 
 
 def perform(bench, account, event):
     kind, *values = event
-    HAPPENINGS[kind](bench, account, *values)
+    BY_NAME[kind](bench, account, *values)
 
 
 @cases(500, thorough=20_000)
 @given(programs, st.booleans())
-def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_should_not(
+def test_no_program_of_events_exceeds_limits_or_moves_the_robot_without_permission(
     program, driving
 ):
     bench = Bench()
-    account = Account(bench)
     bench.lease()
-    account.lease_until = bench.now + 10.0
+    account = Account(bench, bench.now + 10.0)
     bench.know_clock()
     if driving:
         bench.run(1.6, every=0.1, linear=0.6, angular=-0.6)
-        account.last, account.last_at, account.accepted_at = (
-            bench.kernel.commanded,
-            bench.now,
-            bench.now,
-        )
+        account.last, account.last_at = bench.kernel.commanded, bench.now
+        account.accepted_at = bench.now
     for gap, event in program:
         bench.now += gap
         perform(bench, account, event)
@@ -318,23 +254,19 @@ def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_sh
 @cases(250, thorough=10_000)
 @given(programs, ways, peers, roles)
 def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
-    bench = Bench()
-    bench.lease()
-    bench.know_clock()
+    bench = bench_with_driver()
     for gap, event in program:
         bench.now += gap
-        perform(bench, Permissive(bench), event)
+        perform(bench, Account(bench, math.inf), event)
         bench.tick()
-    driven = bench.kernel.commanded
+    before = bench.kernel.commanded
     assert bench.stop(action_id="the-stop", way=way, peer=peer, role=role, session="s1", epoch=1)
     assert bench.kernel.stop_id == "the-stop"
     assert bench.kernel.navigation is None
     bench.run(0.06)
-    assert (
-        driven == ZERO
-        or abs(bench.speed) < abs(driven.linear)
-        or abs(bench.kernel.commanded.angular) < abs(driven.angular)
-    )
+    after = bench.kernel.commanded
+    slower = abs(after.linear) < abs(before.linear) or abs(after.angular) < abs(before.angular)
+    assert slower or before == ZERO
     bench.run(2.0)
     assert bench.kernel.commanded == ZERO
     assert bench.estop(action_id="the-estop", way=way, peer=peer, role=role)
@@ -346,15 +278,11 @@ def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
 
 @cases(250, thorough=10_000)
 @given(programs, speeds, speeds)
-def test_navigation_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(
-    program, linear, angular
-):
-    bench = Bench(wanted=m.Velocity(linear=linear, angular=angular))
-    bench.lease()
-    bench.know_clock()
+def test_navigation_keeps_to_the_limits_and_brakes_under_a_latch_or_fault(program, linear, angular):
+    bench = bench_with_driver(wanted=m.Velocity(linear=linear, angular=angular))
     for gap, event in program:
         bench.now += gap
-        perform(bench, Permissive(bench), event)
+        perform(bench, Account(bench, math.inf), event)
         before = bench.kernel.commanded
         for _ in range(2):
             bench.now += 0.02
@@ -366,38 +294,22 @@ def test_navigation_gets_no_more_than_the_limits_and_nothing_while_the_robot_may
                 assert abs(velocity.angular) <= abs(before.angular)
 
 
-class Permissive(Account):
-    """An account that permits everything, where only the end of a program matters."""
-
-    def __init__(self, bench):
-        super().__init__(bench)
-        self.lease_until = math.inf
-
-
 @cases(375, thorough=15_000)
 @given(
     st.floats(0.001, 0.4),
     st.lists(st.tuples(st.floats(0.001, 0.25), speeds, speeds), min_size=1, max_size=30),
 )
-def test_after_the_last_accepted_command_the_robot_stands_within_deadman_and_braking_time(
-    first_gap, commands
-):
-    bench = Bench()
-    bench.lease()
-    bench.know_clock()
+def test_robot_is_at_rest_a_deadman_and_a_braking_time_after_the_last_command(first_gap, commands):
+    bench = bench_with_driver()
     bench.now += first_gap
     for gap, linear, angular in commands:
         bench.now += gap
         bench.drive(linear, angular)
     last = bench.now
-    braking = (
-        max(abs(bench.speed) + LIMITS.linear_acceleration * LIMITS.deadman, 0.0)
-        / LIMITS.linear_braking
-    )
-    turning = (
-        abs(bench.kernel.commanded.angular) + LIMITS.angular_acceleration * LIMITS.deadman
-    ) / LIMITS.angular_braking
-    while bench.now < last + LIMITS.deadman + max(braking, turning) + 0.03:
+    linear = abs(bench.speed) + LIMITS.linear_acceleration * LIMITS.deadman
+    angular = abs(bench.kernel.commanded.angular) + LIMITS.angular_acceleration * LIMITS.deadman
+    braking = max(linear / LIMITS.linear_braking, angular / LIMITS.angular_braking)
+    while bench.now < last + LIMITS.deadman + braking + 0.03:
         bench.now += 0.02
         bench.tick()
     assert bench.kernel.commanded == ZERO

@@ -10,7 +10,7 @@ from robots.api import disk_space
 from robots.api.disk_space import MIB
 
 
-def test_a_latch_comes_back_as_it_was_and_is_gone_when_it_was_opened(tmp_path):
+def test_a_latch_is_restored_until_it_is_cleared(tmp_path):
     store = Store(tmp_path / "new" / "giraff")
     assert store.latch() is None
     store.prepare()
@@ -28,7 +28,7 @@ def test_a_latch_that_cannot_be_read_counts_as_latched(tmp_path):
         assert Store(tmp_path).latch().source == "unreadable"
 
 
-def test_the_newest_lease_comes_back_and_one_that_cannot_be_read_is_none(tmp_path):
+def test_the_newest_lease_is_restored_and_an_unreadable_one_is_none(tmp_path):
     store = Store(tmp_path)
     assert store.lease() is None
     store.keep_lease(Remembered("s1", 4, 2, 9.5))
@@ -44,7 +44,7 @@ def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
     assert store.latch() == EStopLatch("driver", 1.0)
 
 
-def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):
+def test_a_disk_that_fills_up_is_reported_before_it_is_full(tmp_path, monkeypatch):
     store, free = Store(tmp_path / "giraff"), 500 * MIB
     monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
     assert store.shortage() == ()  # no folder yet, so the store is empty
@@ -56,7 +56,7 @@ def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):
     assert store.shortage() == ("disk_full: 1 MB are free on the robot's computer",)
 
 
-def test_a_disk_that_cannot_even_be_asked_is_told_as_full_and_raises_nothing(tmp_path, monkeypatch):
+def test_a_disk_that_cannot_be_read_counts_as_full(tmp_path, monkeypatch):
     store = Store(tmp_path / "giraff")
 
     def dying(_path):

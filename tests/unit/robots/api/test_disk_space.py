@@ -12,17 +12,17 @@ from robots.api.disk_space import MIB, DiskSpace
     ("free", "word"),
     [(600, "ok"), (500, "ok"), (499, "low"), (2, "low"), (1.9, "full"), (0, "full")],
 )
-def test_a_word_for_what_is_free(monkeypatch, tmp_path, free, word):
+def test_free_space_is_classified(monkeypatch, tmp_path, free, word):
     monkeypatch.setattr(
         disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=int(free * MIB))
     )
     assert DiskSpace(tmp_path, 500).state() == word
 
 
-def test_a_small_disk_that_nobody_minds_is_full_all_the_same(monkeypatch, tmp_path):
+def test_a_small_disk_is_full_without_a_warning_limit(monkeypatch, tmp_path):
     monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=MIB))
     assert DiskSpace(tmp_path, 0).state() == "full"
 
 
-def test_a_disk_that_is_gone_has_no_room(tmp_path):
+def test_a_missing_disk_has_no_room(tmp_path):
     assert DiskSpace(tmp_path / "gone", 500).state() == "full"

@@ -32,7 +32,7 @@ def test_a_robot_that_rests_on_its_contacts_for_two_seconds_is_docked():
 
 
 @pytest.mark.parametrize("fields", [{"linear": 0.05}, {"angular": -0.1}, {"released": False}])
-def test_a_robot_that_moves_or_is_driven_on_its_contacts_is_not_docked_until_it_rests(fields):
+def test_a_robot_that_moves_on_its_contacts_is_not_docked_until_it_rests(fields):
     pushing = after((10.0, True, fields))
     assert pushing.touching
     assert not pushing.docked
@@ -40,11 +40,11 @@ def test_a_robot_that_moves_or_is_driven_on_its_contacts_is_not_docked_until_it_
     assert after((2.1, True), before=pushing).docked
 
 
-def test_contacts_that_part_for_a_moment_begin_anew():
+def test_a_short_break_of_the_contacts_restarts_the_time():
     assert not after((1.9, True), (0.04, False), (1.9, True)).docked
 
 
-def test_a_docked_robot_stays_docked_while_its_contacts_bounce_and_while_it_is_driven_on_them():
+def test_a_docked_robot_stays_docked_while_its_contacts_bounce_or_it_moves_on_them():
     docked = after((3.0, True))
     assert after((0.4, False), (0.1, True), (0.4, False), before=docked).docked
     assert after((5.0, True, {"released": False, "angular": 0.2}), before=docked).docked

@@ -1,9 +1,8 @@
-"""Plans made by hand: what is wrong is named in one sentence."""
+"""Each mistake in a hand-made plan is reported in one sentence."""
 
 import json
 from typing import Any
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,14 +11,18 @@ from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
 
 
+def named(name: str, **fields: Any) -> dict[str, Any]:
+    return {"name": name, "title": name.title(), **fields}
+
+
 def hut() -> dict[str, Any]:
     """Return the smallest useful plan: two rooms of 3 x 3 m with a door between them."""
     return {
         "mapId": "hut",
         "title": "Hut",
         "rooms": [
-            {"name": "west", "title": "West", "polygon": [[0, 0], [3, 0], [3, 3], [0, 3]]},
-            {"name": "east", "title": "East", "polygon": [[3, 0], [6, 0], [6, 3], [3, 3]]},
+            named("west", polygon=[[0, 0], [3, 0], [3, 3], [0, 3]]),
+            named("east", polygon=[[3, 0], [6, 0], [6, 3], [3, 3]]),
         ],
         "walls": [
             {"start": [0, 0], "end": [6, 0]},
@@ -29,27 +32,8 @@ def hut() -> dict[str, Any]:
             {"start": [3, 0], "end": [3, 1]},
             {"start": [3, 2], "end": [3, 3]},
         ],
-        "doors": [
-            {
-                "name": "door",
-                "title": "Door",
-                "start": [3, 1],
-                "end": [3, 2],
-                "swing": 1.57,
-                "connects": ["west", "east"],
-            }
-        ],
-        "docks": [
-            {
-                "name": "dock",
-                "title": "Dock",
-                "type": "giraff",
-                "x": 1,
-                "y": 1,
-                "theta": 0,
-                "station": {"distance": 0.4},
-            }
-        ],
+        "doors": [named("door", start=[3, 1], end=[3, 2], swing=1.57, connects=["west", "east"])],
+        "docks": [named("dock", type="giraff", x=1, y=1, theta=0, station={"distance": 0.4})],
         "routes": [
             {
                 "type": "giraff",
@@ -66,12 +50,12 @@ def refused(plan: dict[str, Any]) -> str:
     return str(caught.value)
 
 
-def test_a_plan_survives_the_way_to_json_and_back() -> None:
+def test_a_plan_survives_json() -> None:
     plan = floorplan.decode(json.dumps(hut()))
     assert floorplan.decode(floorplan.encode(plan)) == plan
 
 
-def test_a_plan_says_what_it_holds() -> None:
+def test_a_plan_finds_its_rooms_docks_and_routes() -> None:
     plan = floorplan.decode(json.dumps(hut()))
     assert plan.room_at(1.0, 1.0) == plan.rooms[0]
     assert plan.room_at(9.0, 1.0) is None
@@ -107,7 +91,7 @@ def test_a_plan_that_cannot_be_a_place_is_refused_with_a_sentence(
     assert words in refused(plan)
 
 
-def test_a_slip_of_the_pen_is_named_with_its_path() -> None:
+def test_a_misspelled_or_invalid_field_is_named_with_its_path() -> None:
     plan = hut()
     plan["walls"][1]["thikness"] = 0.2
     assert "thikness" in refused(plan)
@@ -126,20 +110,11 @@ def test_a_decoration_hangs_on_a_wall() -> None:
 
 def test_a_mirror_without_a_surface_is_refused() -> None:
     plan = hut()
-    plan["mirrors"] = [
-        {
-            "name": "m",
-            "title": "M",
-            "start": [0.075, 1],
-            "end": [0.075, 2],
-            "bottom": 1.0,
-            "top": 0.5,
-        }
-    ]
+    plan["mirrors"] = [named("m", start=[0.075, 1], end=[0.075, 2], bottom=1.0, top=0.5)]
     assert "mirror 'm' has no surface" in refused(plan)
 
 
-def test_all_problems_are_told_at_once() -> None:
+def test_all_problems_are_reported_at_once() -> None:
     plan = hut()
     plan["docks"][0]["x"] = -4.0
     plan["doors"][0]["connects"] = ["west", "attic"]
@@ -149,26 +124,25 @@ def test_all_problems_are_told_at_once() -> None:
 
 
 @given(st.binary(max_size=200))
-def test_bytes_that_are_no_plan_are_refused_and_nothing_else(data: bytes) -> None:
+def test_invalid_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(FloorPlanError):
         floorplan.decode(data)
 
 
 @given(
     st.recursive(
-        st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=5),
+        st.none()
+        | st.booleans()
+        | st.floats(allow_nan=False, allow_infinity=False)
+        | st.text(max_size=5),
         lambda x: st.lists(x, max_size=3),
     )
 )
-def test_a_list_of_docks_that_holds_anything_but_docks_is_refused(value: Any) -> None:
-    plan = hut()
-    plan["docks"] = value
-    with pytest.raises(FloorPlanError) as caught:
-        floorplan.decode(msgspec.json.encode(plan))
-    assert caught.value.problems
+def test_a_list_of_docks_with_anything_but_docks_is_refused(value: Any) -> None:
+    refused(hut() | {"docks": value})
 
 
-def test_a_concave_floor_holds_its_arms_and_not_the_notch() -> None:
+def test_a_concave_floor_contains_its_arms_and_not_the_notch() -> None:
     corner = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
     assert floorplan.contains(corner, 0.5, 1.5)
     assert not floorplan.contains(corner, 1.5, 1.5)
@@ -185,7 +159,7 @@ def spoken() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("language", ["es", "es-mx", "ES"])
-def test_titles_are_in_the_language_that_is_asked_for_and_the_others_stay_as_they_are(language):
+def test_titles_are_translated_where_there_is_a_translation(language):
     plan = floorplan.in_language(spoken(), language)
     assert plan["title"] == "Cabaña"
     assert [room["title"] for room in plan["rooms"]] == ["Oeste", "East"]
@@ -201,14 +175,14 @@ def test_without_a_translation_a_plan_is_what_it_was(language):
     assert floorplan.in_language({}, language) == {}
 
 
-def test_a_translation_of_nothing_is_named():
+def test_a_translation_of_an_unknown_title_is_named():
     plan = {**hut(), "translations": {"es": {"Wset": "Oeste"}}}
     with pytest.raises(FloorPlanError) as caught:
         floorplan.decode(json.dumps(plan))
     assert caught.value.problems == ("the translation to 'es' of 'Wset' belongs to no title",)
 
 
-def test_a_plan_with_translations_is_still_a_key_of_caches():
+def test_a_plan_with_translations_can_be_a_key_of_caches():
     one, other = (floorplan.decode(json.dumps(spoken())) for _ in range(2))
     assert {one: "found"}[other] == "found"
     assert one != floorplan.decode(json.dumps(hut()))

@@ -53,7 +53,7 @@ def test_applying_a_composition_is_applying_one_after_the_other(
 
 @examples(50, thorough=1000)
 @given(transforms, metres, metres)
-def test_a_point_comes_back_from_its_pixel(transform: MapTransform, x: float, y: float) -> None:
+def test_a_point_is_recovered_from_its_pixel(transform: MapTransform, x: float, y: float) -> None:
     assert math.dist(transform.to_world(*transform.to_pixel(x, y)), (x, y)) < 1e-6
 
 

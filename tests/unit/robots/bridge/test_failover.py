@@ -52,7 +52,7 @@ def test_every_node_is_tried_once_before_the_waits_become_longer():
     assert 0.1 <= broker.ended(was_up=True) < 0.2
 
 
-def test_two_clients_do_not_come_at_the_same_moment():
+def test_clients_reconnect_at_different_times():
     waits = {Failover((A, B), random.Random(seed)).ended(was_up=True) for seed in range(20)}
     assert len(waits) == 20
 

@@ -20,7 +20,7 @@ def lease(**changes):
     return msgspec.structs.replace(LEASE, **changes)
 
 
-def test_a_robot_is_online_from_its_word_to_its_word():
+def test_a_robot_is_online_until_it_reports_otherwise():
     known = KnownRobot("giraff")
     assert known.online is None
     assert known.take("connection", words.online(), 0.0)
@@ -29,7 +29,7 @@ def test_a_robot_is_online_from_its_word_to_its_word():
     assert known.online is False
 
 
-def test_the_will_of_an_earlier_boot_is_not_believed():
+def test_the_will_of_an_earlier_boot_is_ignored():
     known = KnownRobot("giraff")
     known.take("connection", words.online("b1"), 0.0)
     known.take("connection", words.online("b2"), 1.0)
@@ -41,7 +41,7 @@ def beat(n):
     return codec.encode(m.Heartbeat(n=n, stamp=float(n)))
 
 
-def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
+def test_heartbeats_after_a_will_restore_the_robot_and_its_pages():
     delivery, page = Delivery(), Ear()
     delivery.listen("giraff", page, 0.0)
     known = delivery.known["giraff"]
@@ -62,7 +62,7 @@ def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
     assert known.online is False
 
 
-def test_silence_means_nothing_before_the_robot_was_asked_to_speak():
+def test_silence_counts_only_after_the_robot_was_asked_for_heartbeats():
     known = KnownRobot("giraff")
     known.take("connection", words.online(), 0.0)
     assert not known.is_silent(29.0, 1.2)
@@ -82,7 +82,7 @@ class Ear:
         return [inbound.message for inbound in self.messages if inbound.suffix == suffix]
 
 
-def test_a_robot_gets_heartbeats_for_pages_at_once_and_every_second_not_for_displays():
+def test_a_robot_gets_a_heartbeat_each_second_while_a_page_needs_it():
     delivery, page, display = Delivery(), Ear(), Ear()
     delivery.listen("giraff", display, 0.0, needs=False)
     assert delivery.beats_due(5.0) == []
@@ -116,7 +116,7 @@ def test_late_copies_change_nothing():
     assert known.lease is None
 
 
-def test_a_server_whose_counter_began_anew_is_believed_when_nobody_drives():
+def test_a_lower_epoch_is_accepted_after_the_lease_has_ended():
     known = KnownRobot("giraff")
     known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
     assert not known.take("lease", lease(epoch=1, stamp=20.0), 5.0)
@@ -132,7 +132,7 @@ def test_a_lease_of_the_database_overrides_every_message():
 
 @examples(100, thorough=3000)
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=20))
-def test_the_newest_lease_wins_in_whatever_order_copies_arrive(arrivals):
+def test_the_newest_lease_counts_in_any_order_of_arrival(arrivals):
     known = KnownRobot("giraff")
     for epoch, renewal in arrivals:
         known.take("lease", lease(epoch=epoch, renewal=renewal), 0.0)
@@ -150,7 +150,7 @@ def test_the_newest_lease_wins_in_whatever_order_copies_arrive(arrivals):
         ("mqtt://[::1]:1884", BrokerAddress("::1", 1884)),
     ],
 )
-def test_an_address_says_where_how_and_as_whom(url, address):
+def test_an_address_has_host_port_protocol_and_credentials(url, address):
     assert parse(url) == address
 
 

@@ -8,14 +8,7 @@ from robots.world.sensing import CENTRE, LaserScan
 
 
 def sweep(ranges, mount=CENTRE):
-    return LaserScan(
-        stamp=1.0,
-        angle_min=-math.pi / 2,
-        angle_increment=math.pi / 2,
-        range_max=8.0,
-        ranges=np.array(ranges),
-        mount=mount,
-    )
+    return LaserScan(1.0, -math.pi / 2, math.pi / 2, 8.0, np.array(ranges), mount)
 
 
 def test_points_lie_where_the_beams_ended_seen_from_the_robot():

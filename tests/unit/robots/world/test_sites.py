@@ -1,5 +1,6 @@
 """The sites that come with the project: their parts agree, and each is a place the task needs."""
 
+import math
 from itertools import pairwise
 from pathlib import Path
 
@@ -112,10 +113,8 @@ def test_every_robot_has_a_dock_five_checkpoints_and_a_path_between_them(site: s
         assert [c.number for c in route.checkpoints] == [0, 1, 2, 3, 4]
         assert (route.checkpoints[0].x, route.checkpoints[0].y) == (dock.x, dock.y)
         for checkpoint in route.checkpoints:
-            assert (
-                min(np.hypot(x - checkpoint.x, y - checkpoint.y) for x, y in route.path)
-                < checkpoint.radius
-            )
+            away = [math.dist(point, (checkpoint.x, checkpoint.y)) for point in route.path]
+            assert min(away) < checkpoint.radius
 
 
 @each_site
@@ -141,7 +140,7 @@ def test_giraffs_fourth_checkpoint_is_before_the_mirror(site: sites.Site) -> Non
 
 @each_site
 @pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.series)
-def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(
+def test_every_robot_fits_in_its_dock_and_at_every_start_and_place(
     site: sites.Site, model: RobotModel
 ) -> None:
     assert Simulation(model, site.plan, seed=1).docked
@@ -149,7 +148,7 @@ def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(
         Simulation(model, site.plan, seed=1, start=place.name)
 
 
-def test_a_site_that_is_not_there_is_refused_with_those_that_are() -> None:
+def test_the_error_of_a_missing_site_lists_the_existing_ones() -> None:
     with pytest.raises(sites.SiteError, match="office"):
         sites.load_plan("castle")
 
@@ -165,7 +164,5 @@ def test_a_site_with_a_bad_plan_or_no_map_is_refused(tmp_path: Path) -> None:
 
 def test_doors_are_as_in_the_plan_unless_given() -> None:
     assert sites.with_doors(PLAN, {}) == {"lab-door": "open", "lounge-door": "open"}
-    assert sites.with_doors(PLAN, {"lab-door": "closed", "barn": "open"}) == {
-        "lab-door": "closed",
-        "lounge-door": "open",
-    }
+    found = sites.with_doors(PLAN, {"lab-door": "closed", "barn": "open"})
+    assert found == {"lab-door": "closed", "lounge-door": "open"}

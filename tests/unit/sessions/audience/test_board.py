@@ -76,14 +76,14 @@ def test_hands_are_listed_in_the_order_in_which_they_were_raised_one_a_person():
     assert not board.view("eve").raised
 
 
-def test_a_hand_goes_down_with_its_page():
+def test_a_hand_is_lowered_when_its_page_closes():
     board = opened()
     raises(board, "ada")
     board.leave("ada")
     assert names(board) == ()
 
 
-def test_only_who_moderates_sees_what_waits_and_who_asks():
+def test_only_moderators_see_waiting_questions_and_names():
     board = opened()
     first, second = asks(board, "ada", 1.0, "One?"), asks(board, "bob", 2.0, "Two?")
     raises(board, "ada")
@@ -112,7 +112,7 @@ def test_one_question_is_being_answered_at_a_time():
     assert board.mark("q-of-nobody", "answered") == "unknown"
 
 
-def test_a_person_asks_now_and_then_and_has_so_many_questions_that_wait():
+def test_a_person_has_a_limit_of_questions_and_a_pause_between_them():
     board = opened()
     asks(board, "ada", 0.0)
     assert board.ask(Asked("x", "ada", "Ada", "And?", QUESTION_PAUSE - 0.1)) == "rate"
@@ -123,7 +123,7 @@ def test_a_person_asks_now_and_then_and_has_so_many_questions_that_wait():
     asks(board, "ada", late)
 
 
-def test_a_list_that_nobody_can_answer_is_full():
+def test_a_list_with_too_many_questions_is_full():
     board = opened()
     keys = [asks(board, f"user{n}") for n in range(MAX_WAITING)]
     assert board.ask(Asked("x", "ada", "Ada", "Why?", 1.0)) == "full"
@@ -148,11 +148,11 @@ def test_a_question_is_one_line_of_plain_text(said, kept):
     assert sanitize(said) == kept
 
 
-def test_an_empty_question_is_none():
+def test_an_empty_question_is_refused():
     assert opened().ask(Asked("x", "ada", "Ada", sanitize(" \n "), 1.0)) == "empty"
 
 
-def test_with_the_next_drive_everything_is_forgotten():
+def test_the_next_drive_starts_with_an_empty_board():
     board = opened()
     raises(board, "ada")
     asks(board, "ada")
@@ -189,7 +189,7 @@ def test_a_visitor_lowers_their_hand_from_another_process():
     assert names(one) == names(two) == ()
 
 
-def test_a_process_that_comes_late_or_missed_something_learns_all():
+def test_a_process_that_joins_late_or_missed_an_update_gets_all():
     one, two, late = opened("a"), opened("b"), opened("c")
     key = asks(one, "ada")
     talk(one, two)
@@ -211,7 +211,7 @@ def test_a_repeated_update_changes_nothing():
     assert (one.version, two.version) == before
 
 
-def test_the_hands_of_a_process_that_is_gone_go_down_and_its_questions_stay():
+def test_a_lost_process_loses_its_hands_and_not_its_questions():
     one, two = opened("a"), opened("b")
     raises(one, "ada")
     asks(one, "ada")
@@ -223,7 +223,7 @@ def test_the_hands_of_a_process_that_is_gone_go_down_and_its_questions_stay():
     assert states(two) == [("Why?", "waiting")]
 
 
-def test_a_hand_stays_up_where_its_page_has_come_back_to_another_process():
+def test_a_hand_stays_raised_when_its_page_reconnects_to_another_process():
     one, two = opened("a"), opened("b")
     raises(one, "ada", 1.0)
     raises(one, "bob", 2.0)
@@ -246,7 +246,7 @@ def test_a_hand_outlives_the_connection_that_its_page_has_replaced():
     assert names(board) == ()
 
 
-def test_hundreds_of_hands_of_several_processes_are_one_row():
+def test_hundreds_of_hands_of_several_processes_are_one_list():
     boards = [opened(process) for process in "abc"]
     for number in range(600):
         raises(boards[number % 3], f"user{number}", float(number))
@@ -259,7 +259,7 @@ def test_hundreds_of_hands_of_several_processes_are_one_row():
     assert [board.view("", moderates=True).hands for board in boards] == [0, 0, 0]
 
 
-def test_another_drives_news_are_none():
+def test_updates_of_another_drive_are_ignored():
     one, two = opened("a"), opened("b")
     two.begin("s2")
     asks(one, "ada")
@@ -277,7 +277,7 @@ def test_another_drives_news_are_none():
         max_size=25,
     )
 )
-def test_whatever_is_done_where_and_heard_when_all_boards_end_alike(deeds):
+def test_all_boards_agree_after_any_changes(deeds):
     boards = [opened(process) for process in "abc"]
     keys = []
     for clock, (at, deed, which) in enumerate(deeds):

@@ -1,4 +1,4 @@
-"""Pages that say together that they are open."""
+"""Pages whose open state is stored in one batch."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ from sessions.consumers.last_seen import LastSeenBatcher
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What the database was asked; `over` is ended for it, and it answers nothing while away."""
+    """The sessions of each query; `over` has ended, and `away` makes the database fail."""
     found = []
 
     def seen(sessions, now):
@@ -31,25 +31,22 @@ def asked(monkeypatch):
     return found
 
 
-async def test_many_pages_are_one_question_and_each_gets_its_own_answer(asked):
+async def test_many_pages_share_one_query_and_each_gets_its_own_answer(asked):
     pages = LastSeenBatcher()
-    assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [
-        True,
-        False,
-        True,
-    ]
+    answers = await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b")))
+    assert answers == [True, False, True]
     assert await pages.seen("a")
     assert asked == [{"a", "over", "b"}, {"a"}]
 
 
-async def test_a_database_that_is_away_is_told_to_every_page_and_asked_again_by_the_next(asked):
+async def test_a_database_error_reaches_every_page_and_the_next_page_asks_again(asked):
     pages = LastSeenBatcher()
     sent = await asyncio.gather(pages.seen("a"), pages.seen("away"), return_exceptions=True)
     assert [type(one) for one in sent] == [OperationalError, OperationalError]
     assert await pages.seen("a")
 
 
-async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
+async def test_a_page_that_leaves_does_not_cancel_the_batch(asked):
     pages = LastSeenBatcher()
     leaves, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
     await asyncio.sleep(0)
@@ -58,7 +55,7 @@ async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
     assert asked == [{"a", "b"}]
 
 
-async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
+async def test_a_page_that_has_closed_is_not_reported_as_open(asked):
     pages = LastSeenBatcher()
     closes, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
     await asyncio.sleep(0)
@@ -89,7 +86,7 @@ async def test_page_that_closes_waits_for_the_batch_that_names_it(monkeypatch):
     assert await seen
 
 
-def test_a_roll_call_of_a_loop_that_is_over_is_not_waited_for(asked):
+def test_a_batch_of_a_closed_event_loop_is_not_awaited(asked):
     pages = LastSeenBatcher()
 
     async def first():

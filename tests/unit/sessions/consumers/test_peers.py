@@ -72,7 +72,7 @@ def test_page_that_waits_and_watches_counts_as_waiting_only(known):
     assert peers.describe(known, 0.0).observers == 2
 
 
-def test_why_a_robot_is_not_ready_is_said_while_nobody_drives(known):
+def test_the_reason_of_a_pause_is_sent_while_there_is_no_driver(known):
     peers = room(direct=0)
     peers.pause = "returning: dock"
     assert peers.describe(known, 0.0).pause == "returning: dock"
@@ -80,7 +80,7 @@ def test_why_a_robot_is_not_ready_is_said_while_nobody_drives(known):
     assert peers.describe(known, 0.0).pause == ""
 
 
-def test_a_robot_is_read_anew_after_each_lease_and_now_and_then_once_for_all_pages(known):
+def test_a_robot_is_read_again_after_each_lease_and_at_intervals_for_all_pages(known):
     peers = room(direct=3)
     assert peers.is_to_be_read(known, 0.0)
     assert not peers.is_to_be_read(known, 1.0)
@@ -94,7 +94,7 @@ def test_a_robot_is_read_anew_after_each_lease_and_now_and_then_once_for_all_pag
     assert not peers.is_to_be_read(known, 22.5)
 
 
-def test_a_site_may_have_fewer_watch_the_robot_itself(known, settings):
+def test_a_site_may_limit_the_direct_watchers(known, settings):
     settings.DIRECT_WATCHERS = 2
     assert room(direct=1).has_place_beside_sfu(known, operates=False)
     assert not room(direct=2).has_place_beside_sfu(known, operates=False)

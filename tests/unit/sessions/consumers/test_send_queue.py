@@ -1,4 +1,4 @@
-"""What waits for a slow page."""
+"""Frames that wait for a slow page."""
 
 import asyncio
 import time
@@ -13,27 +13,22 @@ from tests.support.browsers.pages import until
 from tests.support.host_jitter import watched
 
 
-async def test_frames_come_out_in_the_order_in_which_they_came_in():
+async def test_frames_keep_their_order():
     queue = SendQueue()
     for number in range(10):
         queue.put(str(number), droppable=number % 3 == 0)
     assert [await queue.take() for _ in range(10)] == [str(number) for number in range(10)]
 
 
-async def test_the_oldest_telemetry_goes_and_nothing_else():
+async def test_only_the_oldest_telemetry_is_dropped():
     queue = SendQueue(droppable=3, kept=100)
     for number in range(10):
         queue.put(f"state {number}", droppable=True)
         queue.put(f"event {number}", droppable=False)
     frames = [await queue.take() for _ in range(13)]
-    assert [frame for frame in frames if frame.startswith("state")] == [
-        "state 7",
-        "state 8",
-        "state 9",
-    ]
-    assert [frame for frame in frames if frame.startswith("event")] == [
-        f"event {number}" for number in range(10)
-    ]
+    states, events = ([f for f in frames if f.startswith(kind)] for kind in ("state", "event"))
+    assert states == ["state 7", "state 8", "state 9"]
+    assert events == [f"event {number}" for number in range(10)]
     assert frames[-2:] == ["state 9", "event 9"]
     assert queue.dropped == 7
 
@@ -67,7 +62,7 @@ async def network():
     network.sender.abandon()
 
 
-async def test_while_the_network_is_full_telemetry_grows_old_and_is_replaced(network):
+async def test_old_telemetry_is_replaced_while_the_network_is_full(network):
     network.full = True
     network.sender.put(Outgoing("first"))
     await until(lambda: network.sent)
@@ -78,7 +73,7 @@ async def test_while_the_network_is_full_telemetry_grows_old_and_is_replaced(net
     assert network.sent[1] == "state 136"
 
 
-async def test_a_page_that_lets_everything_pile_up_is_sent_away(network):
+async def test_a_page_with_too_many_waiting_frames_is_disconnected(network):
     network.full = True
     for number in range(600):
         network.sender.put(Outgoing(f"event {number}"))
@@ -86,7 +81,7 @@ async def test_a_page_that_lets_everything_pile_up_is_sent_away(network):
     assert network.codes == [protocol.TOO_SLOW]
 
 
-async def test_the_last_words_are_said_before_the_end_and_the_end_comes_once(network):
+async def test_waiting_frames_are_sent_before_the_connection_is_closed_once(network):
     network.sender.put(Outgoing("you may go"))
     network.sender.end(protocol.NOT_ALLOWED)
     network.sender.end(protocol.SIGNED_OUT)
@@ -94,7 +89,7 @@ async def test_the_last_words_are_said_before_the_end_and_the_end_comes_once(net
     assert (network.sent, network.codes) == (["you may go"], [protocol.NOT_ALLOWED])
 
 
-async def test_the_end_does_not_wait_for_a_page_that_takes_nothing(network, monkeypatch):
+async def test_closing_does_not_wait_for_a_page_that_reads_nothing(network, monkeypatch):
     monkeypatch.setattr("sessions.consumers.sender.DRAIN_SECONDS", 0.05)
     network.full = True
     for word in ("one", "two"):
@@ -108,7 +103,7 @@ async def test_the_end_does_not_wait_for_a_page_that_takes_nothing(network, monk
     assert network.sent == ["one"]
 
 
-async def test_of_pictures_only_the_newest_waits_however_many_come(network):
+async def test_only_the_newest_picture_waits(network):
     network.full = True
     network.sender.put(Outgoing("first"))
     await until(lambda: network.sent)
@@ -121,7 +116,7 @@ async def test_of_pictures_only_the_newest_waits_however_many_come(network):
     assert network.sent[1] == b"picture 499"
 
 
-async def test_pictures_keep_neither_words_nor_telemetry_from_a_page():
+async def test_pictures_do_not_displace_other_frames():
     queue = SendQueue()
     queue.put("state", droppable=True)
     queue.put_picture(b"old")

@@ -60,14 +60,14 @@ def test_an_end_without_an_absent_server_has_the_side_that_its_record_names(foun
         (LOST + 5.0, None, True),
     ],
 )
-def test_a_loss_during_an_absence_of_the_server_is_the_platforms(part, since, until, is_platform):
+def test_a_loss_during_a_server_outage_is_the_platforms_fault(part, since, until, is_platform):
     absence = ServerAbsence(part, since, until)
     expected = FaultAttribution("platform", part) if is_platform else FaultAttribution("network")
     assert fault_of(end("connection_lost", "visitor_silent", absence)) == expected
     assert fault_of(end("timed_out", "task", absence)) == expected
 
 
-def test_a_connection_that_never_came_about_while_the_server_was_away_is_the_platforms():
+def test_a_failed_connection_during_a_server_outage_is_the_platforms_fault():
     for since, until in ((50.0, 110.0), (110.0, 130.0), (90.0, None)):
         absence = ServerAbsence(WEB, since, until)
         refused = end("connection_refused", "never_connected", absence, lost_at=None)
@@ -78,7 +78,7 @@ def test_a_connection_that_never_came_about_while_the_server_was_away_is_the_pla
     ) == FaultAttribution("network")
 
 
-def test_an_absence_from_which_the_server_came_back_excuses_nobody_who_left_or_finished():
+def test_an_outage_that_ended_does_not_excuse_visitors_who_left_or_finished():
     absence = ServerAbsence(WEB, 200.0, 230.0)
     for outcome, reason in (("cancelled", "left"), ("timed_out", "idle")):
         assert fault_of(end(outcome, reason, absence, lost_at=None)) == FaultAttribution("visitor")
@@ -86,7 +86,7 @@ def test_an_absence_from_which_the_server_came_back_excuses_nobody_who_left_or_f
         assert fault_of(end(outcome, "task", absence, lost_at=None)) == FaultAttribution()
 
 
-def test_a_task_whose_page_never_heard_of_the_server_again_was_ended_by_the_platform():
+def test_a_task_that_ended_during_a_server_outage_is_the_platforms_fault():
     found = end("timed_out", "task", ServerAbsence(WEB, 300.0), lost_at=None)
     assert fault_of(found) == FaultAttribution("platform", WEB)
 

@@ -1,4 +1,4 @@
-"""What time does to visits."""
+"""Transitions of sessions as time passes."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def pass_time(world: World, seconds: float, *, open_pages=("ana", "ben", "cem"),
     return acts
 
 
-def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbeat(world):
+def test_a_session_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbeat(world):
     session = world.session_of("ana").id
     assert world.tick() == ()
     old_epoch = RobotLink(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
@@ -60,7 +60,7 @@ def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbea
     )
 
 
-def test_a_silent_visitor_is_reconnecting_and_drives_again_when_back(world):
+def test_a_silent_visitor_is_reconnecting_and_drives_again(world):
     session = drive(world)
     world.connected.clear()
     assert world.tick() == (SetState(session, "reconnecting", world.now),)
@@ -91,39 +91,36 @@ def test_a_reconnection_within_the_grace_period_restores_all_of_it(world):
     assert world.sessions[session].state == "reconnecting"
 
 
-def test_a_visit_that_never_connects_ends_as_connection_refused(world):
+def test_a_session_that_never_connects_ends_as_connection_refused(world):
     session = world.session_of("ana").id
-    assert ended(session, "connection_refused", "never_connected") in pass_time(
-        world, RULES.start + 1.0
-    )
+    acts = pass_time(world, RULES.start + 1.0)
+    assert ended(session, "connection_refused", "never_connected") in acts
 
 
-def test_a_robot_that_falls_silent_ends_the_visit_as_robot_fault(world):
+def test_a_silent_robot_ends_the_session_as_robot_fault(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now
     acts = pass_time(world, ROBOT_SILENCE + 2.0)
-    assert acts == [ended(session, "robot_fault", "robot_offline")], (
-        "the visitor is there, so it is the robot that is lost"
-    )
+    assert acts == [ended(session, "robot_fault", "robot_offline")]
 
 
-def begun_anew(world: World, session: str | None = None) -> RobotLink:
-    """What a robot says that has just been started: it knows of no visit yet."""
+def restarted(world: World, session: str | None = None) -> RobotLink:
+    """The link of a robot that has just restarted and has no session yet."""
     return RobotLink(0.0, world.now, world.now, session, 0, None)
 
 
-def test_a_robot_that_dies_again_and_again_is_not_taken_for_a_visitor_who_is_lost(world):
+def test_a_robot_that_restarts_again_and_again_is_a_robot_fault(world):
     session = drive(world)
-    assert world.tick(begun_anew(world)) == (SetState(session, "reconnecting", world.now),)
+    assert world.tick(restarted(world)) == (SetState(session, "reconnecting", world.now),)
     while world.scene.hold.session is not None:
         world.now += 1.0
         world.pages_say_they_are_open({"ana"})
         died_at = world.now - world.now % 10.0  # it reconnects every ten seconds, for a moment
-        acts = world.tick(replace(begun_anew(world), last_received_at=died_at, state_at=died_at))
+        acts = world.tick(replace(restarted(world), last_received_at=died_at, state_at=died_at))
     assert acts == (ended(session, "robot_fault", "robot_offline"),)
 
 
-def test_a_robot_that_falls_silent_while_the_visitor_reconnects_is_the_one_that_is_lost(world):
+def test_a_robot_that_is_lost_while_the_visitor_reconnects_is_a_robot_fault(world):
     session = drive(world)
     world.connected.clear()
     world.tick()
@@ -138,14 +135,14 @@ def test_a_robot_that_falls_silent_while_the_visitor_reconnects_is_the_one_that_
     assert world.now - last.state_at == ROBOT_SILENCE + 1.0
 
 
-def test_a_robot_that_never_hears_of_the_visit_is_not_the_visitors_network(world):
+def test_a_robot_that_never_gets_the_session_is_a_robot_fault(world):
     session = world.session_of("ana").id
     world.now += RULES.start + 1.0
     world.pages_say_they_are_open({"ana"})
-    assert world.tick(begun_anew(world)) == (ended(session, "robot_fault", "robot_offline"),)
+    assert world.tick(restarted(world)) == (ended(session, "robot_fault", "robot_offline"),)
 
 
-def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_who_is_lost(world):
+def test_a_visitor_whose_page_is_closed_is_lost_although_the_robot_is_silent(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now
     world.change(session, seen_at=None)
@@ -153,19 +150,19 @@ def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_wh
     assert world.tick() == (SetState(session, "reconnecting", world.now),)
 
 
-def test_a_disabled_robot_ends_the_visit_as_stopped_by_operator(world):
+def test_a_disabled_robot_ends_the_session_as_stopped_by_operator(world):
     session = drive(world)
     world.enabled = False
     assert world.tick() == (ended(session, "stopped_by_operator", "robot_disabled"),)
 
 
-def test_a_turn_has_no_limit_while_nobody_waits(world):
+def test_a_turn_has_no_limit_without_a_queue(world):
     session = drive(world)
     assert pass_time(world, 10 * RULES.turn) == []
     assert world.sessions[session].turn_ends_at is None
 
 
-def test_a_turn_ends_after_its_minutes_when_somebody_waits_with_a_warning_before(world):
+def test_a_turn_ends_after_its_minutes_and_a_warning_while_a_visitor_waits(world):
     start = world.now
     session = drive(world)
     world.take("ben")
@@ -191,7 +188,7 @@ def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
     assert ended(session, "timed_out", "turn_over") in pass_time(world, 2.0)
 
 
-def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
+def test_the_limit_ends_with_the_queue(world):
     session = drive(world)
     world.take("ben")
     world.tick()
@@ -223,7 +220,7 @@ def test_a_turn_that_is_not_taken_passes_to_the_next(world):
     assert isinstance(world.take("cem"), Grant)
 
 
-def test_an_offer_is_withdrawn_while_the_robot_is_away_and_made_again(world):
+def test_an_offer_is_withdrawn_while_the_robot_is_offline_and_made_again(world):
     world.take("ben")
     ben = world.session_of("ben").id
     world.end(world.session_of("ana").id, "completed", "left")
@@ -245,7 +242,7 @@ def test_an_offer_that_could_not_be_taken_does_not_lapse(world):
     assert world.tick() == (WithdrawOffer(world.session_of("ben").id),)
 
 
-def test_no_session_ends_because_the_session_manager_was_away(world):
+def test_no_session_ends_by_an_outage_of_the_session_manager(world):
     session = drive(world)
     world.connected.clear()
     world.tick()
@@ -257,25 +254,25 @@ def test_no_session_ends_because_the_session_manager_was_away(world):
     assert world.tick(started) == (ended(session, "connection_lost", "visitor_silent"),)
 
 
-def test_a_grant_whose_process_died_half_way_is_carried_on(world):
+def test_a_grant_of_a_process_that_was_killed_is_completed(world):
     session = world.session_of("ana").id
     world.change(session, state="waiting")
     assert world.tick() == (SetState(session, "connecting"),)
 
 
-def test_a_lease_of_an_ended_visit_is_freed(world):
+def test_a_lease_of_an_ended_session_is_released(world):
     epoch = world.hold.epoch
     world.sessions.clear()
     assert world.tick() == (ReleaseLease(epoch),)
 
 
-def test_a_visit_that_lost_its_lease_is_ended(world):
+def test_a_session_without_its_lease_is_ended(world):
     session = drive(world)
     world.hold = type(world.hold)(world.hold.epoch + 1)
     assert world.tick()[0] == ended(session, "connection_lost", "lease_gone")
 
 
-def test_waiting_visits_are_offered_nothing_while_somebody_drives(world):
+def test_waiting_sessions_get_no_offer_during_a_drive(world):
     drive(world)
     assert isinstance(world.take("ben"), Wait)
     assert not any(isinstance(act, Offered) for act in pass_time(world, 5.0))
@@ -296,10 +293,9 @@ def test_an_idle_driver_is_asked_and_then_the_next_visitor_gets_the_robot(asking
     session = asking.session_of("ana").id
     assert isinstance(asking.take("ben"), Wait)
     asking.rules = replace(ASKING, turn=3600.0)
-    assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) not in pass_time(
-        asking, ASKING.idle - 1.0
-    )
-    assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
+    question = PresenceAsked(session=session, seconds=ANSWER_SECONDS)
+    assert question not in pass_time(asking, ASKING.idle - 1.0)
+    assert question in pass_time(asking, 1.5)
     acts = pass_time(asking, ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     assert [act for act in acts if isinstance(act, Ended | Offered)] == [
         ended(session, "timed_out", IDLE),
@@ -308,9 +304,7 @@ def test_an_idle_driver_is_asked_and_then_the_next_visitor_gets_the_robot(asking
     assert not [act for act in acts if isinstance(act, PresenceAsked)]
 
 
-def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(
-    asking,
-):
+def test_a_sign_after_the_question_keeps_the_robot_until_the_next_idle_period(asking):
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + 5.0)
     asking.active_at = asking.now
@@ -319,9 +313,7 @@ def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_a
     assert PresenceAsked(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 2.0)
 
 
-def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(
-    asking,
-):
+def test_a_sign_in_the_last_moment_keeps_the_robot_despite_the_round_trip(asking):
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S - 1.0)
     asking.signs[session] = asking.now
@@ -329,12 +321,10 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
     assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, Ended)]
 
 
-def test_a_sign_of_another_visit_keeps_nothing(asking):
+def test_a_sign_of_another_session_does_not_count(asking):
     asking.signs["s0"] = asking.now + ASKING.idle
-    assert [
-        type(act)
-        for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
-    ] == [PresenceAsked, Ended]
+    acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
+    assert [type(act) for act in acts] == [PresenceAsked, Ended]
 
 
 def test_an_active_driver_is_never_asked(asking):
@@ -343,28 +333,24 @@ def test_an_active_driver_is_never_asked(asking):
         assert pass_time(asking, ASKING.idle - 1.0) == []
 
 
-def test_no_driver_is_removed_before_there_was_time_to_answer(asking):
+def test_no_driver_is_removed_before_the_time_to_answer(asking):
     asking.now += 1000.0  # the session manager could not look for so long
     asking.pages_say_they_are_open({"ana"})
-    assert asking.tick() == (
-        PresenceAsked(session=asking.session_of("ana").id, seconds=ANSWER_SECONDS),
-    )
+    session = asking.session_of("ana").id
+    assert asking.tick() == (PresenceAsked(session=session, seconds=ANSWER_SECONDS),)
     assert pass_time(asking, ANSWER_SECONDS - 1.0) == []
 
 
-def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
+def test_a_question_to_one_session_does_not_apply_to_the_next(asking):
     pass_time(asking, ASKING.idle + 5.0)
     asking.end(asking.session_of("ana").id, "cancelled", "left")
     asking.take("ben")
     asking.connected.add("ben")
-    assert not [
-        act
-        for act in pass_time(asking, ASKING.idle - 1.0)
-        if isinstance(act, PresenceConfirmed | PresenceAsked | Ended)
-    ]
+    acts = pass_time(asking, ASKING.idle - 1.0)
+    assert not [act for act in acts if isinstance(act, PresenceConfirmed | PresenceAsked | Ended)]
 
 
-def test_no_driver_is_asked_where_rules_or_terms_say_never(asking):
+def test_no_driver_is_asked_if_rules_or_terms_have_no_idle_time(asking):
     session = asking.session_of("ana").id
     asking.change(session, idle=0.0)
     assert pass_time(asking, 1000.0) == []
@@ -373,7 +359,7 @@ def test_no_driver_is_asked_where_rules_or_terms_say_never(asking):
     assert pass_time(asking, 1000.0) == []
 
 
-def test_terms_of_a_visit_have_it_asked_sooner(asking):
+def test_terms_of_a_session_may_shorten_the_idle_time(asking):
     asking.change(asking.session_of("ana").id, idle=20.0)
     assert [type(act) for act in pass_time(asking, 22.0)] == [PresenceAsked]
 
@@ -386,25 +372,17 @@ def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     assert acts[-1] == ended(session, "connection_lost", "visitor_silent")
 
 
-def test_a_turn_that_the_terms_always_limit_ends_though_nobody_waits(world):
+@pytest.mark.parametrize("turn", [RULES.turn, RULES.warning / 2], ids=["usual", "short"])
+def test_a_turn_that_the_terms_always_limit_ends_without_a_queue(world, turn):
     start = world.now
     session = drive(world)
-    world.change(session, turn_always=True)
-    acts = pass_time(world, RULES.turn + 1.0)
-    assert acts[0] == TurnLimited(session, start + RULES.turn)
+    world.change(session, turn_always=True, turn=turn)
+    acts = pass_time(world, turn + 1.0)
+    assert acts[0] == TurnLimited(session, start + turn)
     assert ended(session, "timed_out", "turn_over") in acts
 
 
-def test_a_limited_turn_may_be_shorter_than_its_warning(world):
-    short, start = RULES.warning / 2, world.now
-    session = drive(world)
-    world.change(session, turn_always=True, turn=short)
-    acts = pass_time(world, short + 1.0)
-    assert acts[0] == TurnLimited(session, start + short)
-    assert ended(session, "timed_out", "turn_over") in acts
-
-
-def test_a_turn_is_not_called_while_the_page_has_no_connection_and_the_place_is_kept(world):
+def test_a_turn_is_not_offered_to_a_page_without_a_connection_and_its_place_is_kept(world):
     session = drive(world)
     world.take("ben")
     ben = world.session_of("ben").id

@@ -1,4 +1,4 @@
-"""What the session manager says that it lacks."""
+"""Faults that the session manager reports."""
 
 import pytest
 from django.db import OperationalError
@@ -24,14 +24,14 @@ def of_postgres(code):
         (OperationalError("database is locked"), False),
     ],
 )
-def test_a_full_disk_is_told_from_a_database_that_is_away(error, full):
+def test_a_full_disk_differs_from_an_unavailable_database(error, full):
     assert is_disk_full(error) is full
     health = ManagerHealth()
     health.refused(error, 10.0)
     assert health.faults(10.1, "ok") == ("disk_full" if full else "database",)
 
 
-def test_a_database_that_says_nothing_to_one_step_is_missed_though_it_answers_others():
+def test_a_step_without_an_answer_is_a_fault_although_others_are_answered():
     health = ManagerHealth()
     health.begun("beat", 10.0)
     health.begun("look", 10.2)
@@ -43,7 +43,7 @@ def test_a_database_that_says_nothing_to_one_step_is_missed_though_it_answers_ot
     assert health.faults(12.9, "ok") == ()
 
 
-def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
+def test_reading_steps_do_not_hide_refused_writes():
     health = ManagerHealth()
     for tenth in range(40):
         now = 10.0 + tenth * 0.5
@@ -57,12 +57,9 @@ def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
     assert health.faults(now + 2.1, "ok") == ()
 
 
-def test_a_disk_is_said_to_be_full_or_nearly_full_and_not_both():
+def test_a_disk_is_reported_as_full_or_low_and_not_both():
     health = ManagerHealth()
-    assert [health.faults(10.1, state) for state in ("ok", "low", "full")] == [
-        (),
-        ("disk_low",),
-        ("disk_full",),
-    ]
+    found = [health.faults(10.1, state) for state in ("ok", "low", "full")]
+    assert found == [(), ("disk_low",), ("disk_full",)]
     health.refused(FULL, 10.0)
     assert health.faults(10.1, "low") == ("disk_full",)

@@ -1,4 +1,4 @@
-"""What a session manager takes of what arrives: its own robots', and others that become its own."""
+"""Messages that a session manager takes: of its robots, and of robots that become its own."""
 
 from unittest import mock
 
@@ -44,8 +44,8 @@ class Manager:
         self.gate.follow()
 
     def hear(self, topic, payload):
-        said = payload if isinstance(payload, bytes) else codec.encode(payload)
-        self.gate.receive(Message(Topic(topic), said, 1, retain=False, mid=1, properties=None))
+        data = payload if isinstance(payload, bytes) else codec.encode(payload)
+        self.gate.receive(Message(Topic(topic), data, 1, retain=False, mid=1, properties=None))
 
     def robot_says(self, suffix, message, robot="giraff"):
         self.hear(topics.of(robot, suffix), message)

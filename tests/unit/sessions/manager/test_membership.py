@@ -1,5 +1,5 @@
-"""Session managers that join, are stopped, killed and resumed, on a virtual clock and rows in
-memory: none acts for another one's robots.
+"""Session managers that join, stop, die and resume, with a virtual clock and rows in memory: none
+acts for the robots of another.
 """
 
 from pathlib import Path
@@ -66,7 +66,7 @@ class World:
         self.now = 1000.0
         self.rows = MemoryRows()
         self.managers = []
-        self.knew = {}  # (shard, epoch): whose it is
+        self.knew = {}  # (shard, epoch): its holder
 
     def add(self) -> Manager:
         self.managers.append(Manager(self))
@@ -90,10 +90,7 @@ class World:
                     assert (row.owner, row.epoch) == (holder, epoch), "acts for another's robots"
 
     def owners(self) -> dict[str, frozenset[int]]:
-        return {
-            manager.membership.holder: frozenset(manager.ownership.epochs)
-            for manager in self.managers
-        }
+        return {one.membership.holder: frozenset(one.ownership.epochs) for one in self.managers}
 
     def divided(self) -> bool:
         slots = {one.membership.slot for one in self.managers}
@@ -126,7 +123,7 @@ def test_one_process_owns_every_robot_from_its_first_step():
     assert first.ownership.owns_site
 
 
-def test_one_process_alone_beats_once_a_second_and_reads_no_shards_again(monkeypatch):
+def test_a_single_process_beats_once_a_second_without_reading_shards(monkeypatch):
     world, first = alone()
     monkeypatch.setattr(world.rows, "holdings", None)
     before = first.membership._beats
@@ -134,7 +131,7 @@ def test_one_process_alone_beats_once_a_second_and_reads_no_shards_again(monkeyp
     assert 9 <= first.membership._beats - before <= 11
 
 
-def test_a_second_process_gets_its_share_and_the_first_keeps_the_rest_under_its_epochs():
+def test_a_second_process_gets_its_share_and_the_first_keeps_the_rest():
     world, first = alone()
     epochs = dict(first.ownership.epochs)
     second = world.add()
@@ -144,7 +141,7 @@ def test_a_second_process_gets_its_share_and_the_first_keeps_the_rest_under_its_
     assert all(second.ownership.epochs[n] > epochs[n] for n in second.ownership.epochs)
 
 
-def test_a_third_one_takes_from_both_and_nothing_moves_between_them():
+def test_a_third_process_takes_shards_from_both():
     world, first, second = pair()
     before = world.owners()
     world.add()
@@ -162,7 +159,7 @@ def test_the_robots_of_a_process_that_was_killed_are_served_within_two_seconds()
     assert first.ownership.is_whole
 
 
-def test_a_process_that_was_stopped_for_ten_seconds_may_not_act_until_it_has_joined_again():
+def test_a_process_that_was_stopped_for_ten_seconds_joins_again_before_it_acts():
     world, first, second = pair()
     before = second.ownership
     second.stopped_until = world.now + 10.0
@@ -176,7 +173,7 @@ def test_a_process_that_was_stopped_for_ten_seconds_may_not_act_until_it_has_joi
     assert world.divided()
 
 
-def test_one_that_is_alone_and_was_stopped_goes_on_with_what_it_had():
+def test_a_single_process_that_was_stopped_keeps_its_shards():
     world, first = alone()
     epochs = dict(first.ownership.epochs)
     first.stopped_until = world.now + 10.0
@@ -196,13 +193,13 @@ def test_a_process_that_leaves_is_succeeded_by_the_next_beat():
     assert first.membership.departed == {1}
 
 
-def test_one_that_is_alone_again_acts_on_as_slow_a_beat_as_before():
+def test_a_process_that_is_alone_again_acts_on_a_slow_beat():
     world, first = alone()
     world.run(1.5)
     second = world.add()
     world.run(2.0)
     assert second.joined
-    second.ownership.slots = ()  # it never reaches the broker, so that it gets nothing
+    second.ownership.slots = ()  # it never reaches the broker, and gets no shard
     world.managers.remove(second)
     world.rows.give_back(second.membership.holder)
     world.run(3.0)
@@ -222,41 +219,38 @@ def test_a_process_takes_the_lowest_free_slot_and_waits_until_it_knows_the_other
     assert world.divided()
 
 
-# --- the database is away, or another process was quicker -----------------------------------------
+# --- the database is unavailable, or another process was first ------------------------------------
 
 
 def away(*_):
     raise OperationalError("the database is away")
 
 
-def test_one_that_is_alone_goes_on_while_the_database_is_away(monkeypatch):
+def test_a_single_process_acts_while_the_database_is_unavailable(monkeypatch):
     world, first = alone()
     monkeypatch.setattr(world.rows, "beat", away)
     for _ in range(30):
         world.now += 1.0
         with pytest.raises(OperationalError):
             first.membership._beat({})
-        assert first.ownership.is_confirmed, "nobody else can have beaten either"
+        assert first.ownership.is_confirmed, "no other process can have beaten either"
 
 
-def test_one_of_several_stops_acting_when_the_database_refuses_its_beats(monkeypatch):
+def test_one_of_several_processes_stops_acting_when_its_beats_fail(monkeypatch):
     world, first, second = pair()
     beat = world.rows.beat
     monkeypatch.setattr(
-        world.rows,
-        "beat",
-        lambda slot, holder, *rest: (away if slot == 0 else beat)(slot, holder, *rest),
+        world.rows, "beat", lambda slot, *rest: (away if slot == 0 else beat)(slot, *rest)
     )
-    with pytest.raises(OperationalError):
-        first.membership._beat({})
-    world.now += 10.0
-    with pytest.raises(OperationalError):
-        first.membership._beat({})
-    assert not first.ownership.is_confirmed, "the second may have taken everything"
+    for seconds in (0.0, 10.0):
+        world.now += seconds
+        with pytest.raises(OperationalError):
+            first.membership._beat({})
+    assert not first.ownership.is_confirmed, "the second may have taken every shard"
     assert second.membership._beat({})
 
 
-async def test_a_process_whose_database_is_away_neither_joins_nor_gives_up_its_slot(monkeypatch):
+async def test_a_process_without_its_database_neither_joins_nor_gives_up_its_slot(monkeypatch):
     world = World()
     membership = world.add().membership
     with monkeypatch.context() as patched:
@@ -271,7 +265,7 @@ async def test_a_process_whose_database_is_away_neither_joins_nor_gives_up_its_s
     await membership.close()
 
 
-def test_of_two_that_take_a_slot_at_once_one_has_it_and_the_other_the_next(monkeypatch):
+def test_two_processes_that_take_a_slot_at_once_get_different_slots(monkeypatch):
     world = World()
     first, second = world.add(), world.add()
     occupy = world.rows.occupy
@@ -290,7 +284,7 @@ def test_of_two_that_take_a_slot_at_once_one_has_it_and_the_other_the_next(monke
     assert (first.membership.slot, second.membership.slot) == (0, 1)
 
 
-def test_one_that_beats_again_just_before_it_is_dismissed_keeps_its_slot(monkeypatch, caplog):
+def test_a_process_that_beats_just_before_it_is_dismissed_keeps_its_slot(monkeypatch, caplog):
     world, _, second = pair()
     second.stopped_until = world.now + 60.0
     monkeypatch.setattr(world.rows, "dismiss", lambda _: False)
@@ -302,7 +296,7 @@ def test_one_that_beats_again_just_before_it_is_dismissed_keeps_its_slot(monkeyp
     assert world.divided()
 
 
-async def test_shards_that_the_database_did_not_let_go_stay_with_who_gave_them(monkeypatch):
+async def test_shards_that_could_not_be_handed_over_stay_with_their_owner(monkeypatch):
     world, first, second = pair()
     membership, before = first.membership, dict(first.ownership.epochs)
     number = next(iter(before))
@@ -334,7 +328,7 @@ EVENTS = st.lists(
 
 @examples(20, thorough=3000, deadline=None)
 @given(EVENTS)
-def test_whatever_happens_nobody_acts_for_anothers_robots_and_all_are_served_in_the_end(events):
+def test_no_process_acts_for_anothers_robots_and_all_are_served_in_the_end(events):
     world = World()
     world.add()
     for kind, what in events:

@@ -7,14 +7,8 @@ from sessions.recording.photos import MAX_WAITING, PAIR_TIMEOUT_S, Photos
 
 
 def event(action: str, jpeg: bytes) -> Event:
-    return Event(
-        stamp=1.0,
-        boot="b",
-        seq=1,
-        type="photo",
-        action_id=action,
-        sha256=hashlib.sha256(jpeg).hexdigest(),
-    )
+    digest = hashlib.sha256(jpeg).hexdigest()
+    return Event(stamp=1.0, boot="b", seq=1, type="photo", action_id=action, sha256=digest)
 
 
 def test_the_halves_meet_in_either_order():

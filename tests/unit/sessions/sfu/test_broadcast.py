@@ -1,6 +1,4 @@
-"""A robot's stream when Janus, the robot or a page does not do what it is asked, with a Janus in
-memory.
-"""
+"""A robot's stream when Janus, the robot or a page fails, with a Janus in memory."""
 
 import asyncio
 import contextlib
@@ -29,9 +27,9 @@ UNAUTHORIZED, INVALID = 458, 453  # of janus_streaming.c: a wrong secret, and a 
 
 
 class Janus:
-    """A session of sessions/sfu/janus.py and the two plug-ins that are used. As
-    src/plugins/janus_streaming.c does, it refuses an unknown mountpoint (455) and a second one of
-    the same number (456); `refuses` has further refusals by request.
+    """A session of sessions/sfu/janus.py and its two plug-ins. Like src/plugins/janus_streaming.c,
+    it refuses an unknown mountpoint (455) and a second one of the same number (456); `refuses` has
+    further refusals by request.
     """
 
     def __init__(self):
@@ -110,7 +108,7 @@ class Janus:
 
 
 class Bridge(MemoryBridge):
-    """Its robot answers every offer with the next of `answers`, the last one again and again."""
+    """Its robot answers every offer with the next of `answers`, and then with the last one."""
 
     def __init__(self):
         super().__init__()
@@ -128,11 +126,11 @@ class Bridge(MemoryBridge):
 
 
 class Viewer:
-    """A page that watches, which answers nothing by itself."""
+    """A page that watches, and answers nothing by itself."""
 
     def __init__(self, broadcast, peer):
-        self.told, self._broadcast, self._peer = [], broadcast, peer
-        broadcast.join(peer, self.told.append)
+        self.received, self._broadcast, self._peer = [], broadcast, peer
+        broadcast.join(peer, self.received.append)
 
     def say(self, message):
         self._broadcast.take(self._peer, message)
@@ -141,14 +139,14 @@ class Viewer:
         self._broadcast.leave(self._peer)
 
     def byes(self):
-        return [message.reason for message in self.told if isinstance(message, m.Bye)]
+        return [message.reason for message in self.received if isinstance(message, m.Bye)]
 
     async def offered(self):
         """Ask for an offer, and return when it is there."""
-        before = len(self.told)
+        before = len(self.received)
         self.say(WantOffer())
-        await until(lambda: self.told[before:])
-        assert isinstance(self.told[-1], m.SdpOffer), self.told
+        await until(lambda: self.received[before:])
+        assert isinstance(self.received[-1], m.SdpOffer), self.received
 
 
 @pytest.fixture(autouse=True)
@@ -180,40 +178,39 @@ async def until(condition):
             await asyncio.sleep(0.001)
 
 
-async def test_signalling_of_a_page_reaches_janus(broadcast, janus):
-    page = Viewer(broadcast, "page")
+async def test_signalling_of_a_page_reaches_janus(page, janus):
     await page.offered()
     page.say(ANSWER)
-    page.say(m.Candidate(candidate="one", sdp_mid="video"))
-    page.say(m.Candidate(candidate="two", sdp_m_line_index=1))
-    page.say(m.Candidate(candidate="three"))
+    for fields in ({"sdp_mid": "video"}, {"sdp_m_line_index": 1}, {}):
+        page.say(m.Candidate(candidate="one", **fields))
     page.say(m.Candidate(candidate=""))
     await until(lambda: "start" in janus.asked and len(janus.trickled) == 4)
     assert janus.trickled == [
         {"candidate": "one", "sdpMid": "video"},
-        {"candidate": "two", "sdpMLineIndex": 1},
-        {"candidate": "three", "sdpMLineIndex": 0},
+        {"candidate": "one", "sdpMLineIndex": 1},
+        {"candidate": "one", "sdpMLineIndex": 0},
         {"completed": True},
     ]
 
 
+@pytest.fixture
+async def page(broadcast):
+    return Viewer(broadcast, "page")
+
+
 @pytest.mark.parametrize("request_", ["watch", "start"])
-async def test_a_page_whose_connection_janus_refuses_is_told_and_may_ask_again(
-    broadcast, janus, request_
-):
-    page = Viewer(broadcast, "page")
+async def test_a_page_gets_a_bye_when_janus_refuses_and_may_ask_again(page, janus, request_):
     janus.refuses[request_] = INVALID
     page.say(WantOffer())
-    await until(lambda: page.told)
+    await until(lambda: page.received)
     page.say(ANSWER)
     await until(lambda: page.byes() == ["failed"])
-    await until(lambda: not janus.attached("streaming")[1:])  # but for the one that looks
+    await until(lambda: not janus.attached("streaming")[1:])  # the first is the broadcast's own
     janus.refuses.clear()
     await page.offered()
 
 
-async def test_a_page_whose_connection_ends_at_janus_is_told(broadcast, janus):
-    page = Viewer(broadcast, "page")
+async def test_a_page_gets_a_bye_when_its_connection_ends_at_janus(page, janus):
     await page.offered()
     janus.handles[janus.attached("streaming")[-1]](UP, "")
     assert page.byes() == []
@@ -221,8 +218,9 @@ async def test_a_page_whose_connection_ends_at_janus_is_told(broadcast, janus):
     assert page.byes() == ["failed"]
 
 
-async def test_a_page_that_hangs_up_is_let_go_and_what_it_says_later_goes_nowhere(broadcast, janus):
-    page = Viewer(broadcast, "page")
+async def test_a_page_that_hangs_up_is_detached_and_its_later_messages_are_dropped(
+    broadcast, page, janus
+):
     await page.offered()
     (_, handle) = janus.attached("streaming")
     page.say(m.Bye(reason="left"))
@@ -232,13 +230,11 @@ async def test_a_page_that_hangs_up_is_let_go_and_what_it_says_later_goes_nowher
     page.say(WantOffer())
     await Viewer(broadcast, "other").offered()
     assert "start" not in janus.asked
-    assert len(page.told) == 1
+    assert len(page.received) == 1
 
 
-async def test_a_page_that_leaves_while_janus_makes_room_for_it_keeps_nothing_there(
-    broadcast, janus
-):
-    first, page = Viewer(broadcast, "first"), Viewer(broadcast, "page")
+async def test_a_page_that_leaves_while_it_is_attached_is_detached(broadcast, page, janus):
+    first = Viewer(broadcast, "first")
     await first.offered()
     janus.open_gate.clear()
     page.say(WantOffer())
@@ -247,11 +243,11 @@ async def test_a_page_that_leaves_while_janus_makes_room_for_it_keeps_nothing_th
     before = set(janus.detached)
     janus.open_gate.set()
     await until(lambda: set(janus.detached) - before)
-    assert page.told == []
+    assert page.received == []
 
 
-async def test_no_task_continues_after_the_end(broadcast, janus, bridge):
-    first, page = Viewer(broadcast, "first"), Viewer(broadcast, "page")
+async def test_no_task_continues_after_the_end(broadcast, page, janus, bridge):
+    first = Viewer(broadcast, "first")
     await first.offered()
     janus.open_gate.clear()
     page.say(WantOffer())
@@ -259,43 +255,41 @@ async def test_no_task_continues_after_the_end(broadcast, janus, bridge):
     await broadcast.close()
     janus.open_gate.set()
     await until(lambda: not broadcast._tasks)
-    assert page.told == []
+    assert page.received == []
     assert bridge.delivery.robots == ()
 
 
-async def test_a_robot_whose_answer_janus_refuses_is_asked_again(broadcast, janus, bridge):
-    page = Viewer(broadcast, "page")
+async def test_a_robot_whose_answer_janus_refuses_gets_another_offer(page, janus, bridge):
     janus.refuses["generate"] = INVALID
     page.say(WantOffer())
     await until(lambda: len(bridge.offers()) >= 3)
-    assert page.told == []
+    assert page.received == []
     janus.refuses.clear()
-    await until(lambda: page.told)
-    assert isinstance(page.told[0], m.SdpOffer)
+    await until(lambda: page.received)
+    assert isinstance(page.received[0], m.SdpOffer)
 
 
-async def test_a_robot_that_cannot_be_reached_is_asked_when_the_broker_is_back(broadcast, bridge):
+async def test_a_robot_gets_its_offer_when_the_broker_is_back(broadcast, page, bridge):
     bridge.lose_broker()
-    page = Viewer(broadcast, "page")
     page.say(WantOffer())
     await until(lambda: broadcast._leg is not None)
-    assert page.told == []
+    assert page.received == []
     bridge.find_broker()
-    await until(lambda: page.told)
+    await until(lambda: page.received)
     assert len(bridge.offers()) == 1
 
 
-async def test_a_full_robot_turns_away_the_pages_that_ask_and_no_others(broadcast, bridge):
+async def test_a_full_robot_refuses_only_the_pages_that_ask(broadcast, page, bridge):
     bridge.answers = [m.Bye(reason="full")]
-    idle, page = Viewer(broadcast, "idle"), Viewer(broadcast, "page")
+    idle = Viewer(broadcast, "idle")
     page.say(WantOffer())
     await until(lambda: page.byes())
     assert page.byes() == ["full"]
-    assert idle.told == []
+    assert idle.received == []
 
 
-async def test_of_two_processes_that_make_the_stream_one_does_and_both_show_it(janus, bridge):
-    """The other one makes it between our question and our request."""
+async def test_two_processes_share_the_stream_of_the_first(janus, bridge):
+    """The other process creates it between our `info` and our `create`."""
     janus.refuses["info"] = NO_SUCH_MOUNTPOINT
     janus.label = "another-process 1"
     broadcast = Broadcast("giraff", mountpoint_of("s", "g"), bridge, janus.open, lambda: None)
@@ -303,14 +297,14 @@ async def test_of_two_processes_that_make_the_stream_one_does_and_both_show_it(j
     page.say(WantOffer())
     await until(lambda: "create" in janus.asked)
     janus.refuses.clear()
-    await until(lambda: page.told)
-    assert isinstance(page.told[0], m.SdpOffer)
+    await until(lambda: page.received)
+    assert isinstance(page.received[0], m.SdpOffer)
     assert bridge.offers() == [], "the robot sends once"
     assert janus.label == "another-process 1"
     await broadcast.close()
 
 
-async def test_the_stream_of_another_process_is_left_to_it(janus, bridge, monkeypatch):
+async def test_the_stream_of_another_process_is_not_destroyed(janus, bridge, monkeypatch):
     monkeypatch.setattr(module, "LINGER_SECONDS", 0.0)
     janus.label, over = "another-process 1", asyncio.Event()
     broadcast = Broadcast("giraff", mountpoint_of("s", "g"), bridge, janus.open, over.set)
@@ -320,35 +314,32 @@ async def test_the_stream_of_another_process_is_left_to_it(janus, bridge, monkey
 
 
 @pytest.mark.parametrize("request_", ["info", "create"])
-async def test_a_janus_that_refuses_the_stream_is_as_good_as_none(broadcast, janus, request_):
+async def test_a_janus_that_refuses_the_stream_counts_as_lost(broadcast, janus, request_):
     janus.refuses[request_] = UNAUTHORIZED
     page = Viewer(broadcast, "page")
     await until(lambda: page.byes())
     assert set(page.byes()) == {"sfu_lost"}
     janus.refuses.clear()
     await until(lambda: not broadcast.fault)
-    page.told.clear()
+    page.received.clear()
     await page.offered()
 
 
-async def test_a_janus_that_cannot_make_the_stream_is_asked_a_few_times_and_then_later(
-    broadcast, janus, monkeypatch
-):
+async def test_creating_the_stream_is_tried_a_few_times_and_again_later(page, janus, monkeypatch):
     monkeypatch.setattr(module, "STEP_SECONDS", 60.0)
     janus.refuses["create"] = CANNOT_CREATE
-    page = Viewer(broadcast, "page")
     page.say(WantOffer())
     await until(lambda: "create" in janus.asked)
     for _ in range(1000):
         await asyncio.sleep(0)
-    assert janus.asked.count("create") <= 2 * module.PORTS_TRIED, "at its beginning, for the page"
+    assert janus.asked.count("create") <= 2 * module.PORTS_TRIED, "at the start and for the page"
     janus.refuses.clear()
     page.say(WantOffer())
-    await until(lambda: any(isinstance(one, m.SdpOffer) for one in page.told))
+    await until(lambda: any(isinstance(one, m.SdpOffer) for one in page.received))
 
 
 async def test_a_robot_that_does_not_connect_in_time_is_given_up(janus, bridge):
-    bridge.answers = [m.Candidate(candidate="says nothing of the offer")]
+    bridge.answers = [m.Candidate(candidate="no answer to the offer")]
     leg = RobotLeg("giraff", "b1", bridge, lambda: None)
     await leg.begin(janus, 20000)
     await leg.take_reply(bridge.answers[0])
@@ -357,7 +348,7 @@ async def test_a_robot_that_does_not_connect_in_time_is_given_up(janus, bridge):
     assert leg.ended == "no_connection"
 
 
-async def test_a_robot_is_told_now_and_then_that_janus_may_stay(janus, bridge):
+async def test_a_robot_gets_a_stay_at_intervals(janus, bridge):
     leg = RobotLeg("giraff", "b1", bridge, lambda: None)
     await leg.begin(janus, 20000)
     began = leg._began
@@ -365,5 +356,5 @@ async def test_a_robot_is_told_now_and_then_that_janus_may_stay(janus, bridge):
     await leg.take_reply(ANSWER)
     for now in (began, began + 1.0, began + STAY_SECONDS + 1.0, began + STAY_SECONDS + 2.0):
         leg.vouch(2, now)
-    told = [message for _, _, message in bridge.sent if isinstance(message, m.Stay)]
-    assert told == [m.Stay(viewers=2)] * 2
+    stays = [message for _, _, message in bridge.sent if isinstance(message, m.Stay)]
+    assert stays == [m.Stay(viewers=2)] * 2

@@ -1,4 +1,4 @@
-"""What Janus is asked for a robot's stream, and from what it makes the robot's offer."""
+"""Mountpoints of Janus for a robot's stream, and Janus's offer to the robot."""
 
 import random
 
@@ -14,11 +14,12 @@ from sessions.sfu.mountpoint import (
 )
 
 
-def test_every_process_of_a_site_finds_the_same_mountpoint_and_nobody_else_does():
+def test_the_mountpoint_is_the_same_in_every_process_of_a_site_and_in_no_other():
     ours = mountpoint_of("site", "giraff")
     assert ours == mountpoint_of("site", "giraff")
     assert ours.number != mountpoint_of("site", "rhodon").number
     assert ours.secret != mountpoint_of("other site", "giraff").secret
+    assert mountpoint_of("site", "a giraff") != mountpoint_of("site a", "giraff")
     assert 0 < ours.number < 2**53, "a whole number that JavaScript can hold"
 
 
@@ -39,14 +40,8 @@ def test_a_mountpoint_listens_on_loopback_where_the_plain_offer_says():
 
 
 def test_info_is_read():
-    data = {
-        "streaming": "info",
-        "info": {
-            "metadata": "me 3",
-            "viewers": 12,
-            "media": [{"port": 24000}, {"port": 24002}],
-        },
-    }
+    media = [{"port": 24000}, {"port": 24002}]
+    data = {"info": {"metadata": "me 3", "viewers": 12, "media": media}}
     assert read_info(data) == MountpointInfo("me 3", 12, 24000)
 
 
@@ -86,7 +81,3 @@ def test_a_robot_reads_the_offer_of_janus_as_that_of_a_page():
         ("audio", True, False),
         ("video", True, False),
     ]
-
-
-def test_a_secret_and_a_name_that_read_alike_together_are_another_mountpoint():
-    assert mountpoint_of("site", "a giraff") != mountpoint_of("site a", "giraff")

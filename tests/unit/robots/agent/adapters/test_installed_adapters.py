@@ -1,4 +1,4 @@
-"""Adapters that other packages bring as entry points, by the same names and rules as ours."""
+"""Adapters of other packages are entry points, with the same rules for names as ours."""
 
 import argparse
 from pathlib import Path
@@ -22,13 +22,13 @@ def site(tmp_path, monkeypatch):
     return folder
 
 
-def test_an_installed_package_s_adapter_is_named_like_ours(site) -> None:
+def test_an_installed_adapter_is_created_by_its_name(site) -> None:
     install(site, "stranger-robots", "stranger")
     assert "stranger" in adapter_names.known_names()
     assert registry.create("stranger", "giraff").profile.series == "giraff"
 
 
-def test_an_unknown_adapter_is_answered_with_the_known_ones_and_the_entry_point_group(site) -> None:
+def test_the_error_of_an_unknown_adapter_lists_known_ones_and_the_entry_points(site) -> None:
     install(site, "stranger-robots", "stranger")
     with pytest.raises(AdapterError) as caught:
         registry.create("acme", "giraff")
@@ -36,14 +36,14 @@ def test_an_unknown_adapter_is_answered_with_the_known_ones_and_the_entry_point_
         assert word in str(caught.value)
 
 
-def test_a_name_of_ours_cannot_be_taken(site, caplog) -> None:
+def test_an_installed_adapter_cannot_have_a_name_of_ours(site, caplog) -> None:
     install(site, "other-moos", "moos", text="def create(profile_name, options):\n    1 / 0\n")
     assert registry.create("moos", "giraff").profile.rca == "MOOS (OpenMORA)"
     adapter_names.installed()
     assert 'adapter_name_taken name=moos package="other-moos 1.0"' in caplog.text
 
 
-def test_two_packages_with_one_name_are_both_named(site) -> None:
+def test_two_packages_with_one_name_are_both_reported(site) -> None:
     install(site, "one-acme", "acme")
     install(site, "two-acme", "acme")
     with pytest.raises(AdapterError, match=r"one-acme 1\.0|two-acme 1\.0"):
@@ -62,6 +62,12 @@ def test_a_package_that_cannot_be_used_is_refused_with_the_reason(site, text, se
     install(site, f"broken-{len(text)}", "broken", text=text)
     with pytest.raises(AdapterError, match=sentence):
         registry.create("broken", "giraff")
+
+
+def test_an_adapter_of_ours_that_cannot_be_imported_is_refused(monkeypatch) -> None:
+    monkeypatch.setitem(adapter_names.OURS, "ghost", "robots.agent.adapters.no_such_module")
+    with pytest.raises(AdapterError, match="cannot be loaded"):
+        registry.create("ghost", "giraff")
 
 
 def test_listing_names_imports_nothing(site) -> None:

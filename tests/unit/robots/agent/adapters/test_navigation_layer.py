@@ -1,4 +1,4 @@
-"""The adapter around a robot without navigation: how its actions end, and what it passes on."""
+"""The adapter around a robot without navigation: ends of its actions, and forwarded calls."""
 
 import asyncio
 from dataclasses import replace
@@ -17,9 +17,8 @@ from robots.agent.robot_interface import (
     PassesVelocities,
     WithLock,
 )
-from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Velocity
-from robots.world.sensing import LaserScan
+from robots.world.sensing import CENTRE, LaserScan
 from tests.support.agents.scripted_robot import ScriptedRobot, still
 from tests.support.virtual_time import on_virtual_time
 
@@ -53,17 +52,8 @@ def wrapped(inner=None, now=lambda: 0.0):
 
 
 def output(wanted):
-    return NavigationOutput(
-        stamp=0.0,
-        odometry=Pose2D(0.0, 0.0, 0.0),
-        pose=Pose2D(0.0, 0.0, 0.0),
-        covariance=None,
-        score=1.0,
-        localized=True,
-        wanted=wanted,
-        news=(),
-        path=None,
-    )
+    pose = {"stamp": 0.0, "odometry": CENTRE, "pose": CENTRE, "covariance": None}
+    return NavigationOutput(**pose, score=1.0, localized=True, wanted=wanted, news=(), path=None)
 
 
 async def started(adapter):
@@ -73,7 +63,7 @@ async def started(adapter):
 
 
 @on_virtual_time
-async def test_cancel_ends_an_action_at_once_although_its_process_goes_on():
+async def test_a_cancel_ends_an_action_at_once_although_its_process_continues():
     adapter = wrapped()
     starting = await started(adapter)
     adapter.node.answer.set_result(None)
@@ -148,17 +138,17 @@ def test_optional_protocols_are_those_of_the_inner_adapter():
     assert not isinstance(plain, LimitsSpeed)
     assert isinstance(plain, PassesVelocities)
     assert plain.wanted() is None
-    told = []
+    calls = []
     inner = ScriptedRobot()
-    inner.set_lock = lambda *, locked: told.append(locked)
-    inner.limit_speed = told.append
+    inner.set_lock = lambda *, locked: calls.append(locked)
+    inner.limit_speed = calls.append
     inner.wanted = lambda: FORWARD
     able = wrapped(inner)
     assert isinstance(able, WithLock)
     assert isinstance(able, LimitsSpeed)
     able.set_lock(locked=True)
     able.limit_speed(0.4)
-    assert told == [True, 0.4]
+    assert calls == [True, 0.4]
     assert able.wanted() == FORWARD
 
 

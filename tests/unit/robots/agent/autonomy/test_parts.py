@@ -1,4 +1,4 @@
-"""Pose extrapolation, snapshots, and the wire to the navigation process."""
+"""Pose extrapolation, and the messages to and from the navigation process."""
 
 import math
 import socket
@@ -28,14 +28,8 @@ COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.001)
 
 
 def output(**fields):
-    values = {
-        "pose": Pose2D(2.0, 3.0, 1.0),
-        "odometry": Pose2D(10.0, -4.0, 0.5),
-        "stamp": 5.0,
-        "covariance": COVARIANCE,
-        "score": 0.9,
-        "localized": True,
-    } | fields
+    values = {"pose": Pose2D(2.0, 3.0, 1.0), "odometry": Pose2D(10.0, -4.0, 0.5), "stamp": 5.0}
+    values |= {"covariance": COVARIANCE, "score": 0.9, "localized": True} | fields
     return NavigationOutput(**values)
 
 
@@ -45,10 +39,10 @@ def wall(distance, stamp=1.0):
     return LaserScan(stamp, -1.0, 2.0 / 80, 10.0, distance / np.cos(angles))
 
 
-# --- whereabouts ----------------------------------------------------------------------------------
+# --- poses ----------------------------------------------------------------------------------------
 
 
-def test_before_the_first_thought_nobody_knows_anything():
+def test_the_pose_is_unknown_before_the_first_output():
     assert PoseExtrapolator().pose(Pose2D(1.0, 2.0, 3.0), 0.0) == NOWHERE
 
 
@@ -57,38 +51,38 @@ def test_before_the_first_thought_nobody_knows_anything():
     st.tuples(*[st.floats(-50.0, 50.0)] * 2, st.floats(-3.0, 3.0)),
     st.tuples(*[st.floats(-1.0, 1.0)] * 3),
 )
-def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
-    there = PoseExtrapolator()
-    odometry, step = Pose2D(*before), Pose2D(*way)
-    there.take(output(odometry=odometry), 0.0)
+def test_between_two_outputs_the_pose_moves_with_the_odometry(before, moved):
+    poses = PoseExtrapolator()
+    odometry, step = Pose2D(*before), Pose2D(*moved)
+    poses.take(output(odometry=odometry), 0.0)
     expected = Pose2D(2.0, 3.0, 1.0).compose(step)
-    found = there.pose(odometry.compose(step), 0.1)
+    found = poses.pose(odometry.compose(step), 0.1)
     assert math.hypot(found.x - expected.x, found.y - expected.y) < 1e-6
     assert math.cos(found.theta - expected.theta) > 1.0 - 1e-9
     assert found.localized
     assert found.score == 0.9
 
 
-def test_a_pose_that_no_thought_confirms_is_no_localization():
-    there = PoseExtrapolator()
-    there.take(output(), 0.0)
-    late = there.pose(Pose2D(10.0, -4.0, 0.5), STALE + 0.1)
+def test_a_stale_pose_is_not_localized():
+    poses = PoseExtrapolator()
+    poses.take(output(), 0.0)
+    late = poses.pose(Pose2D(10.0, -4.0, 0.5), STALE + 0.1)
     assert (late.localized, late.score) == (False, 0.0)
     assert (late.x, late.y) == pytest.approx((2.0, 3.0))
 
 
-def test_variances_without_end_fit_on_the_wire():
-    there = PoseExtrapolator()
-    there.take(output(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
-    pose = there.pose(Pose2D(0.0, 0.0, 0.0), 0.0)
+def test_infinite_variances_become_finite():
+    poses = PoseExtrapolator()
+    poses.take(output(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
+    pose = poses.pose(Pose2D(0.0, 0.0, 0.0), 0.0)
     assert all(math.isfinite(value) for value in pose.covariance)
     assert pose.score == 1.0
 
 
-# --- perceptions ----------------------------------------------------------------------------------
+# --- messages -------------------------------------------------------------------------------------
 
 
-def test_a_scans_gaps_are_places_where_nothing_came_back():
+def test_beams_without_an_echo_are_infinite():
     scan = Scan(
         stamp=2.0, angle_min=-1.0, angle_increment=0.5, range_max=8.0, ranges=(1.0, None, 3.0)
     )
@@ -97,44 +91,27 @@ def test_a_scans_gaps_are_places_where_nothing_came_back():
     assert beams.mount == Pose2D(0.2, 0.1, 0.3)
 
 
-# --- the wire -------------------------------------------------------------------------------------
-
-
-def moment(**fields):
-    values = {
-        "stamp": 1.0,
-        "odometry": Pose2D(1.0, 2.0, 0.3),
-        "velocity": AHEAD,
-        "beams": wall(1.5),
-        "points": np.array([[1.0, 2.0], [3.0, 4.0]]),
-    }
+def snapshot(**fields):
+    values = {"stamp": 1.0, "odometry": Pose2D(1.0, 2.0, 0.3), "velocity": AHEAD}
+    values |= {"beams": wall(1.5), "points": np.array([[1.0, 2.0], [3.0, 4.0]])}
     return SensorSnapshot(**values | fields)
 
 
-def test_a_perception_survives_the_wire():
-    sent = moment(charger_contact=True)
+def test_a_snapshot_is_packed_and_unpacked():
+    sent = snapshot(charger_contact=True)
     message = frames(bytearray(framing.pack(wire.perceive(sent, new=True))))[0]
     got = wire.perceived(message, wire.beams_in(message.sweep))
-    assert (got.stamp, got.odometry, got.velocity, got.charger_contact) == (
-        sent.stamp,
-        sent.odometry,
-        sent.velocity,
-        True,
-    )
+    for name in ("stamp", "odometry", "velocity", "charger_contact"):
+        assert getattr(got, name) == getattr(sent, name)
     assert np.allclose(got.points, sent.points)
     assert np.allclose(got.beams.ranges, sent.beams.ranges, atol=1e-5)
     assert wire.perceive(sent, new=False).sweep is None
 
 
-def test_an_output_survives_the_wire():
-    sent = output(
-        wanted=AHEAD,
-        news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),),
-        path=((0.0, 1.0),),
-    )
-    assert wire.unpack_answer(
-        framing.pack(wire.NodeOutput(sent))[framing.HEADER :]
-    ) == wire.NodeOutput(sent)
+def test_an_output_is_packed_and_unpacked():
+    news = (ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),)
+    sent = wire.NodeOutput(output(wanted=AHEAD, news=news, path=((0.0, 1.0),)))
+    assert wire.unpack_answer(framing.pack(sent)[framing.HEADER :]) == sent
 
 
 def test_invalid_message_is_refused():
@@ -151,7 +128,7 @@ def test_invalid_message_is_refused():
         wire.perceived(broken, None)
 
 
-def test_half_a_message_waits_for_its_other_half():
+def test_an_incomplete_message_waits_for_its_rest():
     data = framing.pack(wire.CancelAction("a"))
     buffer = bytearray(data[:5])
     assert frames(buffer) == []
@@ -161,35 +138,34 @@ def test_half_a_message_waits_for_its_other_half():
 
 
 def settle():
-    return wire.Settle(
-        Body("giraff", GIRAFF.footprint, GIRAFF.limits), update_of(load_site("office")), 1
-    )
+    body = Body("giraff", GIRAFF.footprint, GIRAFF.limits)
+    return wire.Settle(body, update_of(load_site("office")), 1)
 
 
-def test_a_node_that_fell_behind_handles_only_the_newest_snapshot():
-    said = []
-    conversation = Conversation(said.append)
+def test_a_process_that_fell_behind_computes_only_the_newest_snapshot():
+    answers = []
+    conversation = Conversation(answers.append)
     conversation.take([settle()])
-    conversation.take([wire.perceive(moment(stamp=float(n)), new=n == 1) for n in range(1, 6)])
-    assert [type(word) for word in said] == [wire.Settled, wire.NodeOutput]
-    assert said[0].problem == ""
-    assert said[1].output.stamp == 5.0
+    conversation.take([wire.perceive(snapshot(stamp=float(n)), new=n == 1) for n in range(1, 6)])
+    assert [type(answer) for answer in answers] == [wire.Settled, wire.NodeOutput]
+    assert answers[0].problem == ""
+    assert answers[1].output.stamp == 5.0
 
 
-def test_a_node_without_a_map_refuses_actions_and_continues():
-    said = []
-    conversation = Conversation(said.append)
-    conversation.take(
+def test_a_process_without_a_map_refuses_actions():
+    answers = []
+    goto = Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)
+    Conversation(answers.append).take(
         [
-            wire.perceive(moment(), new=True),
+            wire.perceive(snapshot(), new=True),
             wire.CancelAction("a"),
-            wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)),
+            wire.BeginAction(7, goto),
         ]
     )
-    assert said == [wire.OrderReply(7, "no map")]
+    assert answers == [wire.OrderReply(7, "no map")]
 
 
-def test_a_node_serves_its_socket_until_that_is_closed():
+def test_a_process_serves_its_socket_until_that_is_closed():
     here, there = socket.socketpair()
     thread = threading.Thread(target=serve, args=(there,))
     thread.start()

@@ -1,4 +1,4 @@
-"""Who is let through to the people at the robot."""
+"""Whose call and knock reaches the people at the robot."""
 
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
@@ -25,21 +25,23 @@ def status(calls, of=None, now=0.0):
     return state and state.status
 
 
-def test_without_a_call_nothing_passes():
+def test_no_media_passes_without_a_call():
     calls = CallControl()
     assert status(calls) is None
     assert calls.passing(lease(), 0.0) == NOTHING
     assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
+    calls.ask(call(), lease(), 0.0)
+    assert calls.passing(None, 0.0) == NOTHING, "there is no lease"
 
 
-def test_rule_accept_lets_a_visitor_through_at_once():
+def test_rule_accept_accepts_a_call_at_once():
     calls = CallControl()
     calls.ask(call(video=False, volume=0.5), lease(), 0.0)
     assert status(calls) == "accepted"
     assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
 
 
-def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
+def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted():
     calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(shares=True), lease(), 0.0)
@@ -54,7 +56,7 @@ def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
     assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
 
 
-def test_rule_ask_lets_no_media_through_before_an_answer():
+def test_rule_ask_passes_no_media_before_an_answer():
     calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
@@ -63,7 +65,7 @@ def test_rule_ask_lets_no_media_through_before_an_answer():
     assert calls.passing(lease(), 1.0) == Passing(audio=True, video=True)
 
 
-def test_a_call_that_nobody_answers_says_so_and_may_still_be_answered():
+def test_an_unanswered_call_may_still_be_answered():
     calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
@@ -85,7 +87,7 @@ def test_declined_visitor_is_cut_off_and_rings_again_only_after_hanging_up():
     assert status(calls, now=4.0) == "ringing"
 
 
-def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
+def test_an_answer_is_valid_for_the_session_and_each_page_starts_muted():
     calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
@@ -97,12 +99,6 @@ def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
     other = lease(session="s2", epoch=3)
     calls.ask(call(), other, 4.0)
     assert status(calls, other, 4.0) == "ringing"
-
-
-def test_no_media_passes_without_a_lease():
-    calls = CallControl()
-    calls.ask(call(), lease(), 0.0)
-    assert calls.passing(None, 0.0) == NOTHING
 
 
 # --- knocks ---------------------------------------------------------------------------------------
@@ -117,7 +113,7 @@ def knocking(calls, now=0.0, of=None):
     return state and (state.action_id, state.status)
 
 
-def test_a_knock_rings_until_somebody_answers_or_nobody_does():
+def test_a_knock_rings_until_it_is_answered_or_ends():
     calls = CallControl()
     assert knocking(calls) is None
     assert knock(calls) is None
@@ -128,7 +124,7 @@ def test_a_knock_rings_until_somebody_answers_or_nobody_does():
     assert knocking(calls, KNOCK_REPORTED + 1) is None
 
 
-def test_a_knock_sends_nothing_but_whoever_answers_it_lets_the_visitor_through():
+def test_an_answered_knock_accepts_a_later_call():
     calls = CallControl()
     calls.rule = "ask"
     knock(calls)

@@ -1,4 +1,4 @@
-"""A robot that nobody needs is nearly silent, and speaks at once when somebody does."""
+"""An idle robot sends little, and reports at once when a page needs it."""
 
 import random
 from itertools import pairwise
@@ -9,6 +9,7 @@ from robots.agent.broker_link.reconnection import SPREAD, Reconnection
 from robots.agent.control import dispatcher, reports
 from robots.api import messages as m
 from robots.api.idle import WATCHER, is_news
+from tests.support import words
 from tests.support.agents.control_rig import ControlRig, staff
 from tests.support.agents.scripted_robot import still
 
@@ -37,7 +38,7 @@ def sent_in(rig, seconds):
     return [suffix for suffix, _ in rig.link.sent[before:]]
 
 
-def look(rig, *, needed=True, peer=WATCHER):
+def ask_for_states(rig, *, needed=True, peer=WATCHER):
     beat = m.CommandHeartbeat(n=1, stamp=rig.unix(), peer=peer, needed=needed)
     rig.link.say("command/heartbeat", beat)
 
@@ -46,9 +47,9 @@ def test_an_idle_robot_sends_a_state_each_half_minute_and_nothing_else(idle):
     assert sent_in(idle, 2.0 * SILENCE + 1.0) == ["state"] * 2
 
 
-def test_a_page_that_opens_hears_the_robot_at_once_and_for_some_seconds_after_it_was_closed(idle):
+def test_a_page_that_opens_receives_states_at_once_until_seconds_after_it_was_closed(idle):
     before = idle.link.count
-    look(idle)
+    ask_for_states(idle)
     idle.sleep(0.1)
     assert {suffix for suffix, _ in idle.link.sent[before:]} >= {"state", "heartbeat"}
     sent = sent_in(idle, 0.8)
@@ -57,19 +58,19 @@ def test_a_page_that_opens_hears_the_robot_at_once_and_for_some_seconds_after_it
     idle.sleep(SETTLED)
     assert sent_in(idle, 2.0) == []
     states = idle.link.all("state")
-    assert all(b.seq == a.seq + 1 for a, b in pairwise(states)), "numbers have no gap over silence"
-    assert all(not beat.echoes for beat in idle.link.all("heartbeat")), "nobody reads these echoes"
+    assert all(b.seq == a.seq + 1 for a, b in pairwise(states)), "silence leaves no gap"
+    assert all(not beat.echoes for beat in idle.link.all("heartbeat")), "no client reads echoes"
 
 
-def test_a_server_that_only_compares_clocks_keeps_nobody_awake_but_is_echoed(rig):
+def test_a_server_that_only_compares_clocks_is_echoed_and_leaves_the_robot_idle(rig):
     for _ in range(4):
-        look(rig, needed=False, peer="server")
+        ask_for_states(rig, needed=False, peer="server")
         rig.sleep(0.5)
     assert any(beat.echoes for beat in rig.link.all("heartbeat"))
     assert sent_in(rig, 2.0) == []
 
 
-def test_the_record_of_a_session_has_four_states_a_second_and_what_a_viewer_sees_too(idle):
+def test_a_session_or_a_viewer_gets_four_states_a_second(idle):
     idle.lease(renewal=0, ttl=60.0)
     assert 15 <= sent_in(idle, 4.0).count("state") <= 18
     idle.media.connected = 1
@@ -78,7 +79,7 @@ def test_the_record_of_a_session_has_four_states_a_second_and_what_a_viewer_sees
     assert sent_in(idle, 2.0).count("state") in {7, 8, 9}
 
 
-def test_the_robots_own_displays_hear_it_over_their_data_channel_while_it_is_idle(idle):
+def test_displays_receive_heartbeats_on_their_data_channel_while_the_robot_is_idle(idle):
     before = len(idle.media.told)
     idle.sleep(2.0)
     assert [suffix for suffix, _ in idle.media.told[before:]].count("heartbeat") >= 9
@@ -95,48 +96,33 @@ CHANGES = (
 
 
 def test_important_change_is_reported_at_once_and_a_small_one_is_not(idle):
-    small = still(
-        pose=m.Pose(x=1.1, y=2.0, theta=0.6),
-        battery=m.Battery(charge=0.795, voltage=25.1, charging=False),
-    )
-    idle.robot.reading = small
+    battery = m.Battery(charge=0.795, voltage=25.1, charging=False)
+    idle.robot.reading = still(pose=m.Pose(x=1.1, y=2.0, theta=0.6), battery=battery)
     assert sent_in(idle, 1.0) == []
     for change in CHANGES:
         idle.robot.reading = still(**change)
         assert sent_in(idle, 0.3).count("state") == 1, change
 
 
-def test_an_emergency_stop_is_said_at_once(idle):
+def test_an_emergency_stop_is_reported_at_once(idle):
     idle.act(staff(m.EStop, "e1"))
     assert idle.link.wait("state", lambda state: state.safety.estop, within=0.5)
 
 
-def test_a_new_connection_to_the_broker_hears_how_the_robot_is(idle):
+def test_a_new_connection_to_the_broker_sends_one_state(idle):
     idle.link.cut(mend=True)
     assert sent_in(idle, 0.5) == ["state"]
 
 
-def test_a_turn_over_the_end_of_the_circle_is_small():
-    state = m.State(
-        stamp=1.0,
-        boot="b",
-        seq=1,
-        pose=m.Pose(x=0.0, y=0.0, theta=3.1),
-        velocity=m.Velocity(linear=0.0, angular=0.0),
-        battery=m.Battery(),
+def test_a_turn_across_180_degrees_is_small():
+    before, after = (
+        words.state(seq, pose=m.Pose(x=0.0, y=0.0, theta=theta))
+        for seq, theta in ((1, 3.1), (2, -3.1))
     )
-    turned = m.State(
-        stamp=1.0,
-        boot="b",
-        seq=2,
-        pose=m.Pose(x=0.0, y=0.0, theta=-3.1),
-        velocity=state.velocity,
-        battery=m.Battery(),
-    )
-    assert not is_news(state, turned)
+    assert not is_news(before, after)
 
 
-# --- coming back to the broker --------------------------------------------------------------------
+# --- reconnection to the broker -------------------------------------------------------------------
 
 
 def first_pauses(robots, *, needed):
@@ -149,17 +135,17 @@ def first_pauses(robots, *, needed):
     return found
 
 
-def test_robots_that_nobody_needs_come_back_spread_over_seconds():
+def test_idle_robots_reconnect_spread_over_seconds():
     pauses = first_pauses(1000, needed=False)
     for second in range(10):
         assert 60 <= sum(second <= pause < second + 1 for pause in pauses) <= 140
 
 
-def test_a_robot_that_is_driven_comes_back_at_once():
+def test_a_robot_with_a_driver_reconnects_at_once():
     assert max(first_pauses(1000, needed=True)) <= 0.2
 
 
-def test_pauses_grow_to_a_bound_and_begin_anew_after_a_connection_that_held():
+def test_pauses_grow_to_a_bound_and_are_reset_by_a_lasting_connection():
     reconnection = Reconnection(random.Random(1))
     pauses = [reconnection.pause(0.0, 1000.0 + n) for n in range(500)]
     assert max(pauses) <= SPREAD.longest
@@ -169,7 +155,7 @@ def test_pauses_grow_to_a_bound_and_begin_anew_after_a_connection_that_held():
     )
 
 
-def test_one_that_was_driven_when_the_broker_went_tries_at_once_for_two_minutes():
+def test_a_robot_with_a_driver_retries_at_once_for_two_minutes():
     reconnection = Reconnection(random.Random(1))
     reconnection.needed(0.0)
     pauses = [reconnection.pause(0.0, now) for now in range(1, 240)]

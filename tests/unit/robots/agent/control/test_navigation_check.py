@@ -56,7 +56,7 @@ def test_a_robot_was_stopped_when_it_rests_within_its_stopping_distance(metres, 
         (None, False, "Let its velocities pass through the agent"),
     ],
 )
-def test_a_robot_that_drives_on_is_well_only_where_its_profile_allows_it(stated, is_well, words):
+def test_a_robot_that_drives_on_passes_only_if_its_profile_allows_that(stated, is_well, words):
     well, line = verdict(CutResult(0.42, 3.2, True, allowed=0.2), stated)
     assert well is is_well
     assert "3.2 s after the connection was cut, the robot had driven 0.42 m" in line
@@ -85,7 +85,7 @@ def test_a_stopping_distance_is_that_of_reaction_and_braking(time):
         (NavigatingBase, "guarded", "Navigation is guarded: 3."),
     ],
 )
-def test_navigation_that_something_stops_passes_with_metres_and_seconds(time, kind, control, words):
+def test_guarded_navigation_passes_with_metres_and_seconds(time, kind, control, words):
     base = kind(time.times, control)
     for _ in range(2):
         is_well, lines = tried(time, base)
@@ -102,7 +102,7 @@ def test_navigation_that_something_stops_passes_with_metres_and_seconds(time, ki
 @pytest.mark.parametrize(
     ("stated", "is_well"), [("guarded", False), (None, False), ("unguarded", True)]
 )
-def test_navigation_that_nothing_stops_is_found_out_at_any_speed(time, stated, is_well, speed):
+def test_unguarded_navigation_is_detected_at_any_speed(time, stated, is_well, speed):
     base = NavigatingBase(time.times, "unguarded", stated, speed=speed)
     well, lines = tried(time, base)
     assert well is is_well
@@ -123,7 +123,7 @@ def test_a_guard_that_is_late_does_not_count_as_one(time):
     assert "Navigation is unguarded" in lines[-1]
 
 
-def test_a_planner_that_reaches_the_base_beside_the_agent_is_found_out_before_any_cut(time):
+def test_a_planner_that_bypasses_the_agent_is_detected_before_the_cut(time):
     base = ThroughAgent(time.times, "unguarded", "agent")
     is_well, lines = tried(time, base)
     assert not is_well
@@ -165,7 +165,7 @@ def test_an_adapter_that_cannot_cut_its_connection_does_not_pass(time):
     assert "cannot cut its connection" in lines[-1]
 
 
-def test_a_goal_whose_end_the_robot_does_not_confirm_is_reported(time):
+def test_an_unconfirmed_end_of_a_goal_is_reported(time):
     base = NavigatingBase(time.times, "guarded")
     base.confirms = False
     _, lines = tried(time, base)
@@ -184,7 +184,7 @@ def test_a_check_that_is_interrupted_during_the_cut_still_cancels_the_goal(time)
     assert "Cutting the connection…" in lines
 
 
-def test_a_robot_that_does_not_come_back_after_the_cut_is_reported(time):
+def test_a_robot_that_cannot_be_reached_after_the_cut_is_reported(time):
     base = NavigatingBase(time.times, "guarded")
     work, lines = begun(time, base)
     time.wait(lambda: not base.connected and base.goals, within=10.0)

@@ -9,12 +9,7 @@ from robots.api import messages as m
 from tests.support.agents.control_rig import ControlRig, own, staff, stamped
 from tests.support.agents.scripted_robot import NavigatingRobot
 
-
-@pytest.fixture
-def rig(tmp_path):
-    with ControlRig(tmp_path, robot=NavigatingRobot()) as rig:
-        rig.grant()
-        yield rig
+ROBOT = NavigatingRobot
 
 
 def go(rig, action=m.Goto, **fields):
@@ -22,17 +17,6 @@ def go(rig, action=m.Goto, **fields):
     rig.act(own(action, **values, **fields))
     rig.wait(lambda: rig.robot.going)
     rig.sleep(0.2)
-
-
-def beat_for(rig, seconds):
-    until = rig.now() + seconds
-    while rig.now() < until:
-        rig.beat()
-        rig.sleep(0.2)
-
-
-def errors(rig):
-    return rig.link.wait("state", since=rig.link.count).errors
 
 
 def stop(rig):
@@ -65,10 +49,10 @@ def test_cancel_is_repeated_until_it_is_confirmed(rig, ignored):
     assert rig.now() - began < 0.5 * ignored + 0.2
     rig.wait(lambda: rig.robot.motion == ZERO)
     rig.status("a1", "CANCELLED")
-    assert not errors(rig)
+    assert not rig.state().errors
 
 
-@pytest.mark.parametrize("waits", [0.0, 1.0], ids=["at once", "after standing still"])
+@pytest.mark.parametrize("waits", [0.0, 1.0], ids=["at once", "after a rest"])
 def test_architecture_that_ignores_every_cancel_is_braked_and_reported(rig, waits):
     rig.robot.ignores_cancel = True
     go(rig)
@@ -78,18 +62,14 @@ def test_architecture_that_ignores_every_cancel_is_braked_and_reported(rig, wait
     rig.sleep(waits)
     rig.robot.going = True
     moved = rig.now()
-    rig.link.wait(
-        "state",
-        lambda state: any(error.startswith("runs_on") for error in state.errors),
-        since=rig.link.count,
-        within=1.0,
-    )
+    runs_on = lambda state: any(error.startswith("runs_on") for error in state.errors)
+    rig.link.wait("state", runs_on, since=rig.link.count, within=1.0)
     assert rig.now() - moved <= 0.5 + 0.1
-    beat_for(rig, 5.0)
+    rig.beat_for(5.0)
     sent = [velocity for _, velocity in rig.robot.velocities(moved + 1.0)]
     assert sent == [ZERO] * len(sent)
-    assert len(sent) > 150, "zeros flow at 50 Hz"
-    assert any(error.startswith("cancel: ") for error in errors(rig))
+    assert len(sent) > 150, "zeros are sent at 50 Hz"
+    assert any(error.startswith("cancel: ") for error in rig.state().errors)
     cancels = len(rig.robot.cancelled)
     rig.sleep(2.0)
     assert len(rig.robot.cancelled) - cancels >= 3
@@ -100,14 +80,14 @@ def test_action_that_is_accepted_after_its_failure_was_reported_is_cancelled(rig
     rig.robot.hanging = True
     rig.lease(renewal=5, ttl=60.0)
     rig.act(own(m.Goto, x=1.0, y=1.0))
-    beat_for(rig, 12.0)
+    rig.beat_for(12.0)
     rig.status("a1", "FAILED")
     rig.robot.hanging = False
     rig.wait(lambda: "a1" in rig.robot.cancelled, 1.0)
     rig.robot.ignores_cancel = True
     rig.robot.going = True
     rig.sleep(0.6)
-    assert any(error.startswith("runs_on") for error in errors(rig))
+    assert any(error.startswith("runs_on") for error in rig.state().errors)
     assert rig.robot.told == ZERO
 
 
@@ -126,7 +106,7 @@ def test_action_waits_for_rest_that_was_measured_and_not_only_repeated(rig, acti
     rig.sleep(0.1)
     rig.robot.reading = replace(rig.robot.reading, is_measured=False)
     rig.act(own(action, **({"x": 1.0, "y": 1.0} if action is m.Goto else {})))
-    beat_for(rig, 2.0)
+    rig.beat_for(2.0)
     assert rig.robot.started == []
     assert rig.robot.told == ZERO
     assert rig.now() - rig.robot.velocities()[-1][0] < 0.1, "zeros are still sent"
@@ -138,9 +118,9 @@ def test_new_goal_waits_for_the_end_of_the_one_before(rig):
     rig.robot.ignored_cancels = 4
     go(rig)
     rig.act(own(m.Goto, "a2", x=2.0, y=2.0))
-    beat_for(rig, 1.0)
+    rig.beat_for(1.0)
     assert [action.action_id for action in rig.robot.started] == ["a1"]
-    beat_for(rig, 3.0)
+    rig.beat_for(3.0)
     assert [action.action_id for action in rig.robot.started] == ["a1", "a2"]
     assert rig.robot.cancelled.count("a1") == 5
 
@@ -150,7 +130,7 @@ def test_new_goal_fails_when_the_one_before_never_ends(rig):
     rig.lease(renewal=5, ttl=60.0)
     go(rig)
     rig.act(own(m.Goto, "a2", x=2.0, y=2.0))
-    beat_for(rig, 11.0)
+    rig.beat_for(11.0)
     assert rig.status("a2", "FAILED").reason == "navigation_does_not_end"
     assert [action.action_id for action in rig.robot.started] == ["a1"]
 
@@ -181,7 +161,7 @@ def test_driver_waits_until_the_end_of_navigation_is_confirmed(rig):
     rig.push(0.3)
     rig.sleep(0.1)
     assert rig.robot.told == ZERO
-    assert rig.link.wait("state", since=rig.link.count).safety.inhibited == "unconfirmed"
+    assert rig.state().safety.inhibited == "unconfirmed"
     rig.robot.ignores_cancel = False
     rig.wait(lambda: not rig.kernel.is_end_unconfirmed)
     rig.drive(0.3)
@@ -205,7 +185,7 @@ def test_goal_that_waited_for_a_cancel_is_not_sent_after_a_stop(rig):
     assert rig.robot.motion == ZERO
 
 
-def test_late_copy_of_a_stop_does_not_end_what_was_begun_since(rig):
+def test_a_late_copy_of_a_stop_does_not_end_a_later_action(rig):
     rig.act(own(m.Stop, "stop-1", seq=1))
     rig.push(0.0)
     rig.seq += 5
@@ -229,35 +209,6 @@ def test_agent_cancels_an_action_before_it_ends(tmp_path):
     assert rig.robot.told == ZERO
 
 
-def test_lock_of_the_base_follows_stops_and_is_set_after_each_connection(tmp_path):
-    robot = LockedRobot()
-    with ControlRig(tmp_path, robot=robot) as rig:
-        rig.grant()
-        rig.sleep(0.1)
-        assert robot.locks == [False]
-        stop(rig)
-        rig.sleep(0.1)
-        assert robot.locks == [False, True]
-        robot.lost = "the cable is cut"
-        rig.wait(lambda: rig.kernel.fault is not None)
-        robot.lost = ""
-        rig.wait(lambda: rig.kernel.fault is None, 10.0)
-        rig.sleep(0.1)
-        assert robot.locks == [False, True, True]
-        rig.push(0.0)
-        rig.sleep(0.1)
-        assert robot.locks[-1] is False
-
-
-def test_navigation_is_told_the_limit_of_the_lease(tmp_path):
-    robot = LockedRobot()
-    with ControlRig(tmp_path, robot=robot) as rig:
-        rig.grant()
-        rig.lease(renewal=5, limits=m.LeaseLimits(linear=0.2))
-        go(rig)
-        assert robot.limited == [0.2]
-
-
 class LockedRobot(NavigatingRobot):
     """One with a lock of its own, whose navigation takes a speed limit."""
 
@@ -272,6 +223,31 @@ class LockedRobot(NavigatingRobot):
         self.limited.append(linear)
 
 
+@pytest.mark.parametrize("robot", [LockedRobot], indirect=True)
+def test_lock_of_the_base_follows_stops_and_is_set_after_each_connection(rig, robot):
+    rig.sleep(0.1)
+    assert robot.locks == [False]
+    stop(rig)
+    rig.sleep(0.1)
+    assert robot.locks == [False, True]
+    robot.lost = "the cable is cut"
+    rig.wait(lambda: rig.kernel.fault is not None)
+    robot.lost = ""
+    rig.wait(lambda: rig.kernel.fault is None, 10.0)
+    rig.sleep(0.1)
+    assert robot.locks == [False, True, True]
+    rig.push(0.0)
+    rig.sleep(0.1)
+    assert robot.locks[-1] is False
+
+
+@pytest.mark.parametrize("robot", [LockedRobot], indirect=True)
+def test_navigation_receives_the_speed_limit_of_the_lease(rig, robot):
+    rig.lease(renewal=5, limits=m.LeaseLimits(linear=0.2))
+    go(rig)
+    assert robot.limited == [0.2]
+
+
 @pytest.mark.parametrize("action", [None, m.Goto])
 def test_control_that_fails_brakes_and_cancels_before_it_ends(tmp_path, monkeypatch, action):
     rig = ControlRig(tmp_path, robot=NavigatingRobot())
@@ -281,14 +257,10 @@ def test_control_that_fails_brakes_and_cancels_before_it_ends(tmp_path, monkeypa
         rig.drive(0.5)
     else:
         go(rig, action)
-    monkeypatch.setattr(rig.control._dispatcher, "deadline", fail)
+    monkeypatch.setattr(rig.control._dispatcher, "deadline", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         rig.time.run(rig._running)
     rig.time.close()
     assert rig.robot.told == ZERO
     assert not rig.robot.going
     assert rig.robot.closed
-
-
-def fail(*_):
-    raise ZeroDivisionError

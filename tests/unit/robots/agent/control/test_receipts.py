@@ -1,4 +1,4 @@
-"""What is known of the driver's words at the robot's displays."""
+"""Receipts of the driver's words from the robot's displays."""
 
 import pytest
 
@@ -12,25 +12,14 @@ def receipts():
     return made
 
 
-def test_words_have_no_receipt_before_a_display_confirms_them(receipts):
-    assert receipts.of("a1") is None
-    assert receipts.of("never said") is None
-
-
 def test_better_receipt_replaces_a_worse_one_and_never_the_reverse(receipts):
-    said = [
-        receipts.confirm("a1", state, "s1")
-        for state in ("shown", "shown", "not_spoken", "spoken", "not_spoken", "shown")
-    ]
-    news = [is_news for reason, is_news in said if reason == ""]
-    assert news == [True, False, True, True, False, False]
-    assert receipts.of("a1") == ("s1", "spoken")
-
-
-@pytest.mark.parametrize(("target", "session"), [("a2", "s1"), ("a1", "s2"), ("a1", None)])
-def test_words_that_nobody_said_or_of_another_session_are_not_confirmed(receipts, target, session):
-    assert receipts.confirm(target, "shown", session) == ("unknown_words", False)
     assert receipts.of("a1") is None
+    for session in ("s2", None):
+        assert receipts.confirm("a1", "shown", session) == ("unknown_words", False)
+    states = ("shown", "shown", "not_spoken", "spoken", "not_spoken", "shown")
+    answers = [receipts.confirm("a1", state, "s1") for state in states]
+    assert answers == [("", is_news) for is_news in (True, False, True, True, False, False)]
+    assert receipts.of("a1") == ("s1", "spoken")
 
 
 def test_only_the_newest_words_are_remembered(receipts):

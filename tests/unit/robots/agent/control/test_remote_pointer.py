@@ -30,7 +30,7 @@ def take(pointing, command, sender=SERVER, *, peer=None, lease=LEASE, shown=True
 
 
 @pytest.mark.parametrize("sender", [SERVER, CHANNEL], ids=["mqtt", "data channel"])
-def test_the_driver_points_while_the_people_there_see_what_is_shared(sender):
+def test_the_driver_points_while_the_shared_screen_is_shown(sender):
     pointing = Pointing()
     assert take(pointing, dot(), sender) == "driver"
     assert take(pointing, dot(2.0), sender, shown=False, now=1.0) is None
@@ -70,7 +70,7 @@ def test_others_cannot_point_whatever_role_they_claim(command, sender, reason):
     assert pointing.refused == {reason: 1}
 
 
-def test_a_way_that_a_study_keeps_its_driver_from_is_no_way_for_dots_either():
+def test_dots_are_refused_on_a_transport_that_the_lease_does_not_allow():
     pointing = Pointing()
     only_mqtt = Lease(
         session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",)
@@ -92,7 +92,7 @@ def test_overtaken_dot_is_dropped_until_a_clock_may_have_been_set():
     assert pointing.refused == {"old": 2}
 
 
-def test_twenty_a_second_pass_of_one_peer_however_many_come():
+def test_at_most_twenty_dots_a_second_pass_from_each_peer():
     pointing = Pointing()
     passed = sum(take(pointing, dot(1.0 + n / 200), now=n / 200) == "driver" for n in range(2000))
     assert passed == pytest.approx(10 * RATE + BURST, abs=2)
@@ -101,7 +101,7 @@ def test_twenty_a_second_pass_of_one_peer_however_many_come():
     assert all(take(own_pace, dot(1.0 + n / 15), now=n / 15) == "driver" for n in range(300))
 
 
-def test_of_strangers_without_number_few_are_remembered():
+def test_few_of_many_strangers_are_remembered():
     pointing = Pointing()
     for n in range(10 * PEERS):
         take(pointing, at_screen(peer=f"screen-{n}"), now=n / 1000)

@@ -26,14 +26,14 @@ NEVER = 1e9
 
 
 class Base(ScriptedRobot):
-    """A robot whose base keeps the last velocity for `watchdog` seconds."""
+    """A robot whose base executes the last velocity for `watchdog` seconds."""
 
     def __init__(self, time, watchdog, stuck=False):
         super().__init__(
             profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times
         )
         self.watchdog, self.stuck, self.hum = watchdog, stuck, ZERO
-        self.mute = ""  # why it reports nothing more, though it listens
+        self.mute = ""  # the error that ends its reports; it still takes velocities
 
     async def states(self):
         while True:
@@ -77,7 +77,7 @@ def speeds(base):
 
 
 @pytest.mark.parametrize(
-    ("told", "seconds"),
+    ("samples", "seconds"),
     [
         ([(10.1, 0.05), (10.2, 0.05), (10.4, 0.0), (10.6, 0.0)], 0.4),
         ([(10.1, 0.05), (10.2, 0.0), (10.3, 0.05), (10.5, 0.001)], 0.5),  # it did not stay
@@ -86,8 +86,8 @@ def speeds(base):
         ([], None),
     ],
 )
-def test_a_base_has_stopped_where_it_stays(told, seconds):
-    found = stopped_after([SpeedSample(at, speed) for at, speed in told], 10.0, 0.01)
+def test_a_base_has_stopped_when_it_stays_at_rest(samples, seconds):
+    found = stopped_after([SpeedSample(at, speed) for at, speed in samples], 10.0, 0.01)
     assert found == (None if seconds is None else pytest.approx(seconds))
 
 
@@ -136,22 +136,23 @@ def test_noise_for_which_no_threshold_is_allowed_is_to_be_filtered():
 # --- trials ---------------------------------------------------------------------------------------
 
 
-def test_a_base_that_stops_by_itself_passes_and_nothing_is_said_while_it_is_measured(time):
+def test_a_base_that_stops_by_itself_passes_and_gets_no_zeros_meanwhile(time):
     base = Base(time, 0.3)
     for _ in range(2):
         base.applied.clear()
         is_well, lines = tried(time, base)
         assert is_well, lines
         assert "it keeps the watchdog of 0.3 s" in lines[-1]
-        told = speeds(base)
-        assert set(told[: told.index(0.0)]) == {0.05}
-        last, first_zero = base.applied[told.index(0.0) - 1][0], base.applied[told.index(0.0)][0]
-        assert first_zero - last > 0.3, "no zero before the base has stopped by itself"
-        assert told[-1] == 0.0
+        sent = speeds(base)
+        zero = sent.index(0.0)
+        assert set(sent[:zero]) == {0.05}
+        silence = base.applied[zero][0] - base.applied[zero - 1][0]
+        assert silence > 0.3, "no zero before the base has stopped by itself"
+        assert sent[-1] == 0.0
         assert base.closed
 
 
-def test_a_base_that_nothing_stops_fails_and_is_stopped(time):
+def test_a_base_without_a_watchdog_fails_and_is_stopped(time):
     base = Base(time, NEVER)
     is_well, lines = tried(time, base)
     assert not is_well
@@ -159,7 +160,7 @@ def test_a_base_that_nothing_stops_fails_and_is_stopped(time):
     assert speeds(base)[-1] == 0.0
 
 
-def test_a_base_that_stops_later_than_its_profile_says_fails_with_the_measure(time):
+def test_a_base_that_stops_later_than_its_profile_states_fails(time):
     is_well, lines = tried(time, Base(time, 1.0))
     assert not is_well
     assert "The profile states a watchdog of 0.3 s" in lines[-1]
@@ -171,7 +172,7 @@ def test_a_base_that_does_not_move_cannot_be_measured(time):
     assert "did not move" in lines[-1]
 
 
-def test_a_base_that_hums_is_measured_and_its_owner_reads_which_threshold_to_set(time):
+def test_noise_at_rest_is_measured_and_the_owner_reads_which_threshold_to_set(time):
     base = Base(time, 0.3)
     base.hum = Velocity(linear=0.0, angular=0.06)
     is_well, lines = tried(time, base)
@@ -182,7 +183,7 @@ def test_a_base_that_hums_is_measured_and_its_owner_reads_which_threshold_to_set
     assert is_well, lines
 
 
-def test_a_trial_that_is_broken_off_ends_with_zeros(time):
+def test_an_interrupted_check_ends_with_zeros(time):
     base, lines = Base(time, NEVER), []
     work = begun(time, base, lines)
     time.wait(lambda: "Silence…" in lines)
@@ -193,7 +194,7 @@ def test_a_trial_that_is_broken_off_ends_with_zeros(time):
     assert base.closed
 
 
-def test_a_robot_that_is_lost_meanwhile_is_told_to_stop_and_gives_its_reason(time):
+def test_a_robot_that_is_lost_during_the_check_is_stopped_and_reported(time):
     base, lines = Base(time, NEVER), []
     work = begun(time, base, lines)
     time.wait(lambda: base.applied)

@@ -1,4 +1,4 @@
-"""What names a device."""
+"""The names of devices and their options."""
 
 import pytest
 
@@ -6,28 +6,21 @@ from robots.agent.devices.device_address import DeviceSetting, DeviceSettingErro
 
 
 @pytest.mark.parametrize("words", ["", "none", "  none "])
-def test_no_device_is_one_too(words):
+def test_none_is_a_device_setting(words):
     assert read(words, "camera") is None
 
 
-def test_a_camera_of_linux_is_known_by_its_file_and_may_be_told_what_ffmpeg_knows():
+def test_a_camera_of_linux_is_named_by_its_file_and_takes_options_of_ffmpeg():
     found = read("/dev/video2 video_size=1280x720 input_format=mjpeg", "camera")
     assert (found.format, found.address, found.live) == ("v4l2", "/dev/video2", True)
-    assert found.options == {
-        "ts": "abs",
-        "video_size": "1280x720",
-        "framerate": "30",
-        "input_format": "mjpeg",
-    }
+    options = {"ts": "abs", "video_size": "1280x720", "framerate": "30", "input_format": "mjpeg"}
+    assert found.options == options
 
 
 def test_an_address_of_the_network_keeps_its_colons_and_its_query():
-    found = read("rtsp://user:word@10.0.0.4:554/live?channel=1 rtsp_transport=udp", "camera")
-    assert (found.format, found.address, found.live) == (
-        "",
-        "rtsp://user:word@10.0.0.4:554/live?channel=1",
-        True,
-    )
+    address = "rtsp://user:word@10.0.0.4:554/live?channel=1"
+    found = read(f"{address} rtsp_transport=udp", "camera")
+    assert (found.format, found.address, found.live) == ("", address, True)
     assert found.options["rtsp_transport"] == "udp"
 
 

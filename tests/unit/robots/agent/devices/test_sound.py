@@ -1,4 +1,4 @@
-"""Sound that FFmpeg reads, and what alsa-utils say. Real sound servers: test_sound_servers.py."""
+"""Sound that FFmpeg reads, and errors of alsa-utils. Real sound servers: test_sound_servers.py."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def pitch(samples: np.ndarray) -> float:
     return float(np.argmax(np.abs(np.fft.rfft(samples))) * RATE / len(samples))
 
 
-def heard(source: DeviceMicrophone, blocks: int) -> np.ndarray:
+def recorded(source: DeviceMicrophone, blocks: int) -> np.ndarray:
     found = [block for block in (source.read(1.0) for _ in range(60)) if block is not None][:blocks]
     assert {block.shape for block in found} == {(BLOCK,)}
     assert {block.dtype for block in found} == {np.dtype(np.int16)}
@@ -22,20 +22,16 @@ def heard(source: DeviceMicrophone, blocks: int) -> np.ndarray:
 
 
 def test_other_rates_and_two_channels_become_mono_at_48_khz():
-    microphone = DeviceMicrophone(
-        device_address.read(
-            "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo",
-            "microphone",
-        )
-    )
+    sine = "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo"
+    microphone = DeviceMicrophone(device_address.read(sine, "microphone"))
     microphone.start()
-    samples = heard(microphone, 25)
+    samples = recorded(microphone, 25)
     microphone.stop()
     assert pitch(samples[2 * BLOCK :]) == pytest.approx(TONE, abs=8.0)
 
 
 @pytest.mark.parametrize(
-    ("said", "reason"),
+    ("output", "reason"),
     [
         (
             (
@@ -63,8 +59,8 @@ def test_other_rates_and_two_channels_become_mono_at_48_khz():
         ("ALSA lib confmisc.c:165:(snd_config_get_card) Cannot get card index for 7\n", ""),
     ],
 )
-def test_the_reason_is_found_in_what_alsa_utils_say(said, reason):
+def test_the_reason_is_found_in_the_output_of_alsa_utils(output, reason):
     """alsa-utils 1.2.8, aplay/aplay.c: `error()` writes `PROGRAM: FUNCTION:LINE: TEXT`; the line
     numbers are of that version.
     """
-    assert alsa.reason_in(said) == reason
+    assert alsa.reason_in(output) == reason

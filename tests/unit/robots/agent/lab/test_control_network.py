@@ -7,7 +7,7 @@ import pytest
 from robots.agent.lab.in_force import Networks
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
-from tests.support.agents.control_rig import ControlRig
+from tests.support.agents.control_rig import ControlRig, own, staff
 
 DELAY = 0.12
 
@@ -24,19 +24,20 @@ def configure(rig, lab, session="s1", **fields):
     )
 
 
+def reported(rig):
+    """Return the first state with a network of the driver's commands."""
+    return rig.link.wait("state", lambda s: s.control_network is not None)
+
+
 def impaired(rig, lab):
-    """A driver with this network; an age limit that leaves room for a slow machine."""
+    """Give a driver this network, and an age limit that leaves room for a slow machine."""
     rig.grant(limits=m.LeaseLimits(command_age=1.0))
     configure(rig, lab)
-    rig.link.wait("state", lambda s: s.control_network is not None and s.control_network.lab == lab)
-
-
-def own(kind, action_id, **fields):
-    return kind(action_id=action_id, stamp=0.0, session="s1", epoch=1, **fields)
+    assert reported(rig).control_network.lab == lab
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
-def test_commands_are_older_by_the_delay_when_they_reach_the_wheels_on_either_way(rig, way):
+def test_commands_reach_the_base_older_by_the_delay_on_either_transport(rig, way):
     impaired(rig, m.NetworkLab(delay=DELAY, jitter=0.02, seed=1))
     rig.drive(0.5, way=way, until=lambda: sum(len(s.applied) for s in rig.link.all("state")) > 20)
     ages = [c.age for s in rig.link.all("state") for c in s.applied if c.linear > 0.0]
@@ -47,7 +48,7 @@ def test_commands_are_older_by_the_delay_when_they_reach_the_wheels_on_either_wa
     assert report.held > DELAY - 0.03
 
 
-def test_a_clean_network_holds_nothing(rig):
+def test_a_clean_network_delays_no_command(rig):
     rig.grant()
     rig.drive(0.5)
     assert all(s.control_network is None and s.video_network is None for s in rig.link.all("state"))
@@ -56,36 +57,27 @@ def test_a_clean_network_holds_nothing(rig):
 @pytest.mark.parametrize("lab", [m.NetworkLab(loss=1.0), m.NetworkLab(delay=10.0)])
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_stop_and_e_stop_are_obeyed_at_once_whatever_the_network(tmp_path, lab, way, kind):
-    with ControlRig(tmp_path) as rig:
-        rig.grant()
-        rig.drive(0.5)
-        configure(rig, lab)
-        rig.link.wait("state", lambda s: s.control_network is not None)
-        rig.act(own(kind, "halt"), way=way)
-        rig.wait(lambda: rig.robot.told == ZERO)
-        rig.status("halt", "FINISHED")
-        assert (
-            rig.link.wait(
-                "state", lambda s: s.safety.stop_id == "halt" or s.safety.estop
-            ).control_network
-            is not None
-        )
+def test_stop_and_estop_are_obeyed_at_once_on_any_network(rig, lab, way, kind):
+    rig.grant()
+    rig.drive(0.5)
+    configure(rig, lab)
+    reported(rig)
+    rig.act(own(kind, "halt"), way=way)
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.status("halt", "FINISHED")
+    stopped = rig.link.wait("state", lambda s: s.safety.stop_id == "halt" or s.safety.estop)
+    assert stopped.control_network is not None
 
 
-def test_a_lost_network_lets_no_command_through_while_the_heartbeat_keeps_the_driver_present(rig):
+def test_a_loss_of_every_command_leaves_the_drivers_heartbeat(rig):
     impaired(rig, m.NetworkLab(loss=1.0))
     since = rig.link.count
     for _ in range(10):
         rig.push(0.5)
         rig.beat()
     rig.act(own(m.Tilt, "look", angle=0.2), way="datachannel")
-    report = rig.link.wait(
-        "state",
-        lambda s: s.control_network is not None and s.control_network.lost >= 11,
-        since=since,
-    )
-    assert report.visitor_silence < 1.0 * 4
+    lost = lambda state: state.control_network is not None and state.control_network.lost >= 11
+    assert rig.link.wait("state", lost, since=since).visitor_silence < 4.0
     assert not any(c.linear for s in rig.link.all("state") for c in s.applied)
     assert rig.robot.told == ZERO
     assert not [a for a in rig.link.all("action") if a.action_id == "look"]
@@ -97,17 +89,17 @@ def test_the_round_trip_is_measured_beside_the_lab_so_that_ages_stay_right(rig):
     assert rig.kernel.clocks.of("p1").round_trip < 0.5
 
 
-def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
+def test_a_command_that_the_network_has_made_too_old_is_refused(rig):
     rig.grant()  # the robot's own limit: 250 ms
     configure(rig, m.NetworkLab(delay=0.4))
-    rig.link.wait("state", lambda s: s.control_network is not None)
+    reported(rig)
     for _ in range(5):
         rig.push(0.5)
     rig.link.wait("state", lambda s: s.refused.get("stale", 0) > 0)
     assert rig.robot.told == ZERO
 
 
-def test_delayed_velocities_move_nothing_after_a_stop(rig):
+def test_delayed_velocities_are_refused_after_a_stop(rig):
     # long enough for the stop of a driver who is held up
     impaired(rig, m.NetworkLab(delay=0.8))
     for _ in range(4):
@@ -119,17 +111,17 @@ def test_delayed_velocities_move_nothing_after_a_stop(rig):
     assert all(velocity == ZERO for _, velocity in rig.robot.velocities())
 
 
-def test_actions_of_staff_and_of_the_server_do_not_travel_on_the_drivers_network(rig):
+def test_actions_of_staff_do_not_use_the_drivers_network(rig):
     impaired(rig, m.NetworkLab(loss=1.0))
-    rig.act(m.Photo(action_id="ours", stamp=0.0, role="staff", user="ops"))
-    rig.status("ours", "FINISHED")
+    rig.act(staff(m.Photo))
+    rig.status("a1", "FINISHED")
 
 
-def test_the_next_visitor_gets_a_clean_network_before_the_server_has_taken_the_lab_back(rig):
+def test_the_next_visitor_has_a_clean_network_before_the_server_ends_the_lab(rig):
     impaired(rig, m.NetworkLab(delay=0.2, loss=0.5, seed=2))
     rig.media.network = m.LabReport(lab=m.NetworkLab(delay=0.2))
     rig.link.say("lease", None)
-    rig.link.wait("event", lambda e: e.type == "session_closed")
+    rig.event("session_closed")
     since = rig.link.count
     rig.grant(session="s2", epoch=2, peer="p2", limits=m.LeaseLimits(command_age=1.0))
     state = rig.link.wait("state", lambda s: s.session == "s2", since=since)
@@ -149,15 +141,11 @@ def test_a_network_for_this_session_alone_waits_for_its_driver(rig):
     rig.grant()
     assert rig.link.wait("state", lambda s: s.session == "s1").control_network is None
     rig.grant(session="s7", epoch=7)
-    assert (
-        rig.link.wait(
-            "state", lambda s: s.session == "s7" and s.control_network is not None
-        ).control_network.lab.delay
-        == 0.2
-    )
+    state = reported(rig)
+    assert (state.session, state.control_network.lab.delay) == ("s7", 0.2)
 
 
-def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig):
+def test_the_video_network_is_applied_and_reported_by_the_media_side(rig):
     rig.grant()
     lab = m.NetworkLab(bitrate=4e5, seed=8)
     rig.link.say("config", m.Config(stamp=rig.unix(), video_network=lab, network_session="s1"))
@@ -170,25 +158,20 @@ def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig
 def test_networks_of_the_command_line_hold_for_every_driver(tmp_path):
     lab = m.NetworkLab(delay=0.1, seed=3)
     with ControlRig(tmp_path, networks=Networks(lab, None)) as rig:
-        assert rig.link.wait("state").control_network is None, "nobody drives yet"
+        assert rig.link.wait("state").control_network is None, "there is no driver yet"
         rig.grant(limits=m.LeaseLimits(command_age=1.0))
-        assert (
-            rig.link.wait("state", lambda s: s.control_network is not None).control_network.lab
-            == lab
-        )
+        assert reported(rig).control_network.lab == lab
 
 
-def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
+def test_a_command_reports_the_age_of_its_picture(rig):
+    def frame_age(frame):
+        seq = rig.push(0.5, frame=frame).seq
+        state = rig.link.wait("state", lambda s: any(c.seq == seq for c in s.applied))
+        return next(c.frame_age for c in state.applied if c.seq == seq)
+
     rig.grant(limits=m.LeaseLimits(command_age=1.0))
-    seen = rig.unix() - 0.2
-    command = rig.push(0.5, frame=seen)
-    applied = rig.link.wait("state", lambda s: any(c.seq == command.seq for c in s.applied)).applied
-    assert 0.2 <= next(c for c in applied if c.seq == command.seq).frame_age < 5.0
-    other = rig.push(0.5, frame=12.0)
-    applied = rig.link.wait("state", lambda s: any(c.seq == other.seq for c in s.applied)).applied
-    assert next(c for c in applied if c.seq == other.seq).frame_age is None, (
-        "no picture of this robot is years old"
-    )
+    assert 0.2 <= frame_age(rig.unix() - 0.2) < 5.0
+    assert frame_age(12.0) is None, "no picture of this robot is years old"
 
 
 def test_a_held_command_that_cannot_be_handled_brakes_and_the_next_is_taken(rig, monkeypatch):
@@ -199,5 +182,5 @@ def test_a_held_command_that_cannot_be_handled_brakes_and_the_next_is_taken(rig,
         rig.act(own(m.Tilt, "t1", angle=0.1), way="datachannel")
         rig.wait(lambda: rig.robot.told == ZERO)
     assert rig.link.wait("state", lambda s: s.refused.get("failed"))
-    rig.drive(0.0, until=lambda: not rig.kernel.held)
+    rig.release()
     rig.drive(0.5)

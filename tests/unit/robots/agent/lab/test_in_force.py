@@ -7,40 +7,29 @@ from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 
 SLOW, NARROW = m.NetworkLab(delay=0.2, seed=3), m.NetworkLab(bitrate=4e5, seed=4)
+BOTH = {"control_network": SLOW, "video_network": NARROW}
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
 OWN = Networks(m.NetworkLab(loss=0.5), None)
 
 
-def config(**fields):
-    return m.Config(stamp=1.0, **fields)
-
-
-def test_a_driver_has_the_networks_that_the_server_names_for_the_session():
-    told = config(control_network=SLOW, video_network=NARROW, network_session="s1")
-    assert in_force(LEASE, told, CLEAN) == Networks(SLOW, NARROW, "s1")
-
-
-def test_the_next_visitor_has_a_clean_network_also_before_the_server_says_so():
-    assert in_force(LEASE, config(control_network=SLOW, network_session="s0"), CLEAN) == CLEAN
-
-
-def test_a_network_without_a_session_is_every_drivers():
-    assert in_force(LEASE, config(video_network=NARROW), CLEAN) == Networks(None, NARROW, "s1")
-
-
-def test_without_a_driver_there_is_no_lab():
-    assert in_force(None, config(control_network=SLOW), OWN) == CLEAN
-
-
 @pytest.mark.parametrize(
-    "told", [None, config(), config(control_network=SLOW, network_session="s0")]
+    ("lease", "config", "own", "found"),
+    [
+        (LEASE, BOTH | {"network_session": "s1"}, CLEAN, Networks(SLOW, NARROW, "s1")),
+        (LEASE, BOTH | {"network_session": "s0"}, CLEAN, CLEAN),
+        (LEASE, {"video_network": NARROW}, CLEAN, Networks(None, NARROW, "s1")),
+        (None, BOTH, OWN, CLEAN),
+        (LEASE, None, OWN, Networks(OWN.control, None, "s1")),
+        (LEASE, {}, OWN, Networks(OWN.control, None, "s1")),
+        (LEASE, BOTH | {"network_session": "s0"}, OWN, Networks(OWN.control, None, "s1")),
+        (LEASE, {"control_network": SLOW}, OWN, Networks(SLOW, None, "s1")),
+    ],
 )
-def test_the_agents_own_networks_hold_where_the_server_says_nothing(told):
-    assert in_force(LEASE, told, OWN) == Networks(OWN.control, None, "s1")
-
-
-def test_the_server_goes_before_the_agents_own():
-    assert in_force(LEASE, config(control_network=SLOW), OWN).control == SLOW
+def test_a_driver_has_the_servers_networks_for_the_session_or_the_agents_own(
+    lease, config, own, found
+):
+    message = None if config is None else m.Config(stamp=1.0, **config)
+    assert in_force(lease, message, own) == found
 
 
 VELOCITY = m.VelocityCommand(
@@ -54,7 +43,7 @@ DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
     "message",
     [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)],
 )
-def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message, sender):
+def test_the_drivers_commands_use_the_drivers_network_on_both_transports(message, sender):
     assert is_held(message, sender, LEASE)
 
 

@@ -26,12 +26,12 @@ ARRIVALS = st.lists(st.tuples(st.floats(0.0, 0.1), st.integers(1, 1200)), max_si
 
 
 def run(lab, arrivals, *, tick=0.005):
-    """Put packets in, take what is due every `tick` and at every moment of `next`; return the line
+    """Offer packets, take due ones every `tick` and at every moment of `next`; return the line
     and (moment, number) of what came out.
     """
     line, came, now = NetworkLine(lab), [], 0.0
 
-    def take_until(end):
+    def deliver_until(end):
         nonlocal now
         while (at := line.next()) is not None and at <= end:
             now = max(now, at)
@@ -40,14 +40,14 @@ def run(lab, arrivals, *, tick=0.005):
         now = end
 
     for number, (gap, size) in enumerate(arrivals):
-        take_until(now + gap)
+        deliver_until(now + gap)
         line.offer(functools.partial(lambda number: came.append((now, number)), number), size, now)
-    take_until(now + 100.0)
+    deliver_until(now + 100.0)
     return line, came
 
 
 @given(LABS, ARRIVALS)
-def test_every_packet_comes_out_once_or_is_counted_as_lost_or_overflowed(lab, arrivals):
+def test_every_packet_leaves_once_or_is_counted_as_lost_or_overflowed(lab, arrivals):
     line, came = run(lab, arrivals)
     counts = line.counts
     assert len({number for _, number in came}) == len(came) == counts.out
@@ -57,12 +57,12 @@ def test_every_packet_comes_out_once_or_is_counted_as_lost_or_overflowed(lab, ar
 
 
 @given(LABS, ARRIVALS)
-def test_the_same_seed_and_the_same_arrivals_end_in_the_same_fates(lab, arrivals):
+def test_the_same_seed_and_arrivals_have_the_same_result(lab, arrivals):
     assert run(lab, arrivals)[1] == run(lab, arrivals)[1]
 
 
 @given(LABS, ARRIVALS)
-def test_without_reordering_packets_come_out_in_their_order_whatever_the_jitter(lab, arrivals):
+def test_packets_keep_their_order_despite_jitter(lab, arrivals):
     clean = NetworkLab(
         delay=lab.delay, jitter=lab.jitter, loss=lab.loss, bitrate=lab.bitrate, seed=lab.seed
     )
@@ -89,7 +89,7 @@ def test_packets_leave_within_the_bounds_of_delay_and_jitter(lab, arrivals):
 
 
 @given(st.floats(2e4, 1e6), ARRIVALS, st.floats(0.0, 0.3))
-def test_no_window_of_time_lets_more_out_than_the_bit_rate_and_one_packet(bitrate, arrivals, delay):
+def test_no_window_of_time_exceeds_the_bit_rate_by_more_than_one_packet(bitrate, arrivals, delay):
     _, came = run(NetworkLab(bitrate=bitrate, delay=delay), arrivals)
     sizes = [size for _, size in arrivals]
     for first in range(len(came)):
@@ -117,7 +117,7 @@ def test_the_share_of_lost_packets_is_within_its_binomial_bounds(loss, seed):
     assert abs(line.counts.lost / number - loss) < 4.0 * math.sqrt(loss * (1.0 - loss) / number)
 
 
-def test_whether_a_packet_is_lost_does_not_hang_on_what_else_the_line_does():
+def test_loss_of_a_packet_does_not_depend_on_delay_order_or_rate():
     def lost(**lab):
         return set(range(200)) - {
             number for _, number in run(NetworkLab(loss=0.3, seed=5, **lab), [(0.01, 100)] * 200)[1]
@@ -134,7 +134,7 @@ def test_jitter_spreads_evenly_around_the_delay():
     assert sum(held) / len(held) == pytest.approx(0.3, abs=0.01)
 
 
-def test_a_reordered_packet_comes_out_right_after_the_next_one():
+def test_a_reordered_packet_leaves_right_after_the_next_one():
     line, came = run(NetworkLab(delay=0.05, reorder=0.3, seed=1), [(0.01, 100)] * 30)
     numbers = [number for _, number in came]
     moved = sum(number > after for number, after in itertools.pairwise(numbers))
@@ -143,7 +143,7 @@ def test_a_reordered_packet_comes_out_right_after_the_next_one():
     assert line.counts.reordered > 0
 
 
-def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
+def test_a_reordered_packet_without_a_successor_leaves_after_a_while():
     line, came = run(NetworkLab(delay=0.05, reorder=1.0), [(0.0, 100)])
     assert came == [(pytest.approx(0.05 + HOLD), 0)]
     assert line.counts.reordered == 0

@@ -1,4 +1,4 @@
-"""Finding oneself on a whole map from one sweep."""
+"""A pose on the whole map from one scan."""
 
 import math
 
@@ -61,7 +61,7 @@ def in_world(whole: GlobalSearch, poses: np.ndarray) -> list[Pose2D]:
     "pose",
     [Pose2D(1.0, 1.7, 0.3), Pose2D(4.5, 1.9, -2.0), Pose2D(5.2, 0.6, 1.2), Pose2D(1.6, 1.0, 0.0)],
 )
-def test_one_sweep_in_a_flat_of_many_corners_gives_the_pose_away(pose: Pose2D) -> None:
+def test_one_scan_in_a_flat_of_many_corners_finds_the_pose(pose: Pose2D) -> None:
     whole = search(FLAT)
     found, _ = finish(whole, seen(FLAT, pose))
     best = in_world(whole, found.poses)[0]
@@ -70,7 +70,7 @@ def test_one_sweep_in_a_flat_of_many_corners_gives_the_pose_away(pose: Pose2D) -
     assert found.merit[0] > 0.85
 
 
-def test_in_a_square_room_all_four_quarters_are_named() -> None:
+def test_a_square_room_has_four_candidates() -> None:
     whole, pose = search(SQUARE), Pose2D(1.0, 1.3, 0.4)
     found, _ = finish(whole, seen(SQUARE, pose))
     for quarter in range(4):
@@ -79,7 +79,7 @@ def test_in_a_square_room_all_four_quarters_are_named() -> None:
         assert min(other.distance(twin) for other in in_world(whole, found.poses)) < 0.1
 
 
-def test_the_work_comes_in_slices_of_the_size_that_was_asked_for() -> None:
+def test_the_work_is_done_in_slices_of_the_given_size() -> None:
     few, many = (search(FLAT, Searching(slice=size)) for size in (400_000, 20_000))
     sweep = seen(FLAT, Pose2D(1.0, 1.7, 0.3))
     found_in_few, slices = finish(few, sweep)

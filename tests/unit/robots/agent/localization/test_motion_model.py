@@ -1,4 +1,4 @@
-"""Guesses that move as the wheels say, each a little differently."""
+"""Particles that move with the odometry, with noise."""
 
 import math
 
@@ -20,13 +20,13 @@ EXACT = MotionNoise(0.0, 0.0, 0.0, 0.0)
         Pose2D(1e-6, 0.0, 0.0),
     ],
 )
-def test_without_errors_a_guess_moves_by_the_step(step: Pose2D) -> None:
+def test_a_particle_without_noise_moves_by_the_step(step: Pose2D) -> None:
     start = Pose2D(1.0, 2.0, 0.5)
     moved = move(np.array([start]), step, EXACT, np.random.default_rng(1))
     assert moved[0] == pytest.approx(tuple(start.compose(step)))
 
 
-def test_the_spread_of_a_way_does_not_depend_on_the_number_of_steps() -> None:
+def test_the_spread_of_a_motion_does_not_depend_on_the_number_of_steps() -> None:
     rng = np.random.default_rng(2)
     once = many = np.zeros((20_000, 3))
     once = move(once, Pose2D(1.0, 0.0, 0.0), MotionNoise(), rng)
@@ -44,7 +44,7 @@ def test_a_turn_in_place_leaves_the_place_and_widens_the_heading() -> None:
     assert moved[:, 2].std() == pytest.approx(math.sqrt(0.0016 * math.pi / 2), rel=0.1)
 
 
-def test_a_robot_that_stands_stays() -> None:
+def test_particles_of_a_robot_at_rest_do_not_move() -> None:
     poses = np.random.default_rng(4).normal(size=(10, 3))
     assert move(
         poses, Pose2D(0.0, 0.0, 0.0), MotionNoise(), np.random.default_rng(4)

@@ -1,4 +1,4 @@
-"""Guesses, their weights and their number."""
+"""Particles, their weights and their number."""
 
 import math
 
@@ -34,36 +34,32 @@ def about(
     )
 
 
-def test_guesses_about_one_place_need_the_fewest() -> None:
+def test_particles_at_one_place_need_the_fewest() -> None:
     assert kld_count(np.zeros((50, 3)), SAMPLING) == SAMPLING.fewest
 
 
-def test_the_wider_the_spread_the_more_guesses_are_needed_up_to_the_most() -> None:
-    counts = [
-        kld_count(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
-    ]
+def test_a_wider_spread_needs_more_particles_up_to_the_most() -> None:
+    spreads = [about((0.0, 0.0, 0.0), place=place) for place in (0.1, 0.3, 0.8, 5.0)]
+    counts = [kld_count(poses, SAMPLING) for poses in spreads]
     assert counts == sorted(counts)
     assert counts[0] < counts[2]
     assert counts[-1] <= SAMPLING.most
 
 
 def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
-    poses = np.array(
-        [[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]]
-    )
+    poses = np.array([[0.1, 0.1, 0.05 + turns * math.tau] for turns in (0, 1, -2)])
     assert kld_count(poses, SAMPLING) == SAMPLING.fewest
 
 
 def test_drawing_keeps_the_shares() -> None:
-    particles = ParticleSet(
-        about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500)
-    )
+    poses = about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
+    particles = ParticleSet(poses, np.repeat([0.3 / 500, 0.7 / 500], 500))
     drawn = particles.resampled(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
 
 
-def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
+def test_evidence_moves_weight_and_depletes_the_particles() -> None:
     particles = uniform(np.zeros((100, 3)))
     assert not particles.is_depleted()
     evidence = np.full(100, -1000.0)
@@ -82,16 +78,15 @@ def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None
 
 
 def test_the_heaviest_cluster_is_found_with_its_share() -> None:
-    particles = ParticleSet(
-        about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500)
-    )
+    poses = about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1))
+    particles = ParticleSet(poses, np.repeat([0.8 / 500, 0.2 / 500], 500))
     cluster = heaviest_cluster(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)
     assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)
 
 
-def test_places_are_told_by_their_best_guesses_and_a_turn_makes_another_place() -> None:
+def test_places_have_their_best_particles_and_a_turn_is_another_place() -> None:
     poses = about((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 0.0, math.pi), each=100)
     fits = np.arange(300.0)
     owner, best = places(poses, fits, 0.6, math.radians(30.0))
@@ -99,7 +94,7 @@ def test_places_are_told_by_their_best_guesses_and_a_turn_makes_another_place() 
     assert owner.tolist() == [2] * 100 + [1] * 100 + [0] * 100
 
 
-def test_a_guess_that_is_no_number_is_a_place_of_its_own() -> None:
+def test_a_particle_of_nan_is_a_place_of_its_own() -> None:
     owner, best = places(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), np.zeros(2), 0.6, 0.5)
     assert sorted(owner.tolist()) == [0, 1]
     assert len(best) == 2
@@ -113,7 +108,7 @@ def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
     assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
 
 
-def test_one_guess_is_a_cluster() -> None:
+def test_one_particle_is_a_cluster() -> None:
     cluster = heaviest_cluster(uniform(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
     assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
     assert cluster.share == pytest.approx(1.0)

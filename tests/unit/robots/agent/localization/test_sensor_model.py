@@ -1,4 +1,4 @@
-"""What fits the map, what falls short of it, and what goes through its walls."""
+"""Beams that fit the map, fall short of it, or pass through its walls."""
 
 import math
 
@@ -54,10 +54,9 @@ def test_the_lasers_mount_counts() -> None:
     assert likelihood_field(FIELD, MODEL).of(at(POSE), seen)[0] > -1.0
 
 
-def test_something_new_before_a_wall_is_short_and_not_through() -> None:
-    judged = agreement(
-        FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0))
-    )
+def test_a_new_obstacle_before_a_wall_is_short_and_not_through() -> None:
+    pose = Pose2D(2.4, 0.5, 2.0)
+    judged = agreement(FIELD, MODEL, at(pose), sweep(CHANGED, pose))
     assert judged.short[0] > 0.2
     assert judged.through[0] < 0.05
 
@@ -68,33 +67,27 @@ def test_from_behind_a_wall_the_beams_went_through_it() -> None:
     assert judged.through[0] > 0.15
 
 
-def test_between_places_beams_through_a_wall_take_back_more_than_as_many_that_fit() -> None:
+def test_beams_through_a_wall_outweigh_as_many_that_fit() -> None:
     half = np.array([0.5])
     assert Agreement(half, 0.0 * half, half).merit[0] == 0.0
     assert Agreement(half, 0.0 * half, half).against_others[0] < 0.0
-    assert (
-        Agreement(half, half, 0.0 * half).against_others[0]
-        == Agreement(half, half, 0.0 * half).merit[0]
-        > 0.8
-    )
+    fits = Agreement(half, half, 0.0 * half)
+    assert fits.against_others[0] == fits.merit[0] > 0.8
 
 
 def test_the_three_shares_make_one() -> None:
-    judged = agreement(
-        FIELD, MODEL, at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0)), sweep(CHANGED)
-    )
+    poses = at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0))
+    judged = agreement(FIELD, MODEL, poses, sweep(CHANGED))
     assert judged.fits + judged.short + judged.through == pytest.approx(1.0)
 
 
 def test_the_true_pose_is_likelier_than_its_neighbours() -> None:
-    turned = Pose2D(POSE.x, POSE.y, POSE.theta + 0.1)
-    found = likelihood_field(FIELD, MODEL).of(
-        at(POSE, Pose2D(POSE.x + 0.2, POSE.y, POSE.theta), turned), sweep()
-    )
+    moved, turned = POSE._replace(x=POSE.x + 0.2), POSE._replace(theta=POSE.theta + 0.1)
+    found = likelihood_field(FIELD, MODEL).of(at(POSE, moved, turned), sweep())
     assert np.argmax(found) == 0
 
 
-def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
+def test_a_beam_without_a_match_costs_the_same_at_any_length() -> None:
     likelihood = likelihood_field(FIELD, MODEL)
     near, far = (
         Sweep(np.array([[x, 0.0]]), 0.0, 0.0, np.zeros(1), np.array([x]), 10.0) for x in (5.0, 9.0)
@@ -102,14 +95,14 @@ def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
     assert likelihood.of(at(POSE), near) == pytest.approx(likelihood.of(at(POSE), far), abs=0.1)
 
 
-def test_beams_that_did_not_come_back_and_the_robots_own_hand_are_left_out() -> None:
+def test_beams_without_an_echo_and_of_the_robot_itself_are_left_out() -> None:
     ranges = np.array([math.nan, math.inf, 0.02, -1.0, 2.0])
     seen = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, ranges), 0.1)
     assert seen.ranges.tolist() == [2.0]
     assert seen.angles == pytest.approx([0.4])
 
 
-def test_no_beams_say_nothing() -> None:
+def test_a_scan_without_beams_has_no_likelihood() -> None:
     nothing = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, np.array([math.inf])), 0.1)
     assert likelihood_field(FIELD, MODEL).of(at(POSE, POSE), nothing).tolist() == [0.0, 0.0]
     assert agreement(FIELD, MODEL, at(POSE), nothing).fits[0] == 0.0

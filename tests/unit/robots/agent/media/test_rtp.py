@@ -36,7 +36,7 @@ def test_a_timestamp_follows_the_capture_stamp() -> None:
 
 @examples(50, thorough=1000)
 @given(st.lists(st.floats(min_value=0, max_value=4e9), min_size=2, max_size=50))
-def test_timestamps_grow_whatever_the_wall_clock_does(stamps: list[float]) -> None:
+def test_timestamps_grow_although_the_wall_clock_steps_back(stamps: list[float]) -> None:
     clock = RtpClock(origin=0)
     ticks = [clock.tick(stamp) for stamp in stamps]
     assert all(0 < after - before <= 5.0 * 90_000 for before, after in itertools.pairwise(ticks))
@@ -102,14 +102,8 @@ def test_header_has_only_the_agreed_extensions() -> None:
 
 def _map() -> HeaderExtensionsMap:
     extensions = HeaderExtensionsMap()
-    extensions.configure(
-        RTCRtpParameters(
-            headerExtensions=[
-                RTCRtpHeaderExtensionParameters(1, MID),
-                RTCRtpHeaderExtensionParameters(3, ABS_SEND_TIME),
-            ]
-        )
-    )
+    agreed = [RTCRtpHeaderExtensionParameters(*one) for one in ((1, MID), (3, ABS_SEND_TIME))]
+    extensions.configure(RTCRtpParameters(headerExtensions=agreed))
     return extensions
 
 
@@ -134,15 +128,11 @@ def test_a_lost_packet_is_wrapped_for_retransmission() -> None:
     rtx = RtpPacket.parse(stream.retransmission(101, NOW))
     assert (rtx.ssrc, rtx.payload_type, rtx.sequence_number) == (6, 98, 3)
     original = unwrap_rtx(rtx, payload_type=97, ssrc=5)
-    assert (original.sequence_number, original.payload, original.marker, original.timestamp) == (
-        101,
-        b"two",
-        1,
-        77,
-    )
+    assert (original.sequence_number, original.payload) == (101, b"two")
+    assert (original.marker, original.timestamp) == (1, 77)
 
 
-def test_without_a_retransmission_stream_the_packet_is_sent_again_as_it_was() -> None:
+def test_a_packet_is_repeated_unchanged_without_a_retransmission_stream() -> None:
     stream = RtpStream(ssrc=5, payload_type=97, sequence=100)
     sent = stream.packets((b"one",), 77, NOW)[0]
     assert stream.retransmission(100, NOW) == sent
@@ -165,7 +155,7 @@ def test_after_a_key_frame_nothing_from_before_it_is_sent_again() -> None:
     assert stream.retransmission(1, NOW) is not None
 
 
-def test_a_page_that_asks_for_all_over_and_over_is_sent_a_share_again() -> None:
+def test_repeated_requests_for_all_packets_are_limited_to_a_share() -> None:
     stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
     for n in range(60):
         stream.packets((bytes(1000), bytes(1000)), n, NOW + n / 30)
@@ -179,7 +169,7 @@ def test_a_page_that_asks_for_all_over_and_over_is_sent_a_share_again() -> None:
     assert stream.retransmission(119, NOW + 10.1 + ASKED_AGAIN) is not None
 
 
-def test_copies_fill_what_is_asked_for_and_no_more() -> None:
+def test_copies_fill_the_requested_bytes() -> None:
     stream = RtpStream(ssrc=5, payload_type=97, sequence=0, rtx_ssrc=6, rtx_payload_type=98)
     assert stream.again(5_000, NOW) == []
     stream.packets((bytes(1000), bytes(400)), 1, NOW)

@@ -3,19 +3,20 @@
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
+from robots.agent.robot_interface import NOWHERE
 from robots.agent.safety.collision_monitor import CollisionMonitor, monitor_of, seen_from
 from robots.agent.safety.kernel import KERNEL
 from robots.agent.safety.obstacle_sources import LaserSource
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, LeaseLimits, Pose, Scan, Velocity
-from tests.support.agents.kernel_bench import LIMITS, TICK, Bench
-from tests.support.agents.scripted_robot import PROFILE
+from tests.support.agents.kernel_bench import LIMITS, TICK, bench_with_driver
+from tests.support.agents.scripted_robot import PROFILE, still
 
 AHEAD = Velocity(linear=0.5, angular=0.0)
 FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))
@@ -23,26 +24,18 @@ ORIGIN = Pose2D(0.0, 0.0, 0.0)
 
 
 def reading(stamp=1.0, odometry=ORIGIN, **fields):
-    return RcaState(
-        stamp=stamp,
-        pose=NOWHERE,
-        velocity=ZERO,
-        battery=UNKNOWN_BATTERY,
-        odometry=odometry,
-        **fields,
+    return still(stamp=stamp, odometry=odometry, **fields)
+
+
+def scan(ranges, stamp=1.0):
+    return Scan(
+        stamp=stamp, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=ranges
     )
 
 
 def wall(distance, stamp=1.0):
     """A scan of a laser in the robot's centre that sees a wall `distance` ahead."""
-    angles = np.linspace(-1.0, 1.0, 81)
-    return Scan(
-        stamp=stamp,
-        angle_min=-1.0,
-        angle_increment=2.0 / 80,
-        range_max=10.0,
-        ranges=tuple((distance / np.cos(angles)).tolist()),
-    )
+    return scan(tuple((distance / np.cos(np.linspace(-1.0, 1.0, 81))).tolist()), stamp)
 
 
 def monitor():
@@ -52,7 +45,7 @@ def monitor():
 # --- by itself ------------------------------------------------------------------------------------
 
 
-def test_one_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
+def test_a_monitor_without_a_scan_stops_the_driver_and_reports_that_for_a_moment():
     watch = monitor()
     assert watch.shape(AHEAD, ZERO, "slow", 1.0).velocity == ZERO
     assert watch.why(1.1)[0] == "blind"
@@ -61,7 +54,7 @@ def test_one_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
     assert watch.points().shape == (0, 2)
 
 
-def test_it_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
+def test_a_near_wall_stops_the_driver_and_a_far_one_does_not():
     watch = monitor()
     watch.sense(reading(scan=wall(0.4)), 1.0)
     assert watch.clearance() == pytest.approx(0.1, abs=0.02)
@@ -75,37 +68,26 @@ def test_it_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
     assert far.why(1.1) == ("", None)
 
 
-def test_a_laser_that_says_nothing_any_more_or_sees_nothing_makes_it_blind():
+def test_a_covered_or_silent_laser_counts_as_blind():
     watch = monitor()
     watch.sense(reading(scan=wall(3.0)), 1.0)
-    covered = Scan(
-        stamp=1.4, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=(None,) * 81
-    )
-    watch.sense(reading(1.4, scan=covered), 1.4)
+    watch.sense(reading(1.4, scan=scan((None,) * 81, 1.4)), 1.4)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.45).why == "free"
     assert watch.shape(AHEAD, AHEAD, "slow", 1.55).why == "blind"
 
 
-def test_a_robot_gets_one_when_it_names_a_sensor():
-    seeing = replace(PROFILE, laser=Laser(x=0.0))
+@pytest.mark.parametrize("more", [(), ("localization", "goto"), ("assist",)])
+def test_a_robot_with_a_sensor_has_a_monitor_whatever_else_it_can_do(more):
     assert monitor_of(PROFILE) is None
-    assert monitor_of(seeing) is not None
-    assert (
-        monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "localization", "goto")))
-        is not None
-    ), "one does not hang on the other"
-    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is not None, (
-        "navigation needs its points"
-    )
+    able = (*PROFILE.capabilities, *more)
+    assert monitor_of(replace(PROFILE, laser=Laser(x=0.0), capabilities=able)) is not None
 
 
-def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
-    class Dock:
-        x, y, theta = 3.0, 1.0, math.pi / 2
-
-    found = seen_from(Pose(x=1.0, y=1.0, theta=0.0), Dock)
+def test_the_dock_is_located_relative_to_a_localized_robot_only():
+    dock = SimpleNamespace(x=3.0, y=1.0, theta=math.pi / 2)
+    found = seen_from(Pose(x=1.0, y=1.0, theta=0.0), dock)
     assert found == pytest.approx((2.0, 0.0, math.pi / 2))
-    assert seen_from(NOWHERE, Dock) is None
+    assert seen_from(NOWHERE, dock) is None
     assert seen_from(Pose(x=1.0, y=1.0, theta=0.0), None) is None
 
 
@@ -127,38 +109,35 @@ class Scripted:
 
 
 def bench(shaper, level="steer"):
-    made = Bench(monitor=shaper)
+    made = bench_with_driver(monitor=shaper)
     made.kernel.assist.level = level
-    made.lease()
-    made.know_clock()
     return made
 
 
-def test_a_turn_that_was_added_is_told_and_not_taken_for_the_drivers():
+def test_an_added_turn_is_sent_and_does_not_count_as_the_drivers():
     made = bench(Scripted(turn=0.01))
     made.run(1.0, every=0.06, linear=0.3)
     assert made.kernel.commanded.angular == pytest.approx(0.01)
     assert max(abs(wanted.angular) for wanted, _, _ in made.kernel.monitor.asked) == 0.0
 
 
-def test_without_help_the_stage_is_not_asked():
+def test_without_assistance_the_monitor_is_not_called():
     made = bench(Scripted(turn=0.2), level="off")
     made.run(1.0, every=0.06, linear=0.3)
     assert made.kernel.commanded.angular == 0.0
     assert made.kernel.monitor.asked == []
 
 
-def test_an_added_turn_keeps_to_the_leases_limit_and_what_is_left_of_it_is_looked_at_again():
+def test_an_added_turn_is_cut_to_the_leases_limit_and_then_checked_again():
     made = bench(Scripted(turn=0.3))
     made.lease(renewal=1, limits=LeaseLimits(angular=0.1))
     made.run(2.0, every=0.06, linear=0.3)
-    assert max(
-        abs(decision.velocity.angular) for _, decision in made.outputs if decision.velocity
-    ) == pytest.approx(0.1)
+    turns = [abs(decision.velocity.angular) for _, decision in made.outputs if decision.velocity]
+    assert max(turns) == pytest.approx(0.1)
     assert made.kernel.monitor.asked[-1][2] == "slow"
 
 
-def test_the_stage_knows_what_the_base_was_last_told():
+def test_the_monitor_gets_the_last_velocity_of_the_base():
     made = bench(Scripted(share=0.9), level="slow")
     for _ in range(40):
         made.now += TICK
@@ -174,14 +153,10 @@ def test_ramp_leads_a_base_that_takes_less_by_a_third_of_a_second_at_most():
     assert made.kernel.commanded.linear == 0.1
     made.now += TICK
     made.drive(0.4)
-    assert made.kernel.monitor.asked[-1] == (
-        Velocity(
-            linear=pytest.approx(0.1 + LIMITS.linear_acceleration * (KERNEL.longest_wait + TICK)),
-            angular=0.0,
-        ),
-        Velocity(linear=0.1, angular=0.0),
-        "slow",
-    )
+    ahead = 0.1 + LIMITS.linear_acceleration * (KERNEL.longest_wait + TICK)
+    wanted, sent, level = made.kernel.monitor.asked[-1]
+    assert wanted == Velocity(linear=pytest.approx(ahead), angular=0.0)
+    assert (sent, level) == (Velocity(linear=0.1, angular=0.0), "slow")
 
 
 def test_released_robot_brakes_on_the_checked_course_without_an_added_turn():
@@ -197,29 +172,22 @@ def test_released_robot_brakes_on_the_checked_course_without_an_added_turn():
 def test_velocity_of_the_agents_own_navigation_is_not_shaped():
     made = bench(Scripted(share=0.0))
     made.run(1.0)
-    made.kernel.navigate("g", "goto", ordered_by_server=True, now=made.now)
+    made.navigate(by_server=True)
     made.wanted = Velocity(linear=0.4, angular=0.0)
     made.run(2.0)
     assert made.kernel.commanded.linear == pytest.approx(0.4)
 
 
-def test_a_robot_that_turns_blind_brakes_as_its_base_can():
+def test_a_robot_that_becomes_blind_brakes_at_the_rate_of_its_base():
     watch = monitor()
-    made = Bench(monitor=watch)
-    made.kernel.assist.level = "slow"
-    made.lease()
-    made.know_clock()
+    made = bench(watch, "slow")
     for _ in range(100):
         watch.sense(reading(made.now, scan=wall(9.0, made.now)), made.now)
         made.run(TICK, every=TICK, linear=0.5)
     assert made.speed > 0.45
     before = len(made.outputs)
     made.run(1.5, every=TICK, linear=0.5)
-    speeds = [
-        decision.velocity.linear for _, decision in made.outputs[before:] if decision.velocity
-    ]
+    sent = [decision.velocity for _, decision in made.outputs[before:] if decision.velocity]
     assert made.speed == 0.0
-    assert (
-        min(later - earlier for earlier, later in itertools.pairwise(speeds))
-        >= -LIMITS.linear_braking * TICK - 1e-9
-    )
+    steps = [after.linear - before.linear for before, after in itertools.pairwise(sent)]
+    assert min(steps) >= -LIMITS.linear_braking * TICK - 1e-9

@@ -1,4 +1,4 @@
-"""Contacts with a direction: what they forbid, what lets go of them, and what the pages hear."""
+"""Contacts with a direction: which motion they prevent, what ends them, and their events."""
 
 import itertools
 import math
@@ -18,8 +18,7 @@ from robots.agent.safety.contacts import (
     sides_of,
 )
 from robots.api.messages import Velocity
-from tests.support.agents.control_rig import ControlRig
-from tests.support.agents.kernel_bench import Bench
+from tests.support.agents.kernel_bench import Bench, bench_with_driver
 from tests.support.agents.scripted_robot import still
 
 SIDE_SETS = st.sets(st.sampled_from(SIDES))
@@ -60,17 +59,14 @@ def test_no_velocity_is_towards_a_contact_and_none_is_added(sides, velocity):
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_a_driver_backs_away_from_any_one_contact_and_is_free_again(side):
+def test_a_contact_ends_after_the_robot_has_backed_away(side):
     contacts = Contacts()
     contacts.felt([side])
-    away = next(
-        v
-        for v in (Velocity(linear=-0.1, angular=0.0), Velocity(linear=0.1, angular=0.0))
-        if contacts.clamp(v) != ZERO
-    )
-    contacts.moved(away.linear * 0.4)
+    away = 1.0 if side == "behind" else -1.0
+    assert contacts.clamp(Velocity(linear=away * 0.1, angular=0.0)) != ZERO
+    contacts.moved(away * 0.04)
     assert contacts.sides == (side,)
-    contacts.moved(math.copysign(BACKED_AWAY, away.linear))
+    contacts.moved(away * BACKED_AWAY)
     assert not contacts
 
 
@@ -84,9 +80,7 @@ def test_contact_while_reversing_allows_only_forward_motion():
 
 
 def test_contact_beside_a_robot_at_rest_prevents_turns_until_it_has_driven_along():
-    bench = Bench()
-    bench.lease()
-    bench.know_clock()
+    bench = bench_with_driver()
     bench.kernel.touched(["left"])
     bench.run(0.5, every=0.06, linear=0.0, angular=0.5)
     assert bench.kernel.commanded == ZERO
@@ -99,56 +93,46 @@ def test_contact_beside_a_robot_at_rest_prevents_turns_until_it_has_driven_along
 # --- through the agent ----------------------------------------------------------------------------
 
 
-@pytest.fixture
-def rig(tmp_path):
-    with ControlRig(tmp_path) as rig:
-        rig.grant()
-        yield rig
-
-
 def test_a_contact_is_an_event_with_its_side_and_a_state_for_as_long_as_it_lasts(rig):
     rig.robot.reading = still(bumper=())
     rig.drive(0.4)
     rig.robot.reading = still(bumper=(0.1,), contacts=1)
-    event = rig.link.wait("event", lambda e: e.type == "collision")
-    assert event.detail == "ahead"
+    assert rig.event("collision").detail == "ahead"
     rig.wait(lambda: rig.robot.told == ZERO)
     state = rig.link.wait("state", lambda s: s.safety.touched == ("ahead",))
     assert (state.safety.collision, state.safety.inhibited) == (True, "collision")
     rig.drive(-0.2)
     rig.sleep(1.0)
-    assert rig.link.wait("state", since=rig.link.count).safety.touched == ("ahead",), (
-        "it is pressed still"
-    )
+    assert rig.state().safety.touched == ("ahead",), "the bumper is still pressed"
     rig.robot.reading = still(bumper=(), contacts=1)
     rig.drive(-0.2)
     rig.sleep(1.0)
     rig.drive(0.3)
-    assert rig.link.wait("state", since=rig.link.count).safety.touched == ()
+    assert rig.state().safety.touched == ()
     assert len([e for e in rig.link.all("event") if e.type == "collision"]) == 1
 
 
 def test_a_second_side_is_a_second_contact_though_the_first_one_lasts(rig):
     rig.robot.reading = still(bumper=(0.0,), contacts=1)
-    rig.link.wait("event", lambda e: e.type == "collision" and e.detail == "ahead")
+    assert rig.event("collision").detail == "ahead"
     rig.robot.reading = still(bumper=(0.0, math.pi), contacts=1)
-    assert (
-        rig.link.wait("event", lambda e: e.type == "collision" and "behind" in e.detail).detail
-        == "ahead behind"
-    )
+    rig.link.wait("event", lambda e: e.type == "collision" and e.detail == "ahead behind")
 
 
-def test_an_adapter_that_only_counts_is_understood_as_before(rig):
+def test_a_counted_contact_prevents_motion_in_the_direction_of_travel(rig):
     rig.drive(0.4)
     rig.robot.reading = still(contacts=1)
-    assert rig.link.wait("event", lambda e: e.type == "collision").detail == ""
+    assert rig.event("collision").detail == ""
     assert rig.link.wait("state", lambda s: s.safety.touched).safety.touched == ("ahead",)
+    rig.push(0.5)
+    rig.sleep(0.05)
+    assert rig.robot.told == ZERO
 
 
 @pytest.mark.parametrize(
     "sides", [some for number in range(1, 5) for some in itertools.combinations(SIDES, number)]
 )
-def test_from_whatever_was_touched_a_driver_gets_free(sides):
+def test_a_driver_gets_free_from_any_set_of_contacts(sides):
     contacts = Contacts()
     contacts.felt(sides)
     for _ in range(200):

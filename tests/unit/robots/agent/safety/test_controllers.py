@@ -5,14 +5,15 @@ import itertools
 from robots.agent.safety.controllers import TRANSITIONS, Change, Controller, after
 from tests.support.agents.controller_table import EXPECTED
 
+ROWS = [
+    (before, event, into)
+    for before, changes in TRANSITIONS.items()
+    for event, into in changes.items()
+]
+
 
 def test_table_of_the_kernel_is_that_of_the_model():
-    found = {
-        (before.value, event.value): into.value
-        for before, changes in TRANSITIONS.items()
-        for event, into in changes.items()
-    }
-    assert found == EXPECTED
+    assert {(one.value, event.value): into.value for one, event, into in ROWS} == EXPECTED
 
 
 def test_every_other_event_leaves_the_controller_unchanged():
@@ -22,12 +23,9 @@ def test_every_other_event_leaves_the_controller_unchanged():
 
 
 def test_driver_and_navigation_begin_only_at_rest():
-    """Only a robot at rest is given to a driver or to the RCA, but for one's own navigation."""
+    """A driver or the RCA gets a robot at rest; a driver may interrupt the agent's navigation."""
     given = {
-        (before, into)
-        for before, changes in TRANSITIONS.items()
-        for into in changes.values()
-        if into in {Controller.DRIVER, Controller.RCA}
+        (before, into) for before, _, into in ROWS if into in {Controller.DRIVER, Controller.RCA}
     }
     assert given == {
         (Controller.NONE, Controller.DRIVER),

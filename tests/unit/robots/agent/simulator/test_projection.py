@@ -1,7 +1,5 @@
-"""The golden file of pixels and the floor that they show, and of drives and where they led.
-
-The drive page's projection and the way that it draws ahead are tested against it
-(tests/js/view/overlay.test.js).
+"""The golden file of pixels with the points of the floor that they show, and of drives with their
+ends. tests/js/view/overlay.test.js compares the drive page's projection and prediction with it.
 """
 
 import json
@@ -21,14 +19,10 @@ CASES = 300  # of each robot
 FARTHEST = 12.0  # m
 DRIVES = 40
 SECONDS, TICK = 2.5, 0.02
-LIMITS = (
-    "linear",
-    "reverse",
-    "angular",
-    "linear_acceleration",
-    "angular_acceleration",
-    "linear_braking",
-    "angular_braking",
+CAMERA = ("width", "height", "hfov", "x", "z", "pitch")
+LIMITS = ("linear", "reverse", "angular")
+LIMITS += tuple(
+    f"{kind}_{by}" for by in ("acceleration", "braking") for kind in ("linear", "angular")
 )
 
 
@@ -61,16 +55,15 @@ def drives(model: RobotModel, rng: np.random.Generator) -> list[dict]:
     for _ in range(DRIVES):
         limits = model.limits
         low, high = (-limits.reverse, -limits.angular), (limits.linear, limits.angular)
-        begin, told = (
+        begin, command = (
             [round(float(speed), 3) for speed in rng.uniform(low, high)] for _ in range(2)
         )
         motion, pose = WheelMotion(*begin), Pose2D(0.0, 0.0, 0.0)
         for _ in range(round(SECONDS / TICK)):
-            motion = follow(motion, WheelMotion(*told), limits, TICK)
-            pose = advance(
-                pose, slip(motion, model.wheel_separation, model.wheel_noise, TICK, rng), TICK
-            )
-        found.append({"begin": begin, "told": told, "end": [round(pose.x, 4), round(pose.y, 4)]})
+            motion = follow(motion, WheelMotion(*command), limits, TICK)
+            real = slip(motion, model.wheel_separation, model.wheel_noise, TICK, rng)
+            pose = advance(pose, real, TICK)
+        found.append({"begin": begin, "told": command, "end": [round(pose.x, 4), round(pose.y, 4)]})
     return found
 
 
@@ -79,10 +72,7 @@ def golden() -> dict:
     models = [model_of("giraff"), model_of("rhodon")]
     return {
         model.series: {
-            "camera": {
-                name: getattr(model.camera, name)
-                for name in ("width", "height", "hfov", "x", "z", "pitch")
-            },
+            "camera": {name: getattr(model.camera, name) for name in CAMERA},
             "footprint": [list(point) for point in model.footprint],
             "limits": {name: getattr(model.limits, name) for name in LIMITS},
             "cases": cases(model, rng),

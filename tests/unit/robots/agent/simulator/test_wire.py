@@ -40,7 +40,7 @@ def test_simulator_messages_arrive() -> None:
 
 @examples(50, thorough=1000)
 @given(st.binary(max_size=200))
-def test_bytes_that_are_no_message_are_refused_and_nothing_else(data: bytes) -> None:
+def test_bytes_that_are_no_message_raise_only_a_wire_error(data: bytes) -> None:
     for unpack in (wire.unpack_command, wire.unpack_answer):
         try:
             unpack(data)

@@ -96,7 +96,7 @@ class TestBuilding:
             assert math.dist(np.mean([best.start, best.end], axis=0), middle) <= 0.25
             assert math.dist(best.start, best.end) == pytest.approx(door, abs=0.2)
 
-    def test_the_plan_can_be_used_as_it_is(self, turned, door, seed):
+    def test_the_plan_is_usable_without_edits(self, turned, door, seed):
         _, plan, grid = furnished(door, turned, seed)
         assert floorplan.decode(floorplan.encode(plan)) == plan
         assert inspect_site(plan, grid) == ()
@@ -168,7 +168,7 @@ def test_rays_through_a_window_are_no_floor():
 
 
 @pytest.mark.slow
-def test_a_turned_origin_turns_the_plan_and_nothing_else():
+def test_a_turned_origin_turns_the_plan():
     grid = mapped(building(), np.random.default_rng(3))
     world = Pose2D(3.0, -2.0, math.radians(50.0))
     transform = dataclasses.replace(grid.transform, origin=world.compose(grid.transform.origin))

@@ -1,4 +1,4 @@
-"""What was ordered of an RCA, and what becomes of it."""
+"""Actions that an RCA has received, and how they end."""
 
 import pytest
 
@@ -6,22 +6,18 @@ from robots.agent.adapters.common.pending_actions import PendingAction, PendingA
 from robots.agent.robot_interface import ActionRefusedError
 from robots.api.docked import DockState
 
-APART, TOUCHING, SEATED = (
-    DockState(),
-    DockState(touching=True),
-    DockState(touching=True, docked=True),
-)
+APART, TOUCHING = DockState(), DockState(touching=True)
+SEATED = DockState(touching=True, docked=True)
 
 
-def told():
+def made():
+    """Return pending actions and the list of their progress."""
     news = []
-    return PendingActions(
-        lambda progress: news.append((progress.action_id, progress.status, progress.reason))
-    ), news
+    return PendingActions(lambda one: news.append((one.action_id, one.status, one.reason))), news
 
 
 def test_a_second_action_of_the_base_is_refused_until_the_first_has_ended():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
     with pytest.raises(ActionRefusedError, match="navigation_does_not_end"):
@@ -34,7 +30,7 @@ def test_a_second_action_of_the_base_is_refused_until_the_first_has_ended():
 
 
 def test_an_action_of_the_base_stays_ours_after_the_connection_was_lost():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
     pending_actions.end_all("the cable was pulled")
     assert news == [("g", "RUNNING", "")]
@@ -45,7 +41,7 @@ def test_an_action_of_the_base_stays_ours_after_the_connection_was_lost():
 
 
 def test_an_action_that_is_not_accepted_yet_is_not_ended_by_the_dock():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.own(PendingAction("u", "undock", 0.0))
     pending_actions.watch(1.0, dock=APART, tilt=None)
     assert pending_actions.of("u") is not None
@@ -54,7 +50,7 @@ def test_an_action_that_is_not_accepted_yet_is_not_ended_by_the_dock():
 
 
 def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("d", "dock", 0.0))
     pending_actions.watch(1.0, dock=APART, tilt=None)
     pending_actions.watch(1.5, dock=TOUCHING, tilt=None)
@@ -63,16 +59,12 @@ def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
     pending_actions.begin(PendingAction("u", "undock", 2.0))
     pending_actions.watch(3.0, dock=TOUCHING, tilt=None)
     pending_actions.watch(4.0, dock=APART, tilt=None)
-    assert news == [
-        ("d", "RUNNING", ""),
-        ("d", "FINISHED", ""),
-        ("u", "RUNNING", ""),
-        ("u", "FINISHED", ""),
-    ]
+    statuses = [(action, status) for action, status, _ in news]
+    assert statuses == [(action, end) for action in "du" for end in ("RUNNING", "FINISHED")]
 
 
 def test_late_action_fails_with_the_reason():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("d", "dock", 0.0, deadline=10.0))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(6.0, dock=APART, tilt=0.1)
@@ -83,8 +75,8 @@ def test_late_action_fails_with_the_reason():
     assert news[3:] == [("d", "FAILED", "not_in_time")]
 
 
-def test_a_head_is_there_when_its_angle_is():
-    pending_actions, news = told()
+def test_tilt_finishes_when_the_head_has_its_angle():
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(1.0, dock=APART, tilt=0.4)
     pending_actions.watch(2.0, dock=APART, tilt=0.49)
@@ -92,7 +84,7 @@ def test_a_head_is_there_when_its_angle_is():
 
 
 def test_action_ends_once_and_no_other_with_it():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("d", "dock", 0.0))
     pending_actions.end_drive("FINISHED", "", "goto")  # an end of navigation is not one of docking
     pending_actions.end("d", "FAILED", "blocked")
@@ -102,11 +94,8 @@ def test_action_ends_once_and_no_other_with_it():
 
 
 def test_head_and_localization_fail_with_the_connection():
-    pending_actions, news = told()
+    pending_actions, news = made()
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
     pending_actions.begin(PendingAction("r", "relocalize", 0.0))
     pending_actions.end_all("the robot was lost")
-    assert news[2:] == [
-        ("t", "FAILED", "the robot was lost"),
-        ("r", "FAILED", "the robot was lost"),
-    ]
+    assert news[2:] == [(action, "FAILED", "the robot was lost") for action in "tr"]

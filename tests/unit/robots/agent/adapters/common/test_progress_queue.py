@@ -8,7 +8,7 @@ from robots.agent.adapters.common.progress_queue import MOST, ProgressQueue
 from robots.agent.robot_interface import ActionProgress, AdapterError
 
 
-async def test_news_come_in_order_and_a_reader_waits_for_the_next():
+async def test_progress_is_read_in_order_and_a_reader_waits_for_the_next():
     news = ProgressQueue()
     reading = asyncio.ensure_future(news.get())
     await asyncio.sleep(0)
@@ -31,7 +31,7 @@ async def test_unread_progress_is_bounded():
     assert left == [f"a{number}" for number in range(10_000 - MOST, 10_000)]
 
 
-async def test_the_end_of_news_is_told_after_what_came_before():
+async def test_an_error_is_raised_after_earlier_progress():
     news = ProgressQueue()
     news.put(ActionProgress("a1", "RUNNING"))
     news.put(AdapterError("gone"))

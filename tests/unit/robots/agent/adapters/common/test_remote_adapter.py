@@ -92,7 +92,7 @@ async def test_a_failed_connection_always_has_a_reason(trouble, reason):
 
 
 @on_virtual_time
-async def test_apply_returns_what_was_last_really_sent():
+async def test_apply_returns_the_velocity_that_was_really_sent():
     async with connected() as rca:
         rca.sent.clear()
         assert rca.apply(AHEAD) == ZERO

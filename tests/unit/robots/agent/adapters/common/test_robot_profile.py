@@ -1,6 +1,7 @@
-"""Robots' profiles: the paper's two, one's own, and the sentence for everything that cannot be."""
+"""Robots' profiles: the paper's two, an owner's own, and the sentence for each mistake."""
 
 import re
+import sys
 import tomllib
 
 import pytest
@@ -29,7 +30,7 @@ def arguments(robot, **given):
 
 @pytest.mark.parametrize("adapter", REAL)
 @pytest.mark.parametrize("robot", sorted(path.stem for path in SHIPPED.glob("*.toml")))
-def test_each_of_the_papers_robots_goes_with_each_architecture(robot, adapter):
+def test_each_of_the_papers_robots_works_with_each_architecture(robot, adapter):
     profile = registry.create(adapter, robot, SAFE.get(adapter)).profile
     assert profile.series == robot
     assert profile.watchdog > 0.0
@@ -46,13 +47,10 @@ def test_the_command_line_of_the_paper_is_enough():
     assert registry.create(config.adapter, config.profile, config.options).profile.rca == "ROS 1"
 
 
-def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
+def test_a_profile_overrides_defaults_and_options_override_it(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(
-        MINE
-        + LIMITS
-        + '[moos]\nwatchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n'
-    )
+    options = 'watchdog = 0.5\nclient_ack_interval = 0.5\nport = 9001\nhost = "robot"\n'
+    file.write_text(f"{MINE}{LIMITS}[moos]\n{options}")
     assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
@@ -67,14 +65,11 @@ def profile_file(tmp_path, *, top="", sections="", adapter="ros1", options=""):
     return str(file)
 
 
-def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
+def test_each_obstacle_sensor_of_a_profile_is_a_source_of_the_monitor(tmp_path):
     file = profile_file(tmp_path, top="bumper = true\n", sections=SONAR + "[depth]\n")
     profile = profile_of(load_profile(file), "Rosie", 0.5, sensors=("sonars", "bumper", "depth"))
-    assert (profile.sonars, profile.bumper, profile.depth) == (
-        (Sonar(0.2, 0.0, 0.0, width=0.4),),
-        True,
-        DepthCamera(),
-    )
+    assert profile.sonars == (Sonar(0.2, 0.0, 0.0, width=0.4),)
+    assert (profile.bumper, profile.depth) == (True, DepthCamera())
     assert len(sources_of(profile)) == 3
 
 
@@ -102,7 +97,7 @@ def test_a_topic_of_a_bumper_without_directions_needs_no_bumper_in_the_profile(t
     assert not registry.create("ros1", file).profile.bumper
 
 
-def test_standstill_thresholds_are_the_profiles_and_those_of_most_robots_unless_stated(tmp_path):
+def test_standstill_thresholds_have_defaults(tmp_path):
     file = profile_file(tmp_path, top="standstill_linear = 0.04\nstandstill_angular = 0.12\n")
     noisy = registry.create("ros1", file).profile
     assert (noisy.standstill_linear, noisy.standstill_angular) == (0.04, 0.12)
@@ -129,22 +124,13 @@ def test_a_base_without_localization_gets_ours():
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
         (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwide = 1.0\n", "wide"),
         (MINE + LIMITS + "[depth]\nheight = 1.0\n", "height"),
-        (
-            "standstill_linear = 0.2\n" + MINE + LIMITS,
-            "line 1: standstill_linear must be a number of at most 0.1, not 0.2",
-        ),
-        (
-            "standstill_angular = 0\n" + MINE + LIMITS,
-            "line 1: standstill_angular must be a number above 0, not 0",
-        ),
-        (
-            "standstill_angular = 0.31\n" + MINE + LIMITS,
-            "standstill_angular must be a number of at most 0.3",
-        ),
+        ("standstill_linear = 0.2\n" + MINE + LIMITS, "line 1: .* at most 0.1, not 0.2"),
+        ("standstill_angular = 0\n" + MINE + LIMITS, "line 1: .* a number above 0, not 0"),
+        ("standstill_angular = 0.31\n" + MINE + LIMITS, "line 1: .* at most 0.3"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.5\nwings = 2\n", "no option wings"),
     ],
 )
-def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sentence):
+def test_an_invalid_profile_is_refused_with_the_reason(tmp_path, text, sentence):
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(AdapterError, match=sentence):
@@ -188,7 +174,7 @@ def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sen
         ("port = 9000", 'port = "x"', "[moos] port must be a whole number from 1 to 65535, not"),
     ],
 )
-def test_a_value_of_the_wrong_kind_is_named_with_its_line_and_what_to_write(
+def test_the_error_of_a_value_of_the_wrong_type_names_its_line_and_the_right_value(
     tmp_path, before, after, sentence
 ):
     text = (
@@ -209,7 +195,7 @@ def test_a_value_of_the_wrong_kind_is_named_with_its_line_and_what_to_write(
     assert "\n" not in str(error.value)
 
 
-def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
+def test_the_error_of_a_missing_profile_lists_the_existing_ones():
     with pytest.raises(AdapterError, match="choose one of giraff, rhodon"):
         load_profile("r2d2")
     with pytest.raises(AdapterError, match=r"there is no file \./r2d2\.toml"):
@@ -217,8 +203,6 @@ def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
 
 
 def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
-    import sys
-
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
@@ -248,17 +232,16 @@ def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch)
         ("rosbridge", "version", "3", "version must be a whole number from 1 to 2, not '3'"),
         ("simulator", "seed", "x", "the simulator's option seed must be a whole number, not 'x'"),
         ("simulator", "start", "nowhere", "nowhere"),
+        ("simulator", "plan", "castle", "office"),
     ],
 )
-def test_an_option_that_is_malformed_is_named_with_what_it_must_be(
-    adapter, option, value, sentence
-):
+def test_a_malformed_option_is_refused_with_what_it_must_be(adapter, option, value, sentence):
     with pytest.raises(AdapterError, match=sentence) as error:
         registry.create(adapter, "giraff", {option: value})
     assert "\n" not in str(error.value)
 
 
-def test_a_site_that_is_not_there_is_named_with_its_option():
+def test_the_error_of_a_missing_site_names_its_option():
     adapter = registry.create("ros2", "rhodon", {"localization": "none"})
     with pytest.raises(AdapterError, match="--plan: no site 'nowhere': give one of "):
         registry.autonomous(adapter, "nowhere")

@@ -31,7 +31,7 @@ def clock(monkeypatch):
     return Clock(monkeypatch)
 
 
-async def test_of_velocities_the_newest_is_sent_before_all_letters(clock):
+async def test_the_newest_velocity_is_sent_before_all_messages(clock):
     waiting = SendSlots()
     waiting.say("a")
     waiting.drive("slow")
@@ -40,7 +40,7 @@ async def test_of_velocities_the_newest_is_sent_before_all_letters(clock):
     assert await taken(waiting) == ["fast", "a", "b"]
 
 
-async def test_a_velocity_that_waited_is_dropped_and_letters_are_not(clock):
+async def test_a_late_velocity_is_dropped_and_a_late_message_is_not(clock):
     waiting = SendSlots()
     waiting.say("a")
     waiting.drive("fast")
@@ -48,7 +48,7 @@ async def test_a_velocity_that_waited_is_dropped_and_letters_are_not(clock):
     assert await taken(waiting) == ["a"]
 
 
-async def test_velocities_that_nobody_takes_say_that_the_connection_is_gone(clock):
+async def test_velocities_that_are_not_sent_in_time_end_the_connection(clock):
     waiting = SendSlots()
     for _ in range(5):
         waiting.drive("fast")
@@ -57,7 +57,7 @@ async def test_velocities_that_nobody_takes_say_that_the_connection_is_gone(cloc
         waiting.drive("fast")
 
 
-async def test_letters_are_bounded(clock):
+async def test_messages_are_bounded(clock):
     waiting = SendSlots()
     for number in range(200):
         waiting.say(number)

@@ -1,4 +1,4 @@
-"""From what an RCA says, piece by piece, to one state: pure, with times that the test says."""
+"""States that are built from an RCA's single readings, in virtual time."""
 
 import math
 
@@ -9,16 +9,16 @@ from robots.agent.adapters.common.robot_profile import BatteryRange
 from robots.agent.adapters.common.state_builder import Readings, stamp_of
 from robots.agent.control.state_validation import sound
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import NOWHERE, ObstaclePoints
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints
 from robots.api.geometry import Pose2D
-from robots.api.messages import Pose, Scan, Velocity
+from robots.api.messages import Battery, Pose, Scan, Velocity
 
 AHEAD = Velocity(linear=0.3, angular=0.0)
 SCAN = Scan(stamp=1.0, angle_min=0.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None))
 
 
-def driven(readings, count=20, speed=0.5, turn=0.0, start=100.0):
-    """Poses every 50 ms, of a robot that says no velocity."""
+def moved_by_poses(readings, count=20, speed=0.5, turn=0.0, start=100.0):
+    """Take poses every 50 ms, of a robot that reports no velocity."""
     here = Pose2D(0.0, 0.0, 0.0)
     for number in range(count):
         stamp = start + 0.05 * number
@@ -27,37 +27,33 @@ def driven(readings, count=20, speed=0.5, turn=0.0, start=100.0):
     return readings
 
 
-def test_a_stamp_is_believed_when_the_clocks_agree():
+def test_a_stamp_counts_when_the_clocks_agree():
     assert stamp_of(99.8, 100.0) == 99.8
     assert stamp_of(5.0, 100.0) == 100.0
 
 
-def test_before_anything_was_heard_it_stands_nowhere():
+def test_pose_is_unknown_before_the_first_reading():
     readings = Readings()
     state = readings.state(10.0)
-    assert (state.pose, state.velocity, state.odometry, state.distance) == (
-        NOWHERE,
-        ZERO,
-        None,
-        0.0,
-    )
+    assert (state.pose, state.velocity) == (NOWHERE, ZERO)
+    assert (state.odometry, state.distance) == (None, 0.0)
     assert readings.last_received_at == -math.inf
 
 
-def test_an_architecture_that_says_only_where_gets_its_velocity_from_that():
-    state = driven(Readings(), speed=0.4, turn=0.2).state(0.0)
+def test_velocity_and_distance_are_derived_from_poses():
+    state = moved_by_poses(Readings(), speed=0.4, turn=0.2).state(0.0)
     assert state.velocity.linear == pytest.approx(0.4, abs=0.01)
     assert state.velocity.angular == pytest.approx(0.2, abs=0.01)
     assert state.distance == pytest.approx(0.4 * 0.05 * 19, abs=0.001)
     assert state.odometry is None
 
 
-def test_a_robot_that_backs_up_has_a_negative_velocity():
-    assert driven(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
+def test_a_robot_in_reverse_has_a_negative_velocity():
+    assert moved_by_poses(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
 
 
 def test_a_pose_that_jumps_is_a_new_fix_and_no_motion():
-    readings = driven(Readings(), speed=0.0)
+    readings = moved_by_poses(Readings(), speed=0.0)
     readings.located(Pose(x=8.0, y=3.0, theta=1.0), 101.0, 101.0)
     state = readings.state(0.0)
     assert state.velocity == ZERO
@@ -78,29 +74,25 @@ def test_an_old_fix_is_carried_on_by_the_odometry():
 def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
     readings = Readings()
     for number in range(10):
-        readings.moved(
-            Pose2D(0.05 * number, 0.0, 0.0), AHEAD, 100.0 + 0.1 * number, 100.0 + 0.1 * number
-        )
-    # computed late, of a scan from before
+        stamp = 100.0 + 0.1 * number
+        readings.moved(Pose2D(0.05 * number, 0.0, 0.0), AHEAD, stamp, stamp)
+    # computed late, of an earlier scan
     readings.located(Pose(x=5.0, y=0.0, theta=0.0), 100.3, 101.0)
     assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
 
 
-def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is_nowhere():
+def test_a_transform_locates_the_odometry_in_the_map_until_localization_is_lost():
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
-    assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (
-        pytest.approx(1.0),
-        pytest.approx(3.0),
-        True,
-    )
+    assert (readings.pose.x, readings.pose.y) == pytest.approx((1.0, 3.0))
+    assert readings.pose.localized
     readings.lost(101.0)
     assert readings.pose == NOWHERE
 
 
 def test_a_robot_without_odometry_that_lost_its_pose_counts_as_at_rest():
-    readings = driven(Readings(), speed=0.3)
+    readings = moved_by_poses(Readings(), speed=0.3)
     assert readings.velocity.linear > 0.2
     readings.lost(101.0)
     for _ in range(2):
@@ -116,24 +108,23 @@ def test_a_repeated_velocity_is_not_a_measurement():
     assert [readings.state(100.0).is_measured for _ in range(2)] == [True, False]
 
 
-def test_stamps_grow_whatever_clocks_do():
+def test_stamps_grow_although_clocks_step_back():
     readings = Readings()
     stamps = []
-    for said in (100.0, 99.0, 99.0, 100.5):
-        readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, said, said)
-        stamps.append(readings.state(100.0).stamp)
-        stamps.append(readings.state(100.0).stamp)  # said again, when there was nothing new
+    for stamp in (100.0, 99.0, 99.0, 100.5):
+        readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, stamp, stamp)
+        stamps += [readings.state(100.0).stamp for _ in range(2)]
     assert stamps == sorted(set(stamps))
 
 
-def test_a_scan_is_told_once():
+def test_a_scan_is_in_one_state():
     readings = Readings()
     readings.scanned(SCAN)
     assert readings.state(1.0).scan == SCAN
     assert readings.state(1.1).scan is None
 
 
-def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
+def test_a_missing_charge_is_estimated_from_the_voltage():
     readings = Readings(BatteryRange(20.0, 30.0))
     readings.charged(voltage=25.0)
     assert readings.state(1.0).battery.charge == pytest.approx(0.5)
@@ -145,7 +136,7 @@ def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
     assert readings.state(1.2).battery.charge == 0.9
 
 
-def test_a_contact_begins_when_a_bumper_is_pressed():
+def test_each_press_of_a_bumper_is_a_contact():
     readings = Readings()
     for touching in (False, True, True, False, True):
         readings.bumped(touching=touching)
@@ -161,49 +152,36 @@ def test_bumper_bearings_are_reported_while_pressed_if_known():
     assert readings.state(1.3).bumper == ()
 
 
-def test_echoes_and_points_are_told_once():
+def test_echoes_and_points_are_in_one_state():
     readings = Readings()
     readings.echoed(0, 0.5, 1.0)
     readings.echoed(1, None, 1.0)
     readings.saw(ObstaclePoints(1.0, np.zeros((0, 2))))
-    told = readings.state(1.1)
-    assert [(echo.sonar, echo.distance) for echo in told.sonar] == [(0, 0.5), (1, None)]
-    assert told.points is not None
+    first = readings.state(1.1)
+    assert [(echo.sonar, echo.distance) for echo in first.sonar] == [(0, 0.5), (1, None)]
+    assert first.points is not None
     again = readings.state(1.2)
     assert (again.sonar, again.points) == ((), None)
 
 
 def test_states_are_sound():
-    readings = driven(Readings())
+    readings = moved_by_poses(Readings())
     readings.scanned(SCAN)
     readings.charged(voltage=25.0, charge=0.5)
     assert sound(readings.state(101.0)).distance > 0.0
 
 
-def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
-    state = Readings().state(1.0)
-    assert (
-        state.battery.charge,
-        state.battery.voltage,
-        state.battery.charging,
-        state.charger_contact,
-    ) == (None, None, None, False)
-
-
-def test_volts_tell_no_charge_of_an_unknown_battery_and_what_is_no_longer_known_is_unknown_again():
+def test_charge_is_unknown_without_a_battery_range_or_a_current_reading():
     readings = Readings()
+    state = readings.state(1.0)
+    assert (state.battery, state.charger_contact) == (UNKNOWN_BATTERY, False)
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)
     state = readings.state(1.0)
-    assert (
-        state.battery.charge,
-        state.battery.voltage,
-        state.battery.charging,
-        state.charger_contact,
-    ) == (None, 25.0, None, False)
+    assert (state.battery, state.charger_contact) == (Battery(voltage=25.0, charging=None), False)
 
 
-def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():
+def test_a_charge_of_nan_is_unknown():
     readings = Readings()
     readings.charged(charge=math.nan, charging=False)
     assert sound(readings.state(1.0)).battery.charge is None

@@ -1,6 +1,4 @@
-"""When a robot may be told to move: after an answer, as often as it is heard, and never for a peer
-that may not read it.
-"""
+"""A velocity is sent after an answer of the peer, with a limited number for each reading."""
 
 import pytest
 from hypothesis import given
@@ -39,7 +37,7 @@ def test_only_one_question_is_open_and_its_answer_gets_the_newest_velocity(gate)
     assert gate.answered(0.14) is None
 
 
-def test_without_an_answer_the_gate_shuts_and_a_late_one_moves_nothing(gate):
+def test_the_gate_shuts_without_an_answer_and_ignores_a_late_one(gate):
     gate.want(AHEAD, 0.1)
     gate.ask(0.1)
     gate.received(0.3)
@@ -80,7 +78,7 @@ def test_each_reading_permits_three_velocities_that_differ(gate):
     assert gate.ask(0.1)
 
 
-def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_without(gate):
+def test_an_unchanged_velocity_is_repeated_after_a_reading_or_a_while(gate):
     sent(gate, AHEAD, 0.0, 0.0)
     gate.want(AHEAD, 0.1)
     assert not gate.ask(0.1)
@@ -91,7 +89,7 @@ def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_wit
     assert gate.ask(0.37)
 
 
-def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time():
+def test_a_silent_robot_is_not_moved_and_a_slow_one_has_more_time():
     gate = VelocityGate(PARAMS, 0.0)
     assert gate.shut(0.39) == ""
     assert gate.shut(0.41) == "does not report its state"
@@ -106,13 +104,13 @@ def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time
 @given(
     st.lists(
         st.tuples(
-            st.sampled_from(["want", "stand", "heard", "ask", "answer"]), st.floats(0.0, 0.5)
+            st.sampled_from(["want", "stand", "receive", "ask", "answer"]), st.floats(0.0, 0.5)
         ),
         max_size=60,
     )
 )
-def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fresh_reading(steps):
-    gate, now, heard, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
+def test_no_velocity_is_sent_without_a_recent_answer_and_a_fresh_reading(steps):
+    gate, now, received_at, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
     for number, (step, pause) in enumerate(steps):
         now += pause
         match step:
@@ -120,9 +118,9 @@ def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fres
                 gate.want(Velocity(linear=0.01 * (number + 1), angular=0.0), now)
             case "stand":
                 gate.stood(now)
-            case "heard":
+            case "receive":
                 gate.received(now)
-                heard, since = now, 0
+                received_at, since = now, 0
             case "ask" if gate.ask(now):
                 assert asked is None
                 asked = now
@@ -132,5 +130,5 @@ def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fres
                     since += 1
                     assert velocity != ZERO
                     assert now - asked_at <= PARAMS.patience
-                    assert now - heard <= PARAMS.longest
+                    assert now - received_at <= PARAMS.longest
                     assert since <= PARAMS.orders

@@ -31,55 +31,50 @@ def received_as(*kinds):
         (None, False, False),
     ],
 )
-def test_velocities_are_stamped_as_the_others_have_it(graph, before, now):
+def test_velocities_have_the_type_of_the_subscribers(graph, before, now):
     assert chosen_stamped(graph, "/cmd_vel", stamped=before) is now
 
 
+def unsubscribed(graph):
+    return no_subscriber(graph, "/cmd_vel", stamped=False)
+
+
 def test_a_topic_of_another_type_is_named_with_the_option():
-    assert (
-        no_subscriber(received_as(TWIST_STAMPED), "/cmd_vel", stamped=False)
-        == "nobody listens on /cmd_vel for geometry_msgs/Twist: there it is"
+    assert unsubscribed(received_as(TWIST_STAMPED)) == (
+        "nobody listens on /cmd_vel for geometry_msgs/Twist: there it is"
         " geometry_msgs/TwistStamped; set stamped=true"
     )
-    assert "set cmd_vel to another topic" in no_subscriber(
-        received_as("std_msgs/String"), "/cmd_vel", stamped=False
-    )
+    assert "set cmd_vel to another topic" in unsubscribed(received_as("std_msgs/String"))
 
 
-def test_a_topic_where_nobody_is_names_where_somebody_is():
+def test_a_topic_without_a_subscriber_is_named_with_topics_that_have_one():
     graph = {
         "/base/cmd_vel": TopicPeers(frozenset({TWIST}), subscribers=1),
         "/log": TopicPeers(frozenset({TWIST}), subscribers=0),
     }
-    assert (
-        no_subscriber(graph, "/cmd_vel", stamped=False)
-        == "nobody listens on /cmd_vel (geometry_msgs/Twist): set cmd_vel to the topic of the"
+    assert unsubscribed(graph) == (
+        "nobody listens on /cmd_vel (geometry_msgs/Twist): set cmd_vel to the topic of the"
         " robot's base; here are /base/cmd_vel (geometry_msgs/Twist)"
     )
-    assert no_subscriber(None, "/cmd_vel", stamped=False).endswith(
-        "set cmd_vel to the topic of the robot's base"
-    )
+    assert unsubscribed(None).endswith("set cmd_vel to the topic of the robot's base")
 
 
-def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
+def test_an_unpublished_topic_is_named_with_its_option():
     front = {"/front": TopicPeers(frozenset({SCAN.kind}), publishers=1)}
-    assert unpublished(front, [SCAN]) == (
-        (
-            "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to"
-            " nothing; here are /front"
-        ),
+    (sentence,) = unpublished(front, [SCAN])
+    assert sentence == (
+        "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to"
+        " nothing; here are /front"
     )
     assert unpublished({"/scan": TopicPeers(frozenset({SCAN.kind}), publishers=1)}, [SCAN]) == ()
-    assert unpublished({"/scan": TopicPeers(frozenset({"a/B"}), publishers=1)}, [SCAN]) == (
-        "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic",
-    )
+    (sentence,) = unpublished({"/scan": TopicPeers(frozenset({"a/B"}), publishers=1)}, [SCAN])
+    assert sentence == "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic"
     assert unpublished(None, [SCAN]) == ()
 
 
-def test_nodes_that_a_restarted_master_has_forgotten_are_named_and_many_are_counted():
-    assert (
-        master_restarted(["/laser", "/base_driver"])
-        == "the ROS master was restarted. Nodes that started before it are no longer known to it;"
+def test_nodes_that_a_restarted_master_has_forgotten_are_named():
+    assert master_restarted(["/laser", "/base_driver"]) == (
+        "the ROS master was restarted. Nodes that started before it are no longer known to it;"
         " restart them: /base_driver, /laser"
     )
     many = master_restarted([f"/node_{number}" for number in range(9)])

@@ -41,19 +41,19 @@ def adapter_of(*, guards=False, version=1, **options):
         (True, {"navigation_velocity": "cmd_vel_nav"}, "agent"),
     ],
 )
-def test_the_profile_names_what_stops_the_navigation(guards, options, control):
+def test_the_profile_states_the_control_of_navigation(guards, options, control):
     assert adapter_of(guards=guards, **options)[0].profile.navigation_control == control
 
 
 @pytest.mark.parametrize(
     ("guards", "options"), [(False, {}), (True, DOCKS), (False, DOCKS | {"navigation": "none"})]
 )
-def test_navigation_that_nothing_stops_is_refused(guards, options):
+def test_unguarded_navigation_is_refused(guards, options):
     with pytest.raises(AdapterError, match=r"navigation_velocity .* unguarded_navigation"):
         adapter_of(guards=guards, **options)
 
 
-def test_an_owner_may_allow_navigation_that_nothing_stops(tmp_path):
+def test_an_owner_may_allow_unguarded_navigation(tmp_path):
     file = tmp_path / "mine.toml"
     shipped = (SHIPPED / "rhodon.toml").read_text()
     file.write_text(f"unguarded_navigation = true\n{shipped}")
@@ -61,7 +61,7 @@ def test_an_owner_may_allow_navigation_that_nothing_stops(tmp_path):
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
-def test_a_guard_counts_where_the_master_is_on_this_computer(host):
+def test_navigation_is_guarded_where_the_master_is_on_this_computer(host):
     profile = registry.create("ros1", "rhodon", {"master": f"http://{host}:11311"}).profile
     assert profile.navigation_control == "guarded"
 
@@ -129,7 +129,7 @@ def test_an_estop_that_was_never_reported_is_unknown():
     assert adapter.readings.state(time.time()).estop is False
 
 
-async def test_a_dock_that_refuses_was_certainly_not_taken():
+async def test_a_docking_that_its_service_refuses_has_not_begun():
     adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
     bus.answer = (False, "no dock in sight")
     with pytest.raises(ActionRefusedError, match="rca: /dock: no dock in sight"):

@@ -22,38 +22,44 @@ from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
 from robots.agent.robot_interface import AdapterError
 
-SOON = 0.2  # s in which a thread that was started says something
+SOON = 0.2  # s in which a started thread reports something
 
 
-def test_the_first_word_is_ready_however_long_that_takes():
-    said, spoke = [], threading.Event()
+def node_without_ros(new_master=None, **fields):
+    """Return a node; `sent` has its messages."""
     node = object.__new__(Node)
+    node.sent, node.new_master = [], new_master
+    node.say = lambda **message: node.sent.append(message)
+    node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
+    node.refused, node.others, node.driving = {}, {}, ""
+    node.unreachable = (OSError, MasterError)
+    vars(node).update(fields)
+    return node
 
-    def say(**message):
-        said.append(message["op"])
+
+def test_the_first_message_is_ready_however_long_that_takes():
+    reported = threading.Event()
+    node = node_without_ros(moved_at=None, watch_master=lambda: None, answer_questions=lambda: None)
 
     def watch():
-        say(op="listeners")
-        spoke.set()
+        node.say(op="listeners")
+        reported.set()
 
     def slow_name():
-        spoke.wait(SOON)  # a busy computer, on which running threads report first
+        reported.wait(SOON)  # a busy computer, on which running threads report first
         return "/telepresence"
 
-    node.say, node.moved_at = say, None
-    node.rospy = SimpleNamespace(get_name=slow_name)
-    node.link = SimpleNamespace(
-        connection=SimpleNamespace(makefile=lambda *_, **__: []), write=lambda: None
-    )
-    node.watch_wheels, node.watch_master, node.answer_questions = watch, lambda: None, lambda: None
+    node.watch_wheels, node.rospy = watch, SimpleNamespace(get_name=slow_name)
+    connection = SimpleNamespace(makefile=lambda *_, **__: [])
+    node.link = SimpleNamespace(connection=connection, write=lambda: None)
     node.guard = SimpleNamespace(run=lambda: None, finish=lambda: None)
     node.run()
-    assert spoke.wait(SOON * 10)
-    assert said == ["ready", "listeners"]
+    assert reported.wait(SOON * 10)
+    assert [message["op"] for message in node.sent] == ["ready", "listeners"]
 
 
 class BusyMaster:
-    """A master at which a base begins to listen between any two questions."""
+    """A master at which a base subscribes between any two calls."""
 
     def __init__(self):
         self.kinds, self.listening = {}, []
@@ -73,54 +79,46 @@ class BusyMaster:
         return state
 
 
+BASE = {"/base_driver": "http://base:1/"}
+
+
 def test_a_subscriber_is_reported_together_with_its_type():
-    said = []
-    node = object.__new__(Node)
-    node.new_master, node.rospy = BusyMaster, SimpleNamespace(get_name=lambda: "/telepresence")
-    node.refused, node.unreachable, node.driving = {}, (OSError,), ""
-    node.others = {"/base_driver": "http://base:1/"}
-    node.say = lambda **message: said.append(message)
+    node = node_without_ros(BusyMaster, others=dict(BASE))
     node.describe_graph(1, "/cmd_vel", {})
-    for kinds, listeners, _ in said[0]["topics"].values():
+    for kinds, listeners, _ in node.sent[0]["topics"].values():
         assert kinds or not listeners
 
 
 def test_our_own_type_is_not_reported_as_that_of_a_subscriber():
-    said, master = [], BusyMaster()
+    master = BusyMaster()
     master.base_comes()
-    node = object.__new__(Node)
-    node.new_master = lambda: master
-    node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
-    node.refused, node.unreachable, node.driving = {}, (OSError,), "/cmd_vel"
-    node.publishers = {}
-    node.others = {"/base_driver": "http://base:1/"}
-    node.say = lambda **message: said.append(message["topics"]["/cmd_vel"])
+    node = node_without_ros(lambda: master, others=dict(BASE), driving="/cmd_vel", publishers={})
     node.describe_graph(1, "/cmd_vel", {})
     node.refused = {"/cmd_vel": {"/base_driver": "geometry_msgs/Twist"}}
     node.describe_graph(2, "/cmd_vel", {})
-    assert said == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
+    reported = [message["topics"]["/cmd_vel"] for message in node.sent]
+    assert reported == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
 
 
 def test_velocities_are_announced_again_to_a_subscriber_that_has_not_connected():
-    called, connected = [], [0]
-    node = object.__new__(Node)
-    node.driving, node.was_alone = "/cmd_vel", False
-    node.publishers = {
-        "/cmd_vel": SimpleNamespace(
-            type="geometry_msgs/Twist", get_num_connections=lambda: connected[0]
-        )
-    }
-    node.rospy = SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/")
-    node.own_master = lambda caller: SimpleNamespace(
-        registerPublisher=lambda *more: called.append((caller, *more))
+    called, counts = [], []
+    kind = "geometry_msgs/Twist"
+    publisher = SimpleNamespace(type=kind)
+    node = node_without_ros(
+        driving="/cmd_vel",
+        was_alone=False,
+        publishers={"/cmd_vel": publisher},
+        rospy=SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/"),
+        own_master=lambda caller: SimpleNamespace(
+            registerPublisher=lambda *more: called.append((caller, *more))
+        ),
     )
-    looks = []
     for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):
-        connected[0] = there
+        publisher.get_num_connections = lambda there=there: there
         node.announce_again(wanted)
-        looks.append(len(called))
-    assert looks == [0, 1, 1, 1, 1, 1]
-    assert called == [("/us", "/cmd_vel", "geometry_msgs/Twist", "http://us:1/")]
+        counts.append(len(called))
+    assert counts == [0, 1, 1, 1, 1, 1]
+    assert called == [("/us", "/cmd_vel", kind, "http://us:1/")]
 
 
 @pytest.fixture
@@ -134,7 +132,7 @@ def bus():
 
 
 class FailingMaster:
-    """A master that is lost between two calls of one look."""
+    """A master that is lost between two calls of one description."""
 
     def getSystemState(self):  # noqa: N802 - the master's API
         return [["/odom", ["/base_driver"]]], [], []
@@ -146,20 +144,15 @@ class FailingMaster:
         raise OSError("connection refused")
 
 
-def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
-    said = []
-    node = object.__new__(Node)
-    node.new_master, node.rospy = FailingMaster, SimpleNamespace(get_name=lambda: "/telepresence")
-    node.refused, node.others, node.driving = {}, {}, ""
-    node.unreachable = (OSError, MasterError)
-    node.say = lambda **message: said.append(message)
+def test_a_request_for_the_graph_is_answered_when_the_master_is_lost():
+    node = node_without_ros(FailingMaster)
     node.describe_graph(1, "/cmd_vel", {})
-    assert (said[0]["op"], said[0]["number"]) == ("response", 1)
-    assert "nodes" not in said[0]
+    assert (node.sent[0]["op"], node.sent[0]["number"]) == ("response", 1)
+    assert "nodes" not in node.sent[0]
 
 
 class ForgetfulMaster:
-    """A master from which /ended unregisters between two calls of one look."""
+    """A master from which /ended unregisters between two calls of one description."""
 
     names = ("/base_driver", "/ended")
 
@@ -175,40 +168,29 @@ class ForgetfulMaster:
         return "http://base:1/"
 
 
-@pytest.fixture
-def look():
-    """Describe the graph, given the nodes of earlier connections; return the answer."""
-
-    def describe(old):
-        said = []
-        node = object.__new__(Node)
-        node.new_master = ForgetfulMaster
-        node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
-        node.refused, node.others, node.driving = {}, {}, ""
-        node.unreachable = (OSError, MasterError)
-        node.say = lambda **message: said.append(message)
-        node.describe_graph(1, "/cmd_vel", old)
-        return said[0]
-
-    return describe
+def described(old):
+    """Return the description of the graph, given the nodes of earlier connections."""
+    node = node_without_ros(ForgetfulMaster)
+    node.describe_graph(1, "/cmd_vel", old)
+    return node.sent[0]
 
 
-def test_a_node_that_ends_during_a_look_hides_no_other(look, monkeypatch):
+def test_a_node_that_ends_during_a_description_hides_no_other(monkeypatch):
     monkeypatch.setattr(ros1_node, "answers", lambda _: True)
-    found = look({"/planner": "http://planner:1/"})
-    assert found["nodes"] == {"/base_driver": "http://base:1/"}
+    found = described({"/planner": "http://planner:1/"})
+    assert found["nodes"] == BASE
     assert found["forgotten"] == ["/planner"]
 
 
 @pytest.mark.slow
-def test_a_look_is_answered_in_time_although_many_old_nodes_hang(look, monkeypatch):
+def test_the_graph_is_described_in_time_although_many_old_nodes_hang(monkeypatch):
     monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
     ended = threading.Event()
     monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
     monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))
     old = {f"/{number}": f"http://hung:{number}/" for number in range(6)}
     began = time.monotonic()
-    found = look({**old, "/planner": "http://planner:1/"})
+    found = described({**old, "/planner": "http://planner:1/"})
     took = time.monotonic() - began
     ended.set()
     assert found["forgotten"] == ["/planner"]
@@ -221,7 +203,7 @@ async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
         await bus.graph("/cmd_vel", ())
 
 
-def test_of_readings_for_an_agent_that_reads_nothing_a_bounded_number_is_kept():
+def test_readings_for_an_agent_that_does_not_read_them_are_bounded():
     link = Link(None)
     for number in range(2 * BACKLOG):
         link.say(op="publish", number=number)
@@ -230,17 +212,14 @@ def test_of_readings_for_an_agent_that_reads_nothing_a_bounded_number_is_kept():
 
 
 def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
-    node = object.__new__(Node)
-    node.waiting = {"/move_base/goal": list(range(MAX_QUEUED))}
-    node.publishers = {
-        "/move_base/goal": SimpleNamespace(
-            data_class=object,
-            get_num_connections=lambda: 0,
-            impl=SimpleNamespace(is_latch=False),
-        )
-    }
-    node.filled = lambda message, _content: message
-    node.guard = SimpleNamespace(published=lambda *_: None)
+    publisher = SimpleNamespace(data_class=object, get_num_connections=lambda: 0)
+    publisher.impl = SimpleNamespace(is_latch=False)
+    node = node_without_ros(
+        waiting={"/move_base/goal": list(range(MAX_QUEUED))},
+        publishers={"/move_base/goal": publisher},
+        filled=lambda message, _content: message,
+        guard=SimpleNamespace(published=lambda *_: None),
+    )
     node.do_publish("/move_base/goal", {})
     assert len(node.waiting["/move_base/goal"]) == MAX_QUEUED
 
@@ -263,11 +242,11 @@ class GuardRig:
     """A guard whose clock, status and odometry the test gives."""
 
     def __init__(self, monkeypatch):
-        self.now, self.zeros, self.cancelled, self.said = 100.0, 0, [], []
+        self.now, self.zeros, self.cancelled, self.sent = 100.0, 0, [], []
         monkeypatch.setattr(ros1_node.time, "monotonic", lambda: self.now)
         node = SimpleNamespace(
             publish_zero=self._zero,
-            say=lambda **message: self.said.append(message["op"]),
+            say=lambda **message: self.sent.append(message["op"]),
             standstill=Standstill(),
             docking=DockingCalls(),
             cancel_docking=lambda: None,
@@ -314,18 +293,22 @@ def guard(monkeypatch):
     return GuardRig(monkeypatch)
 
 
-def test_while_the_agents_heart_beats_the_guard_does_nothing(guard):
+@pytest.fixture
+def navigating(guard):
+    """A guard whose agent has an active goal."""
     guard.passes(1.0, beats=True)
     guard.sends("telepresence-1")
     guard.lists(telepresence_1=ACTIVE)
-    assert guard.passes(5.0, 0.3, beats=True) == 0
-    assert guard.cancelled == []
+    return guard
 
 
-def test_half_a_second_after_the_last_heartbeat_it_cancels_and_brakes_until_the_end(guard):
-    guard.passes(1.0, beats=True)
-    guard.sends("telepresence-1")
-    guard.lists(telepresence_1=ACTIVE)
+def test_the_guard_does_nothing_while_heartbeats_arrive(navigating):
+    assert navigating.passes(5.0, 0.3, beats=True) == 0
+    assert navigating.cancelled == []
+
+
+def test_half_a_second_after_the_last_heartbeat_the_guard_cancels_and_brakes(navigating):
+    guard = navigating
     assert guard.passes(0.48, 0.3) == 0
     assert guard.passes(1.1, 0.3) >= 50
     assert guard.cancelled == ["telepresence-1"] * 3
@@ -357,14 +340,14 @@ def test_a_goal_that_the_server_has_not_listed_yet_is_cancelled_too(guard):
     assert guard.cancelled == ["telepresence-1"]
 
 
-def test_a_goal_of_an_earlier_node_is_cancelled_although_the_agent_lives(guard):
+def test_a_goal_of_an_earlier_node_is_cancelled_while_the_agent_is_alive(guard):
     guard.passes(1.0, beats=True)
     guard.lists(telepresence_7=ACTIVE, rviz=ACTIVE)
     guard.passes(1.0, beats=True)
     assert guard.cancelled == ["telepresence-7"] * 2
 
 
-def test_a_new_node_brakes_what_an_earlier_one_has_left(guard):
+def test_a_new_node_brakes_a_robot_that_an_earlier_one_left_moving(guard):
     guard.guard.starting, guard.guard.began_at = True, guard.now
     guard.lists(telepresence_7=ACTIVE)
     assert guard.passes(3.0, 0.3, beats=True) == 150
@@ -381,7 +364,7 @@ def test_goals_end_with_a_server_whose_connection_is_lost(guard):
     guard.lists(telepresence_1=ACTIVE)
     connections[0] = 0
     guard.passes(1.1, beats=True)
-    assert guard.said == ["gone"]
+    assert guard.sent == ["gone"]
     assert guard.passes(3.0) == 0
 
 
@@ -389,7 +372,7 @@ def test_odometry_that_is_published_again_measures_no_standstill(guard):
     guard.passes(3.0, beats=True)
     guard.guard.act()
     guard.passes(0.5, 0.3, beats=True)
-    # the last reading from before the motion comes again and again
+    # the last reading from before the motion is repeated
     assert guard.passes(1.5, 0.0, stamp_stands=True) >= 45
 
 
@@ -405,56 +388,48 @@ def test_a_guard_that_fails_to_cancel_still_brakes(guard):
     rounds = iter(range(3))
 
     def fail(_topic_id):
-        raise RuntimeError("the publisher is gone")
-
-    def sleep(_seconds):
-        next(rounds)
+        raise RuntimeError("the publisher is lost")
 
     guard.guard.publisher = SimpleNamespace(publish=fail)
     guard.guard.cancelled_at = -1.0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ros1_node.time, "sleep", sleep)
+        patch.setattr(ros1_node.time, "sleep", lambda _seconds: next(rounds))
         with pytest.raises(StopIteration):
             guard.guard.run()
     assert guard.zeros == 3
 
 
-class DockingRig:
-    def __init__(self):
-        self.docking = DockingCalls()
-        self.docking.begin(["/dock"], "/cancel_dock")
-        self.docking.cancelled(self.docking.cancelling())
-
-    def calls(self):
-        return self.docking.called("/dock")
+@pytest.fixture
+def docking():
+    made = DockingCalls()
+    made.begin(["/dock"], "/cancel_dock")
+    made.cancelled(made.cancelling())
+    return made
 
 
-def test_a_docking_is_active_until_a_cancel_that_was_sent_after_its_answer():
-    rig = DockingRig()
-    assert not rig.docking.is_active
-    call = rig.calls()
-    early = rig.docking.cancelling()
-    rig.docking.cancelled(early)
-    assert rig.docking.is_active
-    rig.docking.answered(call, {"values": {"success": True}})
-    assert rig.docking.is_active
-    rig.docking.cancelled(early)
-    assert rig.docking.is_active
-    rig.docking.cancelled(rig.docking.cancelling())
-    assert not rig.docking.is_active
+def test_a_docking_is_active_until_a_cancel_that_was_sent_after_its_answer(docking):
+    assert not docking.is_active
+    call = docking.called("/dock")
+    early = docking.cancelling()
+    docking.cancelled(early)
+    assert docking.is_active
+    docking.answered(call, {"values": {"success": True}})
+    assert docking.is_active
+    docking.cancelled(early)
+    assert docking.is_active
+    docking.cancelled(docking.cancelling())
+    assert not docking.is_active
 
 
 @pytest.mark.parametrize("answer", [{"values": {"success": False}}, {"absent": True}])
-def test_a_docking_that_is_refused_is_not_active(answer):
-    rig = DockingRig()
-    rig.docking.answered(rig.calls(), answer)
-    assert not rig.docking.is_active
+def test_a_docking_that_is_refused_is_not_active(docking, answer):
+    docking.answered(docking.called("/dock"), answer)
+    assert not docking.is_active
 
 
-def test_services_other_than_those_that_dock_are_no_docking():
-    rig = DockingRig()
-    assert rig.docking.called("/estop") == 0
-    assert not rig.docking.is_active
+def test_a_call_of_another_service_is_no_docking(docking):
+    assert docking.called("/estop") == 0
+    assert not docking.is_active
 
 
 class DockedNode(GuardedNode):
@@ -476,7 +451,7 @@ class DockedNode(GuardedNode):
             each.join()
 
 
-def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
+def test_docking_is_cancelled_until_its_service_answers_or_is_absent():
     for last in ({"values": {"success": True}}, {"problem": "there is none", "absent": True}):
         node = DockedNode({"problem": "no answer"}, last)
         node.cancels()
@@ -487,31 +462,20 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
         assert node.answers == []
 
 
-class ServiceNode(GuardedNode):
-    """A node whose services fail as no node of ROS expects."""
-
-    def __init__(self):
-        super().__init__(None)
-        self.docking.begin(["/dock"], "/cancel_dock")
-
-    def answer_of(self, service, kind, arguments, *, docking=0):
-        raise TypeError("'NoneType' object is not callable")
-
-
 def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
-    said = queue.Queue()
-    node = ServiceNode()
-    monkeypatch.setattr(node, "say", lambda **message: said.put(message))
+    sent = queue.Queue()
+    node = DockedNode()
+    monkeypatch.setattr(node, "say", lambda **message: sent.put(message))
+    monkeypatch.setattr(node, "answer_of", lambda *_, **__: 1 / 0)
     node.do_call(7, "/dock", "std_srvs/Trigger", {})
-    answer = {"op": "response", "number": 7, "problem": "'NoneType' object is not callable"}
-    assert said.get(timeout=5.0) == answer
+    answer = {"op": "response", "number": 7, "problem": "division by zero"}
+    assert sent.get(timeout=5.0) == answer
     assert node.docking.is_active
     node.docking.cancelled(node.docking.cancelling())
     assert not node.docking.is_active
 
 
-def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins():
-    docking = DockingRig().docking
+def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins(docking):
     calling = threading.Thread(target=docking.called, args=("/dock",))
 
     class Time(float):
@@ -544,7 +508,7 @@ HEADER = b"callerid=/base"
         (b"POST /RPC2 HTTP/1.1\r\n", False),
     ],
 )
-def test_a_header_counts_when_it_is_whole_and_that_of_a_stranger_never(sent, is_whole):
+def test_only_a_complete_header_of_tcpros_counts(sent, is_whole):
     ours, theirs = socket.socketpair()
     with ours, theirs:
         theirs.sendall(sent)

@@ -280,7 +280,7 @@ def call(monkeypatch):
 
 
 @pytest.mark.timeout(10)
-def test_a_call_ends_when_its_server_has_been_gone_for_2_s(call, clock):
+def test_a_call_ends_when_its_server_has_been_absent_for_2_s(call, clock):
     began = clock.time
     server = DockingServer(clock, [True, *[False] * 9])
     assert call(server) == {"problem": "no answer"}
@@ -288,7 +288,7 @@ def test_a_call_ends_when_its_server_has_been_gone_for_2_s(call, clock):
 
 
 @pytest.mark.timeout(10)
-def test_a_call_goes_on_while_its_server_is_gone_for_less_than_2_s(call, clock):
+def test_a_call_continues_while_its_server_is_absent_for_less_than_2_s(call, clock):
     server = DockingServer(clock, [False, False, False, True] * 2, [True])
     assert call(server) == {"values": [True]}
 

@@ -13,7 +13,7 @@ BASE = NOBODY | {
 }
 
 
-async def test_a_subscriber_that_comes_between_two_questions_has_a_type_or_is_not_listed():
+async def test_a_subscriber_that_connects_between_two_requests_has_a_type_or_is_not_listed():
     bus = registry.create(
         "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1", "version": "1"}
     )._bus

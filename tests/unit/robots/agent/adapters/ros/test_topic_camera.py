@@ -27,7 +27,7 @@ def png_of(grey: int) -> bytes:
     return kept.getvalue()
 
 
-def test_the_newest_picture_counts_whatever_its_kind():
+def test_the_newest_picture_counts_in_any_format():
     camera = TopicCamera("/camera")
     camera.start()
     for stamp, picture in ((1.0, jpeg_of(0)), (2.0, jpeg_of(255)), (3.0, png_of(255))):
@@ -61,7 +61,7 @@ def test_a_message_without_bytes_is_refused(data):
         messages.picture_in({"data": data})
 
 
-def test_a_topic_on_which_nothing_comes_is_said_and_what_begins_late_is_shown(monkeypatch):
+def test_a_topic_without_images_is_an_error_until_the_first_one(monkeypatch):
     monkeypatch.setattr(topic_camera, "OPENING", 0.05)
     camera = TopicCamera("/camera")
     for _ in range(2):

@@ -64,16 +64,9 @@ class Network:
         taken = max(0.0, min(bits, 0.5 * self.capacity + self.capacity * STEP - waiting))
         self.lost = 0.8 * self.lost + 0.2 * (bits - taken) / bits
         # A picture of which a part is lost is not shown.
-        self.queue.append(
-            (
-                taken,
-                (
-                    self.now - self.rng.uniform(0.03, 0.09)
-                    if shows and taken == bits
-                    else float("-inf")
-                ),
-            )
-        )
+        whole = shows and taken == bits
+        picture = self.now - self.rng.uniform(0.03, 0.09) if whole else float("-inf")
+        self.queue.append((taken, picture))
         room = self.capacity * STEP
         while self.queue and self.queue[0][0] <= room:
             left, picture = self.queue.popleft()
@@ -83,12 +76,12 @@ class Network:
         self.delays.append(sum(held for held, _ in self.queue) / self.capacity)
 
 
-def test_a_wide_network_keeps_the_best_whatever_the_picture_needs():
+def test_a_wide_network_keeps_the_best_layer():
     for moving in (1.0, 0.05):
         assert set(Network(5e6).run(60.0, moving=moving).layers) == {0}
 
 
-def test_a_picture_that_is_late_now_and_then_is_a_busy_computers():
+def test_an_occasional_late_picture_keeps_the_layer():
     assert set(Network(5e6, busy_computer=0.2).run(30.0).layers) == {0}
 
 
@@ -101,7 +94,7 @@ def test_short_hang_of_a_computer_costs_at_most_two_layers_for_a_while():
     assert network.run(8.0).adapter.layer == 0
 
 
-def test_a_network_that_is_a_little_too_narrow_is_noticed_too():
+def test_a_network_that_is_slightly_too_narrow_lowers_the_layer():
     network = Network(5e6).run(20.0)
     network.capacity = 1e6
     assert network.run(6.0).adapter.layer >= 1
@@ -133,20 +126,20 @@ def test_best_layer_returns_ten_seconds_after_the_network_is_wide_again(seconds)
     assert network.adapter.layer == 0
 
 
-def test_a_network_too_narrow_for_all_gets_the_least_there_is():
+def test_a_network_too_narrow_for_every_layer_gets_the_lowest():
     network = Network(5e6).run(2.0)
     network.capacity = 1.5e5
     assert network.run(20.0).adapter.layer == len(RATES) - 1
 
 
-def test_packets_lost_here_and_there_change_nothing_and_many_step_down():
+def test_a_few_lost_packets_change_nothing_and_many_lower_the_layer():
     network = Network(5e6, loss=0.04).run(30.0)
     assert set(network.layers) == {0}
     network.loss = 0.15
     assert network.run(4.0).adapter.layer > 0
 
 
-def test_a_trial_that_fails_makes_no_picture_old_and_trials_come_rarer():
+def test_failed_trials_delay_no_picture_and_become_rarer():
     network = Network(5e6).run(2.0)
     network.capacity = 3.2e5
     network.run(15.0)
@@ -166,7 +159,7 @@ def test_hidden_page_does_not_count_as_a_narrow_network():
     assert network.run(10.0).adapter.layer == 0
 
 
-def test_on_a_page_whose_picture_is_stuck_nothing_is_tried():
+def test_no_trial_runs_while_the_picture_is_stuck():
     network = Network(5e6).run(2.0)
     network.capacity = 4e5
     network.run(3.0)
@@ -178,7 +171,7 @@ def test_on_a_page_whose_picture_is_stuck_nothing_is_tried():
     assert network.adapter.probes <= probes + 1
 
 
-def test_without_a_word_from_the_page_nothing_changes():
+def test_the_layer_does_not_change_without_reports_of_the_page():
     adapter = BitrateAdapter(RATES, 0.0)
     assert all(adapter.look(0.1 * step) == 0.0 for step in range(600))
     assert adapter.layer == 0

@@ -75,7 +75,7 @@ def test_pause_before_a_lower_layer_ends_with_that_layer(viewer):
     assert viewer.sent == [(0, 1), (1, 5), (1, 6)]
 
 
-def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(viewer):
+def test_scans_and_poses_are_sent_seldom_on_a_narrow_network(viewer):
     sent = []
     viewer.page = SimpleNamespace(send=sent.append)
     viewer._layer = 3

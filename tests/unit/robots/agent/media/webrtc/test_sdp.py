@@ -11,19 +11,15 @@ from robots.agent.media.webrtc.sdp import (
     without_candidates,
 )
 
-TAKES, GIVES, BOTH = (
-    {"takes": True, "gives": False},
-    {"takes": False, "gives": True},
-    {"takes": True, "gives": True},
-)
+CANDIDATE = "candidate:1 1 udp 2113937151 10.0.0.1 57459 typ host"
 
 
 def test_robot_sends_on_the_first_receiving_line_of_each_kind() -> None:
     lines = (
-        MediaLine("video", **GIVES),
-        MediaLine("video", **TAKES),
-        MediaLine("audio", **BOTH),
-        MediaLine("video", **BOTH),
+        MediaLine("video", takes=False, gives=True),
+        MediaLine("video", takes=True, gives=False),
+        MediaLine("audio", takes=True, gives=True),
+        MediaLine("video", takes=True, gives=True),
     )
     assert robot_lines(lines, frozenset({"audio", "video"})) == {1: "video", 2: "audio"}
     assert robot_lines(lines, frozenset({"audio"})) == {2: "audio"}
@@ -53,26 +49,15 @@ def test_candidates_are_taken_out_of_an_offer_with_their_lines() -> None:
         "candidate:1 1 tcp 1 10.0.0.1 9 typ host tcptype active",
     ],
 )
-def test_an_end_of_candidates_and_one_that_cannot_be_used_are_none(text: str) -> None:
+def test_the_end_of_candidates_and_unusable_ones_are_none(text: str) -> None:
     assert parsed_candidate(text, "0", None) is None
 
 
 def test_a_candidate_keeps_its_line() -> None:
-    candidate = parsed_candidate(
-        "candidate:1 1 udp 2113937151 10.0.0.1 57459 typ host generation 0 ufrag x"
-        " network-cost 999",
-        "0",
-        0,
-    )
-    assert (candidate.ip, candidate.port, candidate.sdpMid, candidate.sdpMLineIndex) == (
-        "10.0.0.1",
-        57459,
-        "0",
-        0,
-    )
-    assert (
-        parsed_candidate("candidate:1 1 udp 2113937151 10.0.0.1 57459 typ host", None, None) is None
-    )
+    candidate = parsed_candidate(f"{CANDIDATE} generation 0 ufrag x network-cost 999", "0", 0)
+    assert (candidate.ip, candidate.port) == ("10.0.0.1", 57459)
+    assert (candidate.sdpMid, candidate.sdpMLineIndex) == ("0", 0)
+    assert parsed_candidate(CANDIDATE, None, None) is None
 
 
 @pytest.mark.parametrize(

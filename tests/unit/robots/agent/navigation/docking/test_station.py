@@ -1,5 +1,6 @@
-"""The shape of a charging station in a sweep."""
+"""The shape of a charging station in a scan."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,22 +10,9 @@ from robots.agent.navigation.docking.station import NARROW, WIDE, SearchWindow, 
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import MODELS, RobotModel
-from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")
-
-
-def sweep(sim: Simulation) -> LaserScan:
-    laser = sim.model.laser
-    return LaserScan(
-        0.0,
-        laser.angle_min,
-        laser.angle_increment,
-        laser.range_max,
-        sim.scan(),
-        Pose2D(laser.x, 0.0, 0.0),
-    )
 
 
 def before_dock(model: RobotModel, offset: Pose2D, seed: int = 1) -> tuple[Simulation, Pose2D]:
@@ -44,16 +32,10 @@ def test_the_front_is_found_to_the_centimetre_though_expected_elsewhere(
     model, rng = MODELS[series], np.random.default_rng(3)
     station = PLAN.dock_of(series).station
     for seed in range(4):
-        aside = float(rng.uniform(-0.2, 0.2)) * min(1.0, away)
-        sim, front = before_dock(
-            model, Pose2D(-away, aside, float(rng.uniform(-0.2, 0.2)) * min(1.0, away)), seed
-        )
-        expected = Pose2D(
-            front.x + rng.uniform(-0.2, 0.2),
-            front.y + rng.uniform(-0.2, 0.2),
-            front.theta + rng.uniform(-0.15, 0.15),
-        )
-        found = find(sweep(sim), expected, station, WIDE)
+        aside, turned = rng.uniform(-0.2, 0.2, 2) * min(1.0, away)
+        sim, front = before_dock(model, Pose2D(-away, float(aside), float(turned)), seed)
+        expected = Pose2D(*(np.array(front) + rng.uniform(-1.0, 1.0, 3) * (0.2, 0.2, 0.15)))
+        found = find(sim.beams(), expected, station, WIDE)
         assert found is not None
         error = front.inverse().compose(found.front)
         assert abs(error.x) < 0.015
@@ -64,31 +46,21 @@ def test_the_front_is_found_to_the_centimetre_though_expected_elsewhere(
 def test_a_plain_wall_is_no_station() -> None:
     sim = Simulation(MODELS["giraff"], PLAN, seed=1, start=f"8.4,1.0,{-math.pi / 2}")
     station = PLAN.dock_of("giraff").station
-    assert find(sweep(sim), Pose2D(1.0, 0.0, 0.0), station, WIDE) is None
+    assert find(sim.beams(), Pose2D(1.0, 0.0, 0.0), station, WIDE) is None
 
 
 def test_station_is_not_found_without_echoes() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
-    seen = sweep(sim)
-    silent = LaserScan(
-        0.0,
-        seen.angle_min,
-        seen.angle_increment,
-        seen.range_max,
-        np.full(len(seen.ranges), math.nan),
-        seen.mount,
-    )
+    seen = sim.beams()
+    silent = dataclasses.replace(seen, ranges=np.full(len(seen.ranges), math.nan))
     assert find(silent, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 
 def test_person_before_half_of_the_front_hides_the_station() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
-    seen = sweep(sim)
-    ranges = seen.ranges.copy()
-    ranges[(seen.angles > 0.0) & (seen.angles < 0.4)] = 0.4
-    hidden = LaserScan(
-        0.0, seen.angle_min, seen.angle_increment, seen.range_max, ranges, seen.mount
-    )
+    seen = sim.beams()
+    ranges = np.where((seen.angles > 0.0) & (seen.angles < 0.4), 0.4, seen.ranges)
+    hidden = dataclasses.replace(seen, ranges=ranges)
     assert find(hidden, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 
@@ -96,5 +68,5 @@ def test_a_station_beyond_the_window_is_not_found() -> None:
     sim, front = before_dock(MODELS["rhodon"], Pose2D(-0.9, 0.0, 0.0))
     elsewhere = Pose2D(front.x - 0.6, front.y, front.theta)
     tight = SearchWindow(along=0.08, aside=0.08, turned=0.1)
-    assert find(sweep(sim), elsewhere, PLAN.dock_of("rhodon").station, tight) is None
-    assert find(sweep(sim), front, PLAN.dock_of("rhodon").station, NARROW) is not None
+    assert find(sim.beams(), elsewhere, PLAN.dock_of("rhodon").station, tight) is None
+    assert find(sim.beams(), front, PLAN.dock_of("rhodon").station, NARROW) is not None

@@ -1,5 +1,6 @@
-"""What stands about that is not on the map."""
+"""Obstacles that are not on the map."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -18,25 +19,11 @@ SITE = load_site("office")
 BEFORE_DOOR = "2.0,3.6,-1.5708"
 
 
-def sweep(sim: Simulation, stamp: float = 0.0) -> LaserScan:
-    laser = sim.model.laser
-    return LaserScan(
-        stamp,
-        laser.angle_min,
-        laser.angle_increment,
-        laser.range_max,
-        sim.scan(),
-        Pose2D(laser.x, 0.0, 0.0),
-    )
-
-
-def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
-    """A sweep with an obstacle of 20 cm at a distance from the laser."""
-    ranges = beams.ranges.copy()
-    ranges[np.abs(beams.angles - bearing) <= 0.1 / distance] = distance
-    return LaserScan(
-        beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount
-    )
+def with_thing(sim: Simulation, distance: float = 1.0) -> LaserScan:
+    """A scan with an obstacle of 20 cm straight ahead, at a distance from the laser."""
+    beams = sim.beams()
+    ranges = np.where(np.abs(beams.angles) <= 0.1 / distance, distance, beams.ranges)
+    return dataclasses.replace(beams, ranges=ranges)
 
 
 def giraff(start: str = "lab-centre", **doors: str) -> tuple[Simulation, LocalObstacleMap]:
@@ -54,28 +41,28 @@ def thing_at(obstacle_map: LocalObstacleMap, pose: Pose2D, distance: float, now:
 
 def test_mapped_points_are_not_marked() -> None:
     sim, obstacle_map = giraff("corridor-centre")
-    obstacle_map.look(sim.pose, sweep(sim), 0.0)
+    obstacle_map.look(sim.pose, sim.beams(), 0.0)
     assert not thing_at(obstacle_map, sim.pose, 1.0, 0.0)
     assert obstacle_map.live(0.0).sum() < 5
 
 
-def test_a_thing_is_marked_and_free_again_when_the_laser_looks_through() -> None:
+def test_an_obstacle_is_marked_until_the_laser_sees_through_it() -> None:
     sim, obstacle_map = giraff()
-    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
+    obstacle_map.look(sim.pose, with_thing(sim), 0.0)
     assert thing_at(obstacle_map, sim.pose, 1.0, 0.0)
-    obstacle_map.look(sim.pose, sweep(sim), 0.1)
+    obstacle_map.look(sim.pose, sim.beams(), 0.1)
     assert not thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 
 
-def test_out_of_sight_who_passed_is_forgotten_soon_and_what_stood_there_later() -> None:
-    sim, passing = giraff()
-    passing.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
-    _, standing = giraff()
+def test_the_longer_an_obstacle_was_seen_the_later_it_is_forgotten() -> None:
+    sim, briefly = giraff()
+    briefly.look(sim.pose, with_thing(sim), 0.0)
+    _, long = giraff()
     for step in range(120):
-        standing.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), step / 10.0)
-    assert not thing_at(passing, sim.pose, 1.0, 6.0)
-    assert thing_at(standing, sim.pose, 1.0, 12.0 + LOCAL_MAP.kept_at_most / 2.0)
-    assert not thing_at(standing, sim.pose, 1.0, 13.0 + LOCAL_MAP.kept_at_most)
+        long.look(sim.pose, with_thing(sim), step / 10.0)
+    assert not thing_at(briefly, sim.pose, 1.0, 6.0)
+    assert thing_at(long, sim.pose, 1.0, 12.0 + LOCAL_MAP.kept_at_most / 2.0)
+    assert not thing_at(long, sim.pose, 1.0, 13.0 + LOCAL_MAP.kept_at_most)
 
 
 def test_only_long_still_obstacles_are_settled() -> None:
@@ -84,7 +71,7 @@ def test_only_long_still_obstacles_are_settled() -> None:
     elsewhere = np.array([[GIRAFF.laser.x + 1.0, 0.5]])
     for step in range(round(LOCAL_MAP.settled * 10) + 5):
         now = step / 10.0
-        obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), now)
+        obstacle_map.look(sim.pose, with_thing(sim), now)
         if now < LOCAL_MAP.settled - 0.5:
             assert not obstacle_map.settled(sim.pose, point, now).any()
     assert obstacle_map.settled(sim.pose, point, now).all()
@@ -93,13 +80,13 @@ def test_only_long_still_obstacles_are_settled() -> None:
 
 
 def test_obstacle_seen_now_and_then_but_never_passed_settles() -> None:
-    """The edge of a thing that stands close to a wall is the wall's in most sweeps."""
+    """Most scans of an obstacle's edge close to a wall show the wall."""
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     behind = LOCAL_MAP.seen_through - 0.02
     for step in range(round(LOCAL_MAP.settled * 10) + 5):
         away = 0.0 if step % 20 == 0 else behind
-        obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0 + away), step / 10.0)
+        obstacle_map.look(sim.pose, with_thing(sim, 1.0 + away), step / 10.0)
     assert obstacle_map.settled(sim.pose, point, step / 10.0).all()
 
 
@@ -107,15 +94,14 @@ def test_obstacle_after_a_free_view_is_new() -> None:
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     for step in range(round(LOCAL_MAP.settled * 10) + 5):
-        gone = 50 <= step < 65
-        beams = sweep(sim) if gone else with_thing(sweep(sim), 0.0, 1.0)
-        obstacle_map.look(sim.pose, beams, step / 10.0)
+        is_free = 50 <= step < 65
+        obstacle_map.look(sim.pose, sim.beams() if is_free else with_thing(sim), step / 10.0)
     assert not obstacle_map.settled(sim.pose, point, step / 10.0).any()
 
 
-def test_the_leaf_of_an_open_door_is_no_stranger() -> None:
+def test_the_leaf_of_an_open_door_is_no_obstacle() -> None:
     sim, obstacle_map = giraff(BEFORE_DOOR)
-    beams = sweep(sim)
+    beams = sim.beams()
     obstacle_map.look(sim.pose, beams, 0.0)
     assert not obstacle_map.strange(sim.pose, beams.points(), 0.0).any()
 
@@ -123,43 +109,36 @@ def test_the_leaf_of_an_open_door_is_no_stranger() -> None:
 @pytest.mark.parametrize("start", [BEFORE_DOOR, "3.2,4.6,-2.2", "2.0,1.0,1.5708", "1.0,0.9,0.9"])
 def test_a_closed_door_is_seen_from_either_side_and_an_open_one_is_not(start: str) -> None:
     closed, obstacle_map = giraff(start, lab_door="closed")
-    obstacle_map.look(closed.pose, sweep(closed), 0.0)
+    obstacle_map.look(closed.pose, closed.beams(), 0.0)
     assert [door.name for door in obstacle_map.doors.closed(0.0)] == ["lab-door"]
     opened, others = giraff(start)
-    others.look(opened.pose, sweep(opened), 0.0)
+    others.look(opened.pose, opened.beams(), 0.0)
     assert others.doors.closed(0.0) == ()
 
 
-def test_a_door_that_was_seen_closed_counts_as_closed_until_it_is_seen_open_or_long_ago() -> None:
+def test_a_closed_door_counts_as_closed_for_a_while_or_until_it_is_seen_open() -> None:
     sim, obstacle_map = giraff(BEFORE_DOOR, lab_door="closed")
-    obstacle_map.look(sim.pose, sweep(sim), 0.0)
+    obstacle_map.look(sim.pose, sim.beams(), 0.0)
     away = Simulation(GIRAFF, SITE.plan, seed=1, start="lounge-centre")
-    obstacle_map.look(away.pose, sweep(away, 5.0), 5.0)
+    obstacle_map.look(away.pose, away.beams(), 5.0)
     assert len(obstacle_map.doors.closed(5.0)) == 1
     assert len(obstacle_map.doors.closed(DOORS.memory + 1.0)) == 0
     opened, _ = giraff(BEFORE_DOOR)
-    obstacle_map.look(opened.pose, sweep(opened, 6.0), 6.0)
+    obstacle_map.look(opened.pose, opened.beams(), 6.0)
     assert obstacle_map.doors.closed(6.0) == ()
 
 
 def test_person_in_the_doorway_is_no_closed_door() -> None:
     sim, obstacle_map = giraff(BEFORE_DOOR)
-    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
+    obstacle_map.look(sim.pose, with_thing(sim), 0.0)
     assert obstacle_map.doors.closed(0.0) == ()
 
 
-def test_a_sweep_in_which_nothing_came_back_clears_nothing() -> None:
+def test_a_scan_without_echoes_clears_no_obstacle() -> None:
     sim, obstacle_map = giraff()
-    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
-    seen = sweep(sim, 0.1)
-    blind = LaserScan(
-        0.1,
-        seen.angle_min,
-        seen.angle_increment,
-        seen.range_max,
-        np.full(len(seen.ranges), math.nan),
-        seen.mount,
-    )
+    obstacle_map.look(sim.pose, with_thing(sim), 0.0)
+    seen = sim.beams()
+    blind = dataclasses.replace(seen, ranges=np.full(len(seen.ranges), math.nan))
     obstacle_map.look(sim.pose, blind, 0.1)
     assert thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 

@@ -1,4 +1,4 @@
-"""What a robot does that something holds, while its laser errs."""
+"""A robot that is held by an obstacle, with a noisy laser."""
 
 import math
 
@@ -32,7 +32,7 @@ def sweep(stamp: float, post: tuple[float, float], error: float) -> LaserScan:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_robot_stays_held_despite_laser_noise(seed: int) -> None:
-    """It stands beside the corner of a wall, as near as it may, and wants to go on for 10 s."""
+    """It is beside the corner of a wall, at the least distance, and wants to drive for 10 s."""
     rng = np.random.default_rng(seed)
     beside = 0.25 + BRAKING.touch / math.sqrt(2.0), 0.21 + BRAKING.touch / math.sqrt(2.0)
     memory, recent = RollingObstacleMap(), RecentSweeps(0.35)

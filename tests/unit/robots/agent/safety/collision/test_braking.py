@@ -1,4 +1,4 @@
-"""What may be touched before the robot stands."""
+"""Speeds at which the robot can stop before it touches anything."""
 
 import math
 
@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.braking import BRAKING, BrakeCheck, Hazards, stop_course
+from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, RHODON
+from robots.world.sensing import points_in_frame
 from tests.support.examples import examples
 
 NONE = np.zeros((0, 2))
@@ -30,17 +32,19 @@ def moving(linear: float, angular: float = 0.0) -> Velocity:
     return Velocity(linear=linear, angular=angular)
 
 
-def test_with_nothing_about_the_wish_is_granted() -> None:
-    assert CHECK.fastest(ZERO, moving(0.5, 0.2), Hazards(NONE, NONE, NONE)).velocity == moving(
-        0.5, 0.2
-    )
+def in_frame(points: np.ndarray, x: float, y: float, theta: float) -> np.ndarray:
+    """Return points (n, 2) of the world in the frame of a pose."""
+    return points_in_frame(Pose2D(x, y, theta), points)
+
+
+def test_the_wanted_velocity_is_allowed_without_obstacles() -> None:
+    free = Hazards(NONE, NONE, NONE)
+    assert CHECK.fastest(ZERO, moving(0.5, 0.2), free).velocity == moving(0.5, 0.2)
 
 
 def test_a_wall_ahead_stops_the_robot_and_one_behind_does_not() -> None:
-    assert CHECK.fastest(moving(0.1), moving(0.5), thing(NOSE + 0.03, 0.0)) == CHECK.fastest(
-        ZERO, moving(0.5), thing(NOSE + 0.01, 0.0)
-    )
-    assert CHECK.fastest(moving(0.1), moving(0.5), thing(NOSE + 0.03, 0.0)).velocity == ZERO
+    for now, gap in ((moving(0.1), 0.03), (ZERO, 0.01)):
+        assert CHECK.fastest(now, moving(0.5), thing(NOSE + gap, 0.0)).velocity == ZERO
     assert CHECK.fastest(moving(0.1), moving(0.5), thing(-NOSE - 0.03, 0.0)).velocity == moving(0.5)
 
 
@@ -68,16 +72,13 @@ def test_a_turn_beside_a_wall_is_held_where_a_corner_would_touch_it() -> None:
     assert CHECK.fastest(ZERO, moving(0.3), wall).velocity.linear > 0.0
 
 
-def test_walking_person_gets_more_room_than_a_standing_one() -> None:
-    standing = Hazards(NONE, np.array([[1.0, 0.4]]), NONE)
-    assert (
-        CHECK.fastest(moving(0.3), moving(0.5), standing).share
-        > CHECK.fastest(moving(0.3), moving(0.5), walker(1.0, 0.4)).share
-    )
-    assert CHECK.fastest(ZERO, moving(0.5), walker(0.5, 0.4)) == CHECK.fastest(
-        ZERO, moving(0.3), walker(0.5, -0.4)
-    )
-    assert CHECK.fastest(ZERO, moving(0.5), walker(0.5, 0.4)).why == "walker"
+def test_a_walking_person_gets_more_room_than_one_at_rest() -> None:
+    at_rest = Hazards(NONE, np.array([[1.0, 0.4]]), NONE)
+    share = CHECK.fastest(moving(0.3), moving(0.5), at_rest).share
+    assert share > CHECK.fastest(moving(0.3), moving(0.5), walker(1.0, 0.4)).share
+    left = CHECK.fastest(ZERO, moving(0.5), walker(0.5, 0.4))
+    assert left == CHECK.fastest(ZERO, moving(0.3), walker(0.5, -0.4))
+    assert left.why == "walker"
 
 
 @examples(60, thorough=600)
@@ -86,29 +87,20 @@ def test_walking_person_gets_more_room_than_a_standing_one() -> None:
     wanted=st.floats(0.05, 0.6),
     turn=st.floats(-0.7, 0.7),
     at=st.tuples(st.floats(0.2, 2.0), st.floats(-1.0, 1.0)),
-    way=st.floats(-math.pi, math.pi),
+    heading=st.floats(-math.pi, math.pi),
 )
-def test_person_walking_straight_cannot_reach_the_robot_before_it_stands(
-    speed: float, wanted: float, turn: float, at: tuple[float, float], way: float
+def test_person_walking_straight_cannot_reach_the_robot_before_it_is_at_rest(
+    speed: float, wanted: float, turn: float, at: tuple[float, float], heading: float
 ) -> None:
-    """The allowed course is driven against somebody who walks at 1.2 m/s in any direction."""
-    x, y = at
-    hazards = walker(x, y)
-    done = CHECK.fastest(moving(speed), moving(wanted, turn), hazards)
+    """The allowed course is driven while a person walks at 1.2 m/s in any direction."""
+    done = CHECK.fastest(moving(speed), moving(wanted, turn), walker(*at))
     if done.velocity == ZERO:
         return
+    walk = 1.2 * np.array([math.cos(heading), math.sin(heading)])
     poses, times = stop_course(moving(speed), done.velocity, GIRAFF.limits)
-    for (px, py, theta), time in zip(poses[:-1], times[:-1], strict=True):
-        dx, dy = x + 1.2 * time * math.cos(way) - px, y + 1.2 * time * math.sin(way) - py
-        seen = np.array(
-            [
-                [
-                    math.cos(theta) * dx + math.sin(theta) * dy,
-                    math.cos(theta) * dy - math.sin(theta) * dx,
-                ]
-            ]
-        )
-        assert float(CHECK.gaps(seen)[0]) > 0.0
+    for pose, time in zip(poses[:-1], times[:-1], strict=True):
+        person = np.array([at]) + walk * time
+        assert float(CHECK.gaps(in_frame(person, *pose))[0]) > 0.0
 
 
 @examples(40, thorough=400)
@@ -118,7 +110,7 @@ def test_person_walking_straight_cannot_reach_the_robot_before_it_stands(
     turn=st.floats(-1.0, 1.0),
     seed=st.integers(0, 1000),
 )
-def test_an_allowed_course_comes_near_to_nothing_that_it_was_not_near_to(
+def test_an_allowed_course_keeps_its_distance_from_obstacles(
     speed: float, wanted: float, turn: float, seed: int
 ) -> None:
     check = BrakeCheck(np.array(RHODON.footprint), RHODON.limits)
@@ -127,20 +119,12 @@ def test_an_allowed_course_comes_near_to_nothing_that_it_was_not_near_to(
     done = check.fastest(moving(speed), moving(wanted, turn), Hazards(points, NONE, NONE))
     if done.velocity == ZERO:
         return
-    for px, py, theta in stop_course(moving(speed), done.velocity, RHODON.limits)[0]:
-        away = points - np.array([px, py])
-        seen = np.column_stack(
-            [
-                math.cos(theta) * away[:, 0] + math.sin(theta) * away[:, 1],
-                math.cos(theta) * away[:, 1] - math.sin(theta) * away[:, 0],
-            ]
-        )
-        assert float(check.gaps(seen).min(initial=math.inf)) > 0.015
+    for pose in stop_course(moving(speed), done.velocity, RHODON.limits)[0]:
+        assert float(check.gaps(in_frame(points, *pose)).min(initial=math.inf)) > 0.015
 
 
-def test_the_course_ends_standing_after_reaction_and_braking() -> None:
+def test_the_course_ends_at_rest_after_reaction_and_braking() -> None:
     poses, times = stop_course(moving(0.5), moving(0.5), GIRAFF.limits)
-    assert times[-1] == pytest.approx(BRAKING.reaction + 0.5 / GIRAFF.limits.linear_braking)
-    assert poses[-1, 0] == pytest.approx(
-        0.5 * BRAKING.reaction + 0.25 / 2.0 / GIRAFF.limits.linear_braking, abs=0.04
-    )
+    braking = GIRAFF.limits.linear_braking
+    assert times[-1] == pytest.approx(BRAKING.reaction + 0.5 / braking)
+    assert poses[-1, 0] == pytest.approx(0.5 * BRAKING.reaction + 0.125 / braking, abs=0.04)

@@ -42,19 +42,23 @@ def nearest_to(memory: RollingObstacleMap, odometry: Pose2D, x: float, y: float)
     return float(np.hypot(points[:, 0] - x, points[:, 1] - y).min())
 
 
+def turned_away(memory: RollingObstacleMap, segments: np.ndarray = ROOM, far: int = 180) -> Pose2D:
+    """Look at things, turn left by `far` degrees, and return the pose."""
+    for step in range(0, far + 1, 5):
+        pose = Pose2D(0.0, 0.0, math.radians(step))
+        memory.update(pose, look(pose, segments))
+    return pose
+
+
 def test_points_ahead_are_remembered_behind_a_robot_that_has_turned_round():
     memory = RollingObstacleMap()
-    for step in range(0, 181, 5):
-        pose = Pose2D(0.0, 0.0, math.radians(step))
-        memory.update(pose, look(pose))
+    pose = turned_away(memory)
     assert nearest_to(memory, pose, -2.0, 0.0) < 0.05  # the wall that it first looked at
 
 
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
 def test_points_that_leave_the_view_slowly_are_remembered_as_well(step):
-    """The last beam, a degree from its neighbour, must not take away what is half a degree beyond
-    it.
-    """
+    """The last beam, 1° from its neighbour, must not remove a point half a degree beyond it."""
     memory, turned = RollingObstacleMap(), 0.0
     while abs(turned) < 90.0:
         pose = Pose2D(0.0, 0.0, math.radians(turned))
@@ -63,19 +67,14 @@ def test_points_that_leave_the_view_slowly_are_remembered_as_well(step):
     points = memory.near(pose, 4.0)
     eye = points_in_frame(MOUNT, points)
     bearings = np.sort(np.degrees(np.arctan2(eye[:, 1], eye[:, 0])) % 360.0)
-    behind = bearings[
-        (bearings > 95.0) & (bearings < 165.0)
-        if step < 0
-        else (bearings > 195.0) & (bearings < 265.0)
-    ]
+    low = 95.0 if step < 0 else 195.0
+    behind = bearings[(bearings > low) & (bearings < low + 70.0)]
     assert np.diff(behind).max() < 3.0
 
 
 def test_points_in_view_are_exact_and_remembered_points_may_be_off():
     memory = RollingObstacleMap()
-    for step in range(0, 181, 5):
-        pose = Pose2D(0.0, 0.0, math.radians(step))
-        memory.update(pose, look(pose))
+    pose = turned_away(memory)
     points, errors = memory.about(pose, 4.0)
     assert errors[points[:, 0] > 0.3].max() == 0.0
     assert errors[points[:, 0] < -1.5].min() > 0.8 * memory.settings.inexact
@@ -119,7 +118,7 @@ def test_second_scan_through_a_point_removes_it():
     assert nearest_to(memory, START, 1.0, 0.0) > 0.5
 
 
-def test_a_lost_echo_takes_nothing_away():
+def test_a_lost_echo_removes_no_point():
     memory = RollingObstacleMap()
     full = look(START, np.vstack([ROOM, BOX]))
     memory.update(START, full)
@@ -137,15 +136,15 @@ def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_bl
     ranges[80:101] = 1.0
     ranges[:20] = 0.2
     memory.update(START, with_ranges(ranges))
-    gone = np.full(181, 2.0)
-    gone[70:111], gone[:40] = np.inf, np.inf
+    lost = np.full(181, 2.0)
+    lost[70:111], lost[:40] = np.inf, np.inf
     for _ in range(3):
-        memory.update(START, with_ranges(gone))
+        memory.update(START, with_ranges(lost))
     assert nearest_to(memory, START, 1.15, 0.0) > 0.5
     assert nearest_to(memory, START, 0.15, -0.2) < 0.05
 
 
-def test_a_covered_laser_neither_sees_nor_takes_anything_away():
+def test_a_covered_laser_neither_adds_nor_removes_points():
     memory = RollingObstacleMap()
     memory.update(START, look(START, stamp=5.0))
     count = len(memory)
@@ -156,7 +155,7 @@ def test_a_covered_laser_neither_sees_nor_takes_anything_away():
     assert RollingObstacleMap().seen == -math.inf
 
 
-def test_an_odometry_that_jumped_began_anew():
+def test_a_jump_of_the_odometry_clears_the_memory():
     memory = RollingObstacleMap()
     memory.update(START, look(START))
     there = Pose2D(50.0, 0.0, 0.0)
@@ -165,7 +164,7 @@ def test_an_odometry_that_jumped_began_anew():
     assert len(memory.near(START, 4.0)) == 0
 
 
-def test_a_robot_that_stands_for_long_keeps_no_more_than_one_sweep():
+def test_a_robot_at_rest_remembers_at_most_one_scan():
     memory = RollingObstacleMap()
     rng = np.random.default_rng(3)
     clean = look(START).ranges
@@ -191,16 +190,14 @@ POSES = st.builds(Pose2D, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
     array = np.array(points).reshape(-1, 2)
     assert np.allclose(points_from_frame(frame, points_in_frame(frame, array)), array)
-    assert all(
-        np.allclose(points_in_frame(frame, np.array([frame.apply(x, y)])), [[x, y]])
-        for x, y in points
-    )
+    world = np.array([frame.apply(x, y) for x, y in points]).reshape(-1, 2)
+    assert np.allclose(points_in_frame(frame, world), array)
 
 
 @pytest.mark.slow
 @examples(30, thorough=300)
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
-def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed):
+def test_every_wall_seen_on_a_drive_is_remembered_in_its_place(x, y, heading, seed):
     rng = np.random.default_rng(seed)
     memory = RollingObstacleMap()
     pose = Pose2D(x, y, heading)
@@ -217,24 +214,18 @@ def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed
     assert all(np.hypot(*(known - point).T).min() < 0.06 for point in seen)
 
 
-def turned_away(memory: RollingObstacleMap, segments: np.ndarray, far: int = 180) -> Pose2D:
-    """Look at things, turn left until they are behind the robot, and return the pose."""
-    for step in range(0, far + 1, 5):
-        pose = Pose2D(0.0, 0.0, math.radians(step))
-        memory.update(pose, look(pose, segments))
-    return pose
+NEAR_BOX = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
 
 
-def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
+def test_an_obstacle_continues_behind_an_edge_that_is_out_of_view():
     memory = RollingObstacleMap()
-    near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
-    away = turned_away(memory, near)
+    away = turned_away(memory, NEAR_BOX)
     seen, (points, errors) = memory.near(away, 4.0), memory.about(away, 4.0)
     hidden = points_from_frame(away, points[len(seen) :])
     assert len(points) == len(errors) > len(seen)
     assert np.array_equal(points[: len(seen)], seen)
-    # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges, and the box goes on behind them
-    # as far as nobody looked.
+    # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges; the box continues behind them
+    # where the laser never looked.
     for corner in (0.2, -0.2):
         beside = np.hypot(hidden[:, 0] - 0.6, hidden[:, 1] - corner)
         assert beside.min() < 0.06
@@ -243,34 +234,33 @@ def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
 
 def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_look():
     memory = RollingObstacleMap()
-    near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
-    memory.update(START, look(START, near))
-    memory.update(START, look(START, near))
+    memory.update(START, look(START, NEAR_BOX))
+    memory.update(START, look(START, NEAR_BOX))
     assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
-    turned_away(memory, near)
-    turned_away(memory, near, far=0)
+    turned_away(memory, NEAR_BOX)
+    turned_away(memory, NEAR_BOX, far=0)
     assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
 
 
-def test_a_robot_that_stands_gathers_nothing_behind_edges_however_long():
-    memory, near = RollingObstacleMap(), np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
-    away = turned_away(memory, near, far=90)
+def test_points_behind_edges_do_not_accumulate_for_a_robot_at_rest():
+    memory = RollingObstacleMap()
+    away = turned_away(memory, NEAR_BOX, far=90)
     known = len(memory.about(away, 4.0)[0])
     for _ in range(100):
-        memory.update(away, look(away, near))
+        memory.update(away, look(away, NEAR_BOX))
     assert len(memory.about(away, 4.0)[0]) <= known
 
 
 def test_points_hidden_by_an_edge_are_forgotten_with_all_others():
     memory = RollingObstacleMap()
-    away = turned_away(memory, np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)]))
+    away = turned_away(memory, NEAR_BOX)
     memory.forget()
     assert len(memory.about(away, 4.0)[0]) == 0
 
 
 @examples(25, thorough=250)
 @given(st.floats(0.45, 0.8), st.floats(0.1, 0.3), st.floats(-0.4, 0.4))
-def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(
+def test_the_hidden_flank_of_a_round_obstacle_is_not_nearer_than_its_points(
     distance: float, radius: float, aside: float
 ):
     turns = np.linspace(0.0, 2.0 * math.pi, 49)
@@ -280,11 +270,10 @@ def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_
     memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, np.hstack([circle[:-1], circle[1:]])]))
     kept = points_from_frame(away, memory.about(away, 2.0)[0])
-    flank = circle[
-        np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06
-    ]
-    # Whoever turns about the origin meets what is kept, less what it may be off, no later than the
-    # thing.
+    away_from_robot = np.hypot(circle[:, 0], circle[:, 1])
+    flank = circle[away_from_robot < away_from_robot.min() + 0.06]
+    # A robot that turns about the origin meets the remembered points, less their error, no later
+    # than the obstacle.
     reach = np.hypot(kept[:, 0], kept[:, 1])
     for point in flank:
         beside = np.hypot(*(kept - point).T) < 0.06

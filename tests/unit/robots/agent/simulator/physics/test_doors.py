@@ -1,5 +1,5 @@
-"""Doors that swing: how fast, past whom, and what laser, camera and wheels make of a leaf on its
-way.
+"""Doors that swing: their speed, obstacles in their arc, and laser, camera and wheels at a moving
+leaf.
 """
 
 import math
@@ -28,14 +28,14 @@ def doors() -> Doors:
 
 
 def giraff(start: str = "lab-centre") -> Simulation:
-    """A simulation whose world moves already: doors set now have to swing."""
+    """A simulation after its first step, so that doors swing."""
     sim = Simulation(GIRAFF, PLAN, seed=1, start=start)
     sim.step(DT)
     return sim
 
 
 def wait(sim: Simulation, seconds: float) -> float:
-    """Let time pass and return how near a moving leaf came to the robot at most."""
+    """Let time pass and return the least distance between a moving leaf and the robot."""
     near = math.inf
     for _ in range(round(seconds / DT)):
         sim.step(DT)
@@ -43,7 +43,7 @@ def wait(sim: Simulation, seconds: float) -> float:
     return near
 
 
-def test_a_leaf_takes_as_long_as_its_speed_says_and_never_jumps() -> None:
+def test_a_leaf_moves_at_its_speed_without_jumps() -> None:
     sim = giraff()
     sim.set_doors({"lab-door": "closed"})
     ends, began = [leaf_end(DOOR, "open")], sim.time
@@ -57,23 +57,23 @@ def test_a_leaf_takes_as_long_as_its_speed_says_and_never_jumps() -> None:
     assert ends[-1] == DOOR.end
 
 
-def test_before_the_world_moves_doors_are_set_at_once() -> None:
+def test_doors_are_set_at_once_before_the_first_step() -> None:
     sim = Simulation(GIRAFF, PLAN, seed=1, start="lab-centre")
     sim.set_doors({"lab-door": "closed"})
     assert sim.openings["lab-door"] == sim.doors["lab-door"] == "closed"
 
 
-def test_a_leaf_that_is_called_back_on_its_way_turns_round_where_it_is() -> None:
+def test_a_moving_leaf_can_be_reversed() -> None:
     leaves = doors()
     leaves.want({"lab-door": "closed"})
     for _ in range(20):
         leaves.step(DT, [])
-    half_way = leaves.openings["lab-door"]
-    assert isinstance(half_way, float)
-    assert 0.0 < half_way < 1.0
+    opening = leaves.openings["lab-door"]
+    assert isinstance(opening, float)
+    assert 0.0 < opening < 1.0
     leaves.want({"lab-door": "open"})
     leaves.step(DT, [])
-    assert leaves.openings["lab-door"] > half_way
+    assert leaves.openings["lab-door"] > opening
     for _ in range(25):
         leaves.step(DT, [])
     assert leaves.is_still()
@@ -82,7 +82,7 @@ def test_a_leaf_that_is_called_back_on_its_way_turns_round_where_it_is() -> None
 
 
 @pytest.mark.parametrize("share", [0.3, 0.4, 0.5])
-def test_a_leaf_waits_for_the_robot_in_its_way_and_moves_when_it_is_gone(share: float) -> None:
+def test_a_leaf_waits_until_the_robot_has_left_its_arc(share: float) -> None:
     end = leaf_end(DOOR, share)
     sim = giraff()
     sim.carry_to(
@@ -107,7 +107,7 @@ def test_leaf_turns_back_when_the_robot_enters_its_arc() -> None:
     assert sim.contacts == 0
 
 
-def test_a_leaf_may_go_away_from_what_is_too_near_and_does_not_come_back_to_it() -> None:
+def test_a_leaf_may_move_away_from_a_close_obstacle_and_not_back() -> None:
     beyond = np.array(leaf_end(DOOR, 1.06))  # on the side from which the leaf moves away
     thing = beyond + 0.02 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
     assert shape(leaf_solid(DOOR, "open")).gap_to(thing)[0] < KEPT_OFF
@@ -139,7 +139,7 @@ def test_leaf_waits_for_people_and_no_person_walks_through_it() -> None:
     assert moved > 50
 
 
-def test_a_robot_that_drives_on_runs_into_a_moving_leaf_and_not_through_it() -> None:
+def test_a_robot_is_stopped_by_a_moving_leaf() -> None:
     sim = giraff("2.02,1.0,1.5708")
     for _ in range(600):
         sim.command(0.5, 0.0)
@@ -167,13 +167,8 @@ def test_camera_shows_a_moving_leaf_until_it_is_closed() -> None:
 
     def picture(opening: str | float) -> np.ndarray:
         out = np.zeros((GIRAFF.camera.height * 3 // 2, GIRAFF.camera.width), dtype=np.uint8)
-        camera.render(
-            Pose2D(2.0, 3.6, -math.pi / 2.0),
-            0.0,
-            {"lab-door": opening, "lounge-door": "open"},
-            (),
-            out,
-        )
+        openings = {"lab-door": opening, "lounge-door": "open"}
+        camera.render(Pose2D(2.0, 3.6, -math.pi / 2.0), 0.0, openings, (), out)
         return out[: GIRAFF.camera.height].astype(int)
 
     pictures = [picture(opening) for opening in ("open", 0.75, 0.5, 0.25, "closed")]
@@ -182,7 +177,7 @@ def test_camera_shows_a_moving_leaf_until_it_is_closed() -> None:
     assert np.abs(picture(1.0 - 1e-9) - pictures[0]).mean() < 0.5
 
 
-def test_a_leaf_on_its_way_is_as_long_as_at_rest() -> None:
+def test_a_moving_leaf_has_its_full_length() -> None:
     for opening in ("open", 0.3, "closed"):
         outline = leaf_solid(DOOR, opening).outline
         assert math.dist(outline[0], outline[1]) == pytest.approx(math.dist(DOOR.start, DOOR.end))
