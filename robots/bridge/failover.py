@@ -50,8 +50,12 @@ class Failover:
         return self._nodes[self._index]
 
     @property
+    def has_nodes(self) -> bool:
+        return len(self._nodes) > 1
+
+    @property
     def keepalive_seconds(self) -> int:
-        return KEEPALIVE_OF_NODES_SECONDS if len(self._nodes) > 1 else KEEPALIVE_SECONDS
+        return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
 
     def client(
         self,

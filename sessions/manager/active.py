@@ -197,7 +197,9 @@ class ActiveManager:
             clean_session=False,
         ) as client:
             read_quickly(client)
-            connection = BrokerConnection(client, self._work, time.time)
+            connection = BrokerConnection(
+                client, self._work, time.time, frequent_qos=0 if self._failover.has_nodes else 1
+            )
             await connection.begin()
             self._connected.set()
             node = self._failover.node

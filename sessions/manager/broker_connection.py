@@ -100,6 +100,7 @@ class BrokerConnection:
         client: connected.
         work: outlives the connection.
         clock: Unix seconds.
+        frequent_qos: of subscriptions to frequent messages (see ingest.filters).
     """
 
     def __init__(
@@ -107,10 +108,12 @@ class BrokerConnection:
         client: aiomqtt.Client,
         work: Work,
         clock: Callable[[], float],
+        frequent_qos: int = 1,
     ) -> None:
         self._client = client
         self._work = work
         self._clock = clock
+        self._frequent_qos = frequent_qos
         self._since = clock()
         self._shift = self._since - time.monotonic()  # from monotonic to Unix seconds
         self._desired_state = DesiredState(work.ownership)
@@ -136,10 +139,10 @@ class BrokerConnection:
         ownership = self._work.ownership
         slots = ownership.slots
         if ownership.is_whole:
-            wanted = filters()
+            wanted = filters(frequent_qos=self._frequent_qos)
         else:
             names = await self._work.thread.run(_names_of, ownership.wants)
-            wanted = filters(names)
+            wanted = filters(names, frequent_qos=self._frequent_qos)
         for packet in packets_of(wanted - self._subscribed):
             granted = await self._client.subscribe(packet, timeout=SUBSCRIBE_SECONDS)
             broker_address.check_subscribed(granted)

@@ -35,16 +35,18 @@ _NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
 
 
-def filters(robots: Iterable[str] = ("+",)) -> set[tuple[str, int]]:
+def filters(robots: Iterable[str] = ("+",), *, frequent_qos: int = 1) -> set[tuple[str, int]]:
     """Return the (filter, QoS) pairs that a session manager subscribes to, for these robots.
 
-    Frequent messages have QoS 0: lost states are requested by their numbers, and the others are
-    repeated or retained. NATS creates a queue for each subscription at QoS 1; a cluster of it takes
-    a minute to restore so many after a partition.
+    At QoS 1 the broker waits for acknowledgements, so that a burst of states cannot delay what the
+    session manager publishes until its connection is given up. A cluster of NATS creates a
+    replicated queue for each subscription at QoS 1, and takes a minute to restore so many after a
+    partition: there, frequent messages have QoS 0. Lost states are requested by their numbers, and
+    the others are repeated or retained.
     """
     return {
         *_of_robots(("+",), RARE, 1),
-        *_of_robots(robots, FREQUENT, 0),
+        *_of_robots(robots, FREQUENT, frequent_qos),
         (topics.session_notices("+"), 1),
         (protocol.page_reports("+"), 1),
     }

@@ -17,13 +17,17 @@ def test_one_session_manager_needs_as_many_filters_as_one_robot():
     assert len(filters()) == len(filters(["giraff"])) == 9
 
 
-def test_only_rare_messages_have_a_queue_however_many_robots_there_are():
+def test_over_a_cluster_only_rare_messages_have_a_queue_for_any_number_of_robots():
     robots = [f"robot-{number}" for number in range(100)]
-    with_queue = {topic for topic, qos in filters(robots) if qos}
-    assert with_queue == {topic for topic, qos in filters(["giraff"]) if qos}
+    with_queue = {topic for topic, qos in filters(robots, frequent_qos=0) if qos}
+    assert with_queue == {topic for topic, qos in filters(["giraff"], frequent_qos=0) if qos}
     assert topics.of("+", "event") in with_queue
     assert topics.of("+", "state") not in with_queue
-    assert (topics.of("robot-1", "state"), 0) in filters(robots)
+    assert (topics.of("robot-1", "state"), 0) in filters(robots, frequent_qos=0)
+
+
+def test_states_have_flow_control_on_a_broker_of_one_node():
+    assert (topics.of("+", "state"), 1) in filters()
 
 
 def test_no_packet_has_more_filters_than_its_limit():
