@@ -130,7 +130,7 @@ async def test_an_action_waits_for_a_starting_node_and_is_refused_without_a_map(
         await drive.until(lambda: drive.state is not None and adapter._beams is not None)
         with pytest.raises(AdapterError, match="unknown_place: "):
             await adapter.start(goto(place="the moon"))
-        with pytest.raises(AdapterError, match="line"):
+        with pytest.raises(AdapterError, match="no_goal"):
             await adapter.start(Follow(action_id="f", stamp=0.0, points=((0.0, 0.0),)))
         with pytest.raises(AdapterError):
             await adapter.start(Cancel(action_id="c", stamp=0.0))
