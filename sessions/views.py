@@ -47,15 +47,10 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     if not verdict and not may_observe(request.user, found):
         raise PermissionDenied(verdict.reason)
     config = page_config(found, request.user)
-    if not found.practice:
-        config["robots"] = reverse(
-            "robots_json"
-        )  # for visitors who wait while other robots are free
-    return render(
-        request,
-        "sessions/drive.html",
-        {"robot": found, "picture": picture_of(found), "config": config},
-    )
+    if not found.practice:  # for visitors who wait while other robots are free
+        config["robots"] = reverse("robots_json")
+    context = {"robot": found, "picture": picture_of(found), "config": config}
+    return render(request, "sessions/drive.html", context)
 
 
 @open_to_visitors
