@@ -48,20 +48,10 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     if not verdict and not may_observe(request.user, found):
         raise PermissionDenied(verdict.reason)
     config = page_config(found, request.user)
-    if not found.practice:
-        config["robots"] = reverse(
-            "robots_json"
-        )  # for visitors who wait while other robots are free
-    return render(
-        request,
-        "sessions/drive.html",
-        {
-            "robot": found,
-            "picture": picture_of(found),
-            "config": config,
-            "reasons": tuple(ReasonCode),
-        },
-    )
+    if not found.practice:  # for visitors who wait while other robots are free
+        config["robots"] = reverse("robots_json")
+    context = {"robot": found, "picture": picture_of(found), "config": config}
+    return render(request, "sessions/drive.html", context | {"reasons": tuple(ReasonCode)})
 
 
 @open_to_visitors

@@ -178,16 +178,8 @@ def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> s
         return "offline"
     if standstill_of(report):
         return "stopped"
-    return (
-        "busy"
-        if busy
-        or (
-            row.can_go_home
-            and row.presence.turnaround != Robot.Turnaround.READY
-            and not was_stopped(row)
-        )
-        else "available"
-    )
+    returns = row.can_go_home and row.presence.turnaround != Robot.Turnaround.READY
+    return "busy" if busy or (returns and not was_stopped(row)) else "available"
 
 
 # --- acting ---------------------------------------------------------------------------------------

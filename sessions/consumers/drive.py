@@ -169,8 +169,7 @@ class RobotConsumer(RobotPageConsumer):
         if waiting_chat.is_open(self.known, time.monotonic()):
             first = await query(waiting_chat.first_waiting, self.name, timezone.now())
         if session is None or first is None or first[0] != session:
-            denied = self.authorization.deny("command/action", "not_driver", time.monotonic())
-            self._perform(denied)
+            self._deny("command/action", "not_driver")
             return
         who = self.authorization.who
         await waiting_chat.write(self.name, session, action, by="driver", who=who)
@@ -181,35 +180,30 @@ class RobotConsumer(RobotPageConsumer):
 
     def _tell_audience(self, effect: TellAudience) -> None:
         by_operator = isinstance(effect.message, protocol.MarkQuestion | protocol.LowerHands)
+        change = functools.partial(self._change_audience, effect)
         if by_operator and not self.authorization.holds(self.known.lease):
-            self._launch(
-                self._do_as_operator(
-                    effect.suffix,
-                    lambda: self.authorization.moderates(self.known.lease),
-                    lambda: self._change_audience(effect),
-                ),
-                effect.suffix,
-            )
+            doing = self._do_as_operator(effect.suffix, self._may_moderate, change)
+            self._launch(doing, effect.suffix)
         else:
-            self._change_audience(effect)
+            change()
 
     def _change_audience(self, effect: TellAudience) -> None:
         if reason := self.page_session.tell_audience(effect.message):
-            self._perform(self.authorization.deny(effect.suffix, reason, time.monotonic()))
+            self._deny(effect.suffix, reason)
 
     def _publish(self, publish: Publish) -> None:
         match publish:
-            case Publish(message=Action(role="owner" | "staff")):
-                self._launch(
-                    self._do_as_operator(
-                        publish.suffix,
-                        lambda: self.authorization.operator is not None,
-                        functools.partial(super()._publish, publish),
-                    ),
-                    publish.suffix,
-                )
+            case Publish(suffix=suffix, message=Action(role="owner" | "staff")):
+                send = functools.partial(super()._publish, publish)
+                self._launch(self._do_as_operator(suffix, self._is_operator, send), suffix)
             case _:
                 super()._publish(publish)
+
+    def _may_moderate(self) -> bool:
+        return self.authorization.moderates(self.known.lease)
+
+    def _is_operator(self) -> bool:
+        return self.authorization.operator is not None
 
     async def _do_as_operator(
         self, suffix: str, may: Callable[[], bool], do: Callable[[], None]
@@ -219,13 +213,13 @@ class RobotConsumer(RobotPageConsumer):
             if await self.page_session.still_welcome() and may():
                 do()
             else:
-                self._perform(self.authorization.deny(suffix, "not_allowed", time.monotonic()))
+                self._deny(suffix, "not_allowed")
 
     def _ask(self, suffix: str, verb: Message) -> None:
         if self.page_session.waiting_verbs < MAX_WAITING_VERBS:
             self._launch(self.page_session.do(verb), suffix)
         else:
-            self._perform(self.authorization.deny(suffix, "busy", time.monotonic()))
+            self._deny(suffix, "busy")
 
     # --- messages of the robot --------------------------------------------------------------------
 

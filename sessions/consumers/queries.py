@@ -199,12 +199,10 @@ def session_status_of(
     rows = Lease.objects.select_related("robot", "session__visitor")
     lease = rows.filter(robot=robot, session=session).first()
     if lease is None:
-        left = (
-            None
-            if row.offered_at is None
-            else settings.START_SECONDS - (now - row.offered_at).total_seconds()
-        )
-        return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
+        if row.offered_at is None:
+            return SessionStatus(row.state)
+        left = settings.START_SECONDS - (now - row.offered_at).total_seconds()
+        return SessionStatus(row.state, seconds=left if left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
     return SessionStatus(row.state, lease=store.message_of(lease, now))

@@ -129,6 +129,9 @@ class RobotPageConsumer(DirectConsumer):
                 case _:
                     self._do(effect)
 
+    def _deny(self, suffix: str, reason: str) -> None:
+        self._perform(self.authorization.deny(suffix, reason, time.monotonic()))
+
     def _ask(self, suffix: str, verb: Message) -> None:
         """Carry out a verb."""
 
@@ -143,7 +146,7 @@ class RobotPageConsumer(DirectConsumer):
         if not self._send_to_robot(publish.suffix, message) and publish.wanted:
             is_signal = publish.suffix.startswith(protocol.SIGNAL)
             suffix = protocol.SIGNAL if is_signal else publish.suffix
-            self._perform(self.authorization.deny(suffix, "robot_unreachable", time.monotonic()))
+            self._deny(suffix, "robot_unreachable")
 
     def _send_to_robot(self, suffix: str, message: Message) -> bool:
         return self.known.online is not False and self.bridge.send(self.name, suffix, message)

@@ -104,54 +104,43 @@ class ReturnToDock:
         """
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
-        turnaround, kind = decide(
+        readiness, kind = decide(
             _with_status(before, liveness),
             _condition(robot, known, liveness, monotonic),
             monotonic,
         )
         if kind is not None:
             action = _action(kind, known, now)
-            turnaround = replace(turnaround, order=Order(action.action_id, kind, monotonic))
+            readiness = replace(readiness, order=Order(action.action_id, kind, monotonic))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
-        self._save(robot, turnaround, now)
-        self._under_way[robot.name] = turnaround
-        if turnaround.phase == "ready":
+        self._save(robot, readiness, now)
+        self._under_way[robot.name] = readiness
+        if readiness.phase == "ready":
             del self._under_way[robot.name]
         if kind is not None:
             yield _outbound(robot, action)
 
-    def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
-        if (robot.presence.turnaround, robot.presence.turnaround_reason) == (
-            turnaround.phase,
-            turnaround.reason[:300],
-        ):
+    def _save(self, robot: Robot, readiness: Readiness, now: datetime.datetime) -> None:
+        before, reason = robot.presence.turnaround, readiness.reason[:300]
+        if (before, robot.presence.turnaround_reason) == (readiness.phase, reason):
             return
-        before = robot.presence.turnaround
         changed = RobotPresence.objects.filter(robot=robot, turnaround=before).update(
-            turnaround=turnaround.phase,
-            turnaround_reason=turnaround.reason[:300],
-            turnaround_at=now,
+            turnaround=readiness.phase, turnaround_reason=reason, turnaround_at=now
         )
-        if changed and turnaround.phase == "paused" and before != "paused":
-            system_log.log("queue_paused", "warning", robot=robot, at=now, reason=turnaround.reason)
-            send(signals.queue_paused, robot=robot, reason=turnaround.reason, at=now)
-        elif changed and turnaround.phase == "ready":
+        if changed and readiness.phase == "paused" and before != "paused":
+            system_log.log("queue_paused", "warning", robot=robot, at=now, reason=readiness.reason)
+            send(signals.queue_paused, robot=robot, reason=readiness.reason, at=now)
+        elif changed and readiness.phase == "ready":
             system_log.log("robot_ready", robot=robot, at=now, after=before)
 
 
-def _with_status(turnaround: Readiness, liveness: RobotLiveness | None) -> Readiness:
+def _with_status(readiness: Readiness, liveness: RobotLiveness | None) -> Readiness:
     """Add the robot's newest answer to its order."""
-    order = turnaround.order
-    status = (
-        liveness.answers.get(order.action_id)
-        if liveness is not None and order is not None
-        else None
-    )
-    return (
-        turnaround
-        if status is None or order is None
-        else replace(turnaround, order=replace(order, status=status.status, reason=status.reason))
-    )
+    order = readiness.order
+    status = liveness.answers.get(order.action_id) if liveness and order else None
+    if order is None or status is None:
+        return readiness
+    return replace(readiness, order=replace(order, status=status.status, reason=status.reason))
 
 
 def _condition(

@@ -212,14 +212,11 @@ def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:
     """Create a link for each ending and return their paths. Only participants who enter by such a
     link are bots.
     """
-    accesses = accesses_of(study.as_definition(), endings)
-    return [f"/studies/link/{_link(study, n, access)}/" for n, access in enumerate(accesses)]
-
-
-def _link(study: Study, number: int, access: str) -> str:
-    kind, now = ParticipantKind.BOT, timezone.now()
-    _row, token = links.make(study, label=f"bot {number}", access=access, kind=kind, now=now)
-    return token
+    paths, kind, now = [], ParticipantKind.BOT, timezone.now()
+    for number, access in enumerate(accesses_of(study.as_definition(), endings)):
+        _row, token = links.make(study, label=f"bot {number}", access=access, kind=kind, now=now)
+        paths.append(f"/studies/link/{token}/")
+    return paths
 
 
 def accesses_of(definition: StudyDefinition, endings: Sequence[Ending]) -> list[str]:
