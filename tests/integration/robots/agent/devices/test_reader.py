@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from robots.agent.devices import reader, device_address
+from robots.agent.devices import device_address, reader
 from robots.agent.devices.reader import DeviceReader, ReaderLimits
 from robots.agent.robot_interface import AdapterError
 from tests.support.agents.simulators import eventually
