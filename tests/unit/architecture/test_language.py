@@ -88,7 +88,7 @@ NOT_IN_PRODUCT = (
     ),
     Phrase(r"\bcomes? back\b", "returns, reconnects", "the page comes back"),
     Phrase(r"\b[Ll]ets? go\b", "releases", "the driver lets go"),
-    Phrase(r"\bsays? nothing\b", "sends nothing, does not show", "the robot says nothing"),
+    Phrase(r"\bsays? nothing\b(?! about)", "sends nothing", "the robot says nothing"),
     Phrase(r"\bsigns? of life\b", "heartbeat, activity", "the last sign of life"),
     Phrase(r"\b(?:is|are|was|were) looked at\b", "checked, read", "the row is looked at"),
     Phrase(r"\bhas to wait\b", "must wait", "the user has to wait"),

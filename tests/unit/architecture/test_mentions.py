@@ -38,13 +38,14 @@ OTHERS_NAMES = frozenset(
         """
         _ceiling _transmit a_b ActionClient ApplicationCommunicator AsPredicted attitude
         AutoDocking buildXMLFromQuery bulk_update CloseEvent cmd_vel_timeout compiled_metadata
-        completion_codes DeSimone external_study_url Float32Array GamepadButton GnuTLS
+        completion_codes ConfigMap DeSimone external_study_url Float32Array GamepadButton GnuTLS
         IncomingQueue InvalidServiceException JetStream KeyboardEvent KnownPeers LaTeX
         ListenAddress MediaDevices MessagePack MouseEvent MultiPublisher NonexistentFieldException
         ObjectIds OpenBLAS PerformanceObserver PipeWire PointerEvent ProcessClient
         ProcessParticleFilter PublisherManager PulseAudio PyAV randomUUID RegExp RegManager
         ResolveScope SendGoal SpeechSynthesis surveyGetXMLStructure ThreadedCommServer
-        TypeConflictException Uint32Array WakeLock WaterButler WebSocketProtocol world_from_robot
+        TypeConflictException TypeScript Uint32Array WakeLock WaterButler WebSocketProtocol
+        world_from_robot
         """
     )
 )

@@ -112,9 +112,7 @@ def test_a_camera_of_the_network_that_is_unplugged_says_so_and_goes_on_when_it_i
         assert eventually(lambda: feed.state.status == "live" and len(pictures) > 3)
         server.plugged.clear()
         assert eventually(lambda: feed.state.status == "failed")
-        assert feed.state.reason.startswith(
-            f"the camera {server.device_address.removesuffix('/')} "
-        )
+        assert feed.state.reason.startswith(f"the camera {server.words.removesuffix('/')} ")
         server.plugged.set()
         seen = len(pictures)
         assert eventually(lambda: feed.state.status == "live" and len(pictures) > seen + 3)

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from robots.agent.devices import reader, words
+from robots.agent.devices import device_address, reader
 from robots.agent.devices.reader import DeviceReader, ReaderLimits
 from robots.agent.robot_interface import AdapterError
 from tests.support.agents.simulators import eventually
@@ -20,7 +20,7 @@ def test_a_device_that_hangs_keeps_a_few_threads_and_is_read_again_when_it_is_ba
     monkeypatch.setattr(reader.av, "open", hang)
     camera = DeviceReader(
         "camera",
-        words.read("/dev/video0", "camera"),
+        device_address.read("/dev/video0", "camera"),
         "video",
         lambda *_: None,
         ReaderLimits(ending=0.01),
