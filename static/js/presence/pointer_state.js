@@ -88,7 +88,7 @@ export class RemotePointer {
    * @param {{stamp: number, at: Spot | null}} message by the sender's clock
    * @param {number} now by ours, s
    */
-  told({ stamp, at }, now) {
+  receive({ stamp, at }, now) {
     if (stamp < this.stamp && now - this.heardAt < STAYS) {
       return; // overtaken; after a silence, the sender's clock may have been set
     }

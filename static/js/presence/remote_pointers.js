@@ -88,9 +88,9 @@ export class RemotePointers {
    * A pointer of the other side.
    * @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message
    */
-  told(message) {
+  receive(message) {
     if (message.by !== this.own) {
-      this.sides[message.by].pointer.told(message, unixNow());
+      this.sides[message.by].pointer.receive(message, unixNow());
       this.#render();
     }
   }
@@ -144,7 +144,7 @@ export class RemotePointers {
     const now = unixNow();
     const at = this.hand.take(now);
     if (at !== undefined) {
-      this.sides[this.own].pointer.told({ stamp: now, at }, now);
+      this.sides[this.own].pointer.receive({ stamp: now, at }, now);
       this.say({ stamp: now, at });
       this.#render();
     }
@@ -157,7 +157,7 @@ export class RemotePointers {
     this.telling ??= setInterval(() => this.#tell(), 1000 * EVERY);
     this.#tell();
     // our own dot follows at once, not fifteen times a second
-    this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow());
+    this.sides[this.own].pointer.receive({ stamp: unixNow(), at }, unixNow());
     this.#render();
   }
 

@@ -29,7 +29,7 @@ export const createPreview = ({ element, sendPointer, backToDriving }) => {
   box.addEventListener("pointerdown", (event) => event.stopPropagation());
 
   return {
-    pointed: (/** @type {any} */ message) => pointers.told(message),
+    pointed: (/** @type {any} */ message) => pointers.receive(message),
     /**
      * @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the visible
      *   screen, null for none; whether pointers reach the robot; the visitor's name

@@ -17,16 +17,16 @@ const NEXT_SIZE = 14;
 
 /**
  * Pure.
- * @param {any} study @param {import("./guide.js").Told | null} told @returns {Marks | null}
+ * @param {any} study @param {import("./guide.js").Progress | null} progress @returns {Marks | null}
  */
-export const marksFor = (study, told) => {
+export const marksFor = (study, progress) => {
   if (!study?.checkpoints.length) {
     return null;
   }
   const place = new Map(study.checkpoints.map((/** @type {any} */ stop) => [stop.number, stop]));
   // The station's docked pose: its checkpoint may lie a little beside it.
   place.set(0, { ...place.get(0), ...study.dock });
-  const stops = stopsOf(study, told).map((stop) => ({ ...place.get(stop.number), ...stop }));
+  const stops = stopsOf(study, progress).map((stop) => ({ ...place.get(stop.number), ...stop }));
   const zones = study.zones.map((/** @type {any} */ zone) => zone.polygon);
   return { zones, path: study.path, stops };
 };

@@ -63,15 +63,15 @@ export const hasEnded = ({ visit }) =>
  * task.
  * @param {State} state @returns {string}
  */
-const endOf = ({ study, visit, told }) => {
+const endOf = ({ study, visit, progress }) => {
   const outcome =
     visit.reason === "left"
       ? "left"
-      : told?.outcome || (visit.reason === "idle" ? "timed_out" : visit.reason);
+      : progress?.outcome || (visit.reason === "idle" ? "timed_out" : visit.reason);
   if (
     outcome === "completed" &&
-    !told?.outcome &&
-    stopsOf(study, told).some(({ number, status }) => number > 0 && status !== "passed")
+    !progress?.outcome &&
+    stopsOf(study, progress).some(({ number, status }) => number > 0 && status !== "passed")
   ) {
     return "left";
   }

@@ -49,9 +49,9 @@ const setUp = (page) => {
         }
       },
       granted: ({ session }) => {
-        const { told } = store.get();
-        const known = told?.session === session ? told : null;
-        store.update({ told: known, endedAt: null, snap: null, answer: null });
+        const { progress } = store.get();
+        const known = progress?.session === session ? progress : null;
+        store.update({ progress: known, endedAt: null, snap: null, answer: null });
       },
       poll: (now) => {
         const snap = pursue(store.get().snap, now, page.driving.sendAction);
@@ -114,11 +114,11 @@ const newHandlers = (store) => ({
   "session/task": (message) => {
     const { visit, snap, answer } = store.get();
     if (visit.session === null || visit.session === message.session) {
-      const told = hear(message, unixNow());
+      const progress = hear(message, unixNow());
       store.update({
-        told,
-        snap: told.window === "open" ? snap : null,
-        answer: answerAfter(answer, told, -Infinity).answer,
+        progress,
+        snap: progress.window === "open" ? snap : null,
+        answer: answerAfter(answer, progress, -Infinity).answer,
       });
     }
   },
@@ -132,8 +132,8 @@ const newHandlers = (store) => ({
 
 /** @param {Store} store @param {(answer: Answer) => void} say @param {number} now */
 const watchAnswer = (store, say, now) => {
-  const { answer, told } = store.get();
-  const next = answerAfter(answer, told, now);
+  const { answer, progress } = store.get();
+  const next = answerAfter(answer, progress, now);
   if (next.say && next.answer) {
     say(next.answer);
   } else if (next.answer !== answer) {

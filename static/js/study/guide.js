@@ -7,7 +7,7 @@ import { isUnderWay } from "../protocol/robot_action.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
- * @typedef {object} Told the last message of the session manager
+ * @typedef {object} Progress of the task: the last message of the session manager
  * @property {string} session
  * @property {string} cue
  * @property {number | null} number the checkpoint of the cue, 0 is the dock
@@ -38,7 +38,7 @@ const PRACTICE_LAST = 60; // s before its end when a practice drive shows the ti
 
 /**
  * A message of the session manager, with the time at which the task ends.
- * @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told}
+ * @param {Omit<Progress, "endsAt">} message @param {number} now @returns {Progress}
  */
 export const hear = (message, now) => ({
   ...message,
@@ -47,7 +47,7 @@ export const hear = (message, now) => ({
 
 /** @param {State} state @returns {Guide | null} null when there is nothing to guide */
 export const guideFor = (state) => {
-  const { study, visit, told, task } = state;
+  const { study, visit, progress, task } = state;
   if (!study || roleOf(visit) !== "driver") {
     return null;
   }
@@ -61,22 +61,24 @@ export const guideFor = (state) => {
       driven: drivenIn(state),
     };
   }
-  const number = told?.number ?? null;
-  const cue = told?.cue ?? "wait_for_picture";
+  const number = progress?.number ?? null;
+  const cue = progress?.cue ?? "wait_for_picture";
   const leaves = LEAVE.has(cue) && isUnderWay(task) && task?.type === "undock";
   return {
     cue: leaves ? "cue.leaving_station" : `cue.${cue}`,
     number,
     place: study.checkpoints.find((/** @type {any} */ stop) => stop.number === number)?.title ?? "",
-    stops: stopsOf(study, told),
+    stops: stopsOf(study, progress),
     left: leftOf(state),
     driven: drivenIn(state),
   };
 };
 
 /** @param {State} state */
-const leftOf = ({ told, now }) =>
-  told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now);
+const leftOf = ({ progress, now }) =>
+  progress === null || progress.endsAt === null || progress.outcome
+    ? null
+    : Math.max(0, progress.endsAt - now);
 
 /** @param {State} state */
 const drivenIn = ({ began, now }) => (began === null ? null : Math.max(0, now - began.at));
@@ -87,17 +89,17 @@ const practiceLeft = ({ study, began, now }) => {
   return left <= PRACTICE_LAST ? left : null;
 };
 
-/** @param {any} study @param {Told | null} told @returns {Stop[]} */
-export const stopsOf = ({ checkpoints }, told) => {
-  const passed = new Set(told?.passed ?? []);
+/** @param {any} study @param {Progress | null} progress @returns {Stop[]} */
+export const stopsOf = ({ checkpoints }, progress) => {
+  const passed = new Set(progress?.passed ?? []);
   const [station, ...others] = checkpoints;
   // the return starts after the photo
-  const home = told !== null && told.window !== "shut" ? null : station;
+  const home = progress !== null && progress.window !== "shut" ? null : station;
   const next = others.find((/** @type {any} */ { number }) => !passed.has(number)) ?? home;
   return [...others, ...(station ? [station] : [])].map(({ number, title }) => ({
     number,
     title,
-    status: (number === 0 ? told?.outcome === "completed" : passed.has(number))
+    status: (number === 0 ? progress?.outcome === "completed" : passed.has(number))
       ? "passed"
       : number === next?.number
         ? "next"
@@ -109,14 +111,14 @@ export const stopsOf = ({ checkpoints }, told) => {
  * The target of the cue, null for a cue without one.
  * @param {State} state @returns {{x: number, y: number, number: number | null} | null}
  */
-export const targetOf = ({ told, study }) => {
+export const targetOf = ({ progress, study }) => {
   const leads =
     study?.kind === "task" &&
-    told &&
-    !told.outcome &&
-    told.cue !== "leave_station" &&
-    told.window !== "review";
-  return leads && told.x !== null && told.y !== null
-    ? { x: told.x, y: told.y, number: told.number }
+    progress &&
+    !progress.outcome &&
+    progress.cue !== "leave_station" &&
+    progress.window !== "review";
+  return leads && progress.x !== null && progress.y !== null
+    ? { x: progress.x, y: progress.y, number: progress.number }
     : null;
 };

@@ -30,8 +30,8 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   let drawn = "";
 
   /** @param {State} state */
-  const showCourse = ({ study, told }) => {
-    const marks = marksFor(study, told);
+  const showCourse = ({ study, progress }) => {
+    const marks = marksFor(study, progress);
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
     if (key !== drawn) {
       drawn = key;

@@ -15,15 +15,15 @@ import { isUnderWay } from "../protocol/robot_action.js";
  */
 
 /** @param {State} state @returns {Window | null} */
-export const windowFor = ({ visit, told, snap, answer }) => {
-  if (roleOf(visit) !== "driver" || !told || told.outcome || told.window === "shut") {
+export const windowFor = ({ visit, progress, snap, answer }) => {
+  if (roleOf(visit) !== "driver" || !progress || progress.outcome || progress.window === "shut") {
     return null;
   }
-  if (told.window === "review") {
-    return { mode: "review", word: "photo.review", photo: told.photo, busy: answer !== null };
+  if (progress.window === "review") {
+    return { mode: "review", word: "photo.review", photo: progress.photo, busy: answer !== null };
   }
   const taking = isUnderWay(snap) || snap?.status === "FINISHED";
-  const hint = snap?.status === "FAILED" ? "photo.failed" : `photo.${told.cue}`;
+  const hint = snap?.status === "FAILED" ? "photo.failed" : `photo.${progress.cue}`;
   const word = taking ? "photo.taking" : hint;
   return { mode: "hint", word, photo: "", busy: taking || answer !== null };
 };
@@ -41,12 +41,19 @@ const AGAIN_SECONDS = 1.5; // until an answer that the session manager has not c
 
 /**
  * The answer after a message or a time, and whether to repeat it.
- * @param {Answer | null} answer @param {import("./guide.js").Told | null} told @param {number} now
+ * @param {Answer | null} answer @param {import("./guide.js").Progress | null} progress
+ * @param {number} now
  * @returns {{answer: Answer | null, say: boolean}}
  */
-export const answerAfter = (answer, told, now) => {
+export const answerAfter = (answer, progress, now) => {
   // The answer was confirmed when the window is shut, or shows another photo.
-  if (!answer || !told || told.outcome || told.window === "shut" || told.photo !== answer.photo) {
+  if (
+    !answer ||
+    !progress ||
+    progress.outcome ||
+    progress.window === "shut" ||
+    progress.photo !== answer.photo
+  ) {
     return { answer: null, say: false };
   }
   return now - answer.saidAt > AGAIN_SECONDS

@@ -86,8 +86,8 @@ const newFirstFrame = (report, now) => {
   return {
     reset: () => (framed = -Infinity),
     /** @param {State} state */
-    say: ({ told, playing, slow }) => {
-      const isUnknown = framed === -Infinity || told?.cue === "wait_for_picture";
+    say: ({ progress, playing, slow }) => {
+      const isUnknown = framed === -Infinity || progress?.cue === "wait_for_picture";
       const isDue = playing && isUnknown && now() - framed > AGAIN_SECONDS;
       if (isDue && report("first_frame", { way: slow ? "server" : "direct" })) {
         framed = now();
@@ -120,7 +120,7 @@ const layoutNow = (state) => ({
 
 /** The browser's permissions. @param {() => unknown} changed */
 const watchPermissions = (changed) => {
-  const told = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
+  const reports = new Map(PERMISSIONS.map((name) => [name, new Changes("permission")]));
   const granted = new Map(/** @type {[string, string][]} */ ([]));
   for (const name of PERMISSIONS) {
     void watchPermission(name, (state) => {
@@ -129,10 +129,10 @@ const watchPermissions = (changed) => {
     });
   }
   return {
-    reset: () => told.forEach((changes) => changes.reset()),
+    reset: () => reports.forEach((changes) => changes.reset()),
     /** those that are not recorded yet */
     notes: () =>
-      Array.from(granted, ([name, state]) => told.get(name)?.hear({ name, state }) ?? null),
+      Array.from(granted, ([name, state]) => reports.get(name)?.hear({ name, state }) ?? null),
   };
 };
 

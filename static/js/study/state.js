@@ -4,7 +4,7 @@ export const newSlice = () => ({
   /** the study of the drive: experiments/participation/drive_config.py; null without one */
   study: /** @type {any} */ (null),
   /** the progress of the task, as the session manager last sent it: guide.js */
-  told: /** @type {import("./guide.js").Told | null} */ (null),
+  progress: /** @type {import("./guide.js").Progress | null} */ (null),
   /** the requested photo, until it is reviewed */
   snap: /** @type {RobotAction | null} */ (null),
   /** the visitor's choice in the photo's window, until it is confirmed: photo.js */

@@ -514,7 +514,7 @@ describe("cues in the video", () => {
       { number: 2, title: "", radius: 0.5 },
     ],
   };
-  const told = {
+  const progress = {
     cue: "go_to_checkpoint",
     number: 2,
     x: 4,
@@ -525,7 +525,7 @@ describe("cues in the video", () => {
   };
 
   test("mark the target of the task, also behind walls, or else a visible dock", () => {
-    assert.deepEqual(cuesFor({ ...newState(), plan, study, told }, HOME), [
+    assert.deepEqual(cuesFor({ ...newState(), plan, study, progress }, HOME), [
       { point: [4, 0], radius: 0.5, sign: "2", hidden: true },
     ]);
     const free = { ...newState(), plan, factsheet: { series: "Giraff" } };

@@ -93,7 +93,7 @@ test("that crosses the edge is sent no more often than one that moves", () => {
 });
 
 describe("the dot of the other side", () => {
-  const told = (dot, stamp, at, now = stamp) => dot.told({ stamp, at }, now);
+  const told = (dot, stamp, at, now = stamp) => dot.receive({ stamp, at }, now);
 
   test("stays for two seconds after its last message", () => {
     const dot = new RemotePointer();

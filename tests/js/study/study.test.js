@@ -92,7 +92,7 @@ const frame = (more = {}) => ({
   doors: [],
   ...more,
 });
-const told = (more = {}, now = 100) => hear(frame(more), now);
+const progress = (more = {}, now = 100) => hear(frame(more), now);
 const robot = (more = {}) => ({
   docked: false,
   assist: "off",
@@ -103,7 +103,7 @@ const robot = (more = {}) => ({
 const state = (more = {}, visit = {}) => ({
   ...newState(),
   study: STUDY,
-  told: told(),
+  progress: progress(),
   now: 100,
   playing: true,
   arrival: { session: "s", stopId: null, isOver: true, since: 0 },
@@ -143,13 +143,13 @@ describe("the guide", () => {
 
   test("has a general sentence for an unknown cue", () => {
     assert.equal(
-      sentence(guideFor(state({ told: told({ cue: "juggle" }) })), words),
+      sentence(guideFor(state({ progress: progress({ cue: "juggle" }) })), words),
       "Continue the task.",
     );
   });
 
   test("waits for the video until the session manager has sent a task", () => {
-    assert.equal(guideFor(state({ told: null })).cue, "cue.wait_for_picture");
+    assert.equal(guideFor(state({ progress: null })).cue, "cue.wait_for_picture");
   });
 
   test("is only for the driver of a study", () => {
@@ -160,7 +160,7 @@ describe("the guide", () => {
 
   test("puts the dock last, and has exactly one next stop until all are passed", () => {
     const statuses = (more) =>
-      stopsOf(STUDY, told(more)).map(({ number, status }) => `${number} ${status}`);
+      stopsOf(STUDY, progress(more)).map(({ number, status }) => `${number} ${status}`);
     assert.deepEqual(statuses({}), ["1 next", "2 later", "0 later"]);
     assert.deepEqual(statuses({ passed: [1] }), ["1 passed", "2 next", "0 later"]);
     assert.deepEqual(statuses({ passed: [1, 2] }), ["1 passed", "2 passed", "0 next"]);
@@ -177,11 +177,12 @@ describe("the guide", () => {
   });
 
   test("counts the last minutes down by the page's clock, and not below zero", () => {
-    const last = told({ remaining: 90 }, 100);
-    assert.equal(guideFor(state({ told: last, now: 130 })).left, 60);
-    assert.equal(guideFor(state({ told: last, now: 999 })).left, 0);
+    const last = progress({ remaining: 90 }, 100);
+    assert.equal(guideFor(state({ progress: last, now: 130 })).left, 60);
+    assert.equal(guideFor(state({ progress: last, now: 999 })).left, 0);
     assert.equal(
-      guideFor(state({ told: told({ remaining: 90, outcome: "timed_out" }), now: 130 })).left,
+      guideFor(state({ progress: progress({ remaining: 90, outcome: "timed_out" }), now: 130 }))
+        .left,
       null,
     );
   });
@@ -196,10 +197,11 @@ describe("the guide", () => {
   test("shows the time of a practice drive in its last minute", () => {
     const practice = { ...STUDY, kind: "practice", minutes: 3, checkpoints: [] };
     const at = (now, more = {}) =>
-      guideFor(state({ study: practice, told: null, began: { at: 0, distance: 0 }, now, ...more }))
-        .left;
+      guideFor(
+        state({ study: practice, progress: null, began: { at: 0, distance: 0 }, now, ...more }),
+      ).left;
     assert.deepEqual([at(100), at(150), at(500)], [null, 30, 0]);
-    assert.equal(at(100, { told: told({ cue: "practice", remaining: 20 }, 90) }), 10);
+    assert.equal(at(100, { progress: progress({ cue: "practice", remaining: 20 }, 90) }), 10);
   });
 });
 
@@ -225,8 +227,9 @@ describe("the arrow", () => {
 
   test("does not ask to leave the dock while the robot does so", () => {
     const leaves = (status) =>
-      guideFor(state({ told: told({ cue: "leave_station" }), task: { type: "undock", status } }))
-        .cue;
+      guideFor(
+        state({ progress: progress({ cue: "leave_station" }), task: { type: "undock", status } }),
+      ).cue;
     assert.deepEqual(["ASKED", "RUNNING", "CANCELLED"].map(leaves), [
       "cue.leaving_station",
       "cue.leaving_station",
@@ -242,15 +245,15 @@ describe("the arrow", () => {
       { outcome: "timed_out" },
       { x: null, y: null },
     ]) {
-      assert.equal(targetOf(state({ told: told(more) })), null);
+      assert.equal(targetOf(state({ progress: progress(more) })), null);
     }
-    assert.equal(targetOf(state({ told: null })), null);
+    assert.equal(targetOf(state({ progress: null })), null);
   });
 });
 
 describe("the map", () => {
   test("has every stop in its place, the dock at its docked pose", () => {
-    const { stops, zones, path } = marksFor(STUDY, told({ passed: [1] }));
+    const { stops, zones, path } = marksFor(STUDY, progress({ passed: [1] }));
     assert.deepEqual(
       stops.map(({ number, x, y, status }) => [number, x, y, status]),
       [
@@ -270,8 +273,10 @@ describe("the map", () => {
 
 describe("the photo's window", () => {
   const open = (more = {}) =>
-    state({ told: told({ cue: "photo_turn_left", window: "open", passed: [1, 2], ...more }) });
-  const review = told({ cue: "photo_review", window: "review", photo: "p1", passed: [1, 2] });
+    state({
+      progress: progress({ cue: "photo_turn_left", window: "open", passed: [1, 2], ...more }),
+    });
+  const review = progress({ cue: "photo_review", window: "review", photo: "p1", passed: [1, 2] });
 
   test("opens with a hint, and closes", () => {
     assert.deepEqual(windowFor(open()), {
@@ -315,7 +320,7 @@ describe("the photo's window", () => {
   });
 
   test("shows the photo to review, and is busy while an answer is sent", () => {
-    assert.deepEqual(windowFor(state({ told: review })), {
+    assert.deepEqual(windowFor(state({ progress: review })), {
       mode: "review",
       word: "photo.review",
       photo: "p1",
@@ -324,7 +329,7 @@ describe("the photo's window", () => {
     assert.equal(
       windowFor(
         state({
-          told: review,
+          progress: review,
           answer: { id: "a", photo: "p1", choice: "keep", at: 100, saidAt: 100 },
         }),
       ).busy,
@@ -339,13 +344,14 @@ describe("the photo's window", () => {
       answer: { ...answer, saidAt: 102 },
       say: true,
     });
-    assert.equal(answerAfter(answer, told({ window: "open" }), 102).answer, null);
+    assert.equal(answerAfter(answer, progress({ window: "open" }), 102).answer, null);
     assert.equal(
-      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "open" }), 102).say,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, progress({ window: "open" }), 102).say,
       true,
     );
     assert.equal(
-      answerAfter({ ...answer, photo: "", choice: "skip" }, told({ window: "shut" }), 102).answer,
+      answerAfter({ ...answer, photo: "", choice: "skip" }, progress({ window: "shut" }), 102)
+        .answer,
       null,
     );
   });
@@ -588,26 +594,26 @@ describe("the end of a drive", () => {
 
   test("shows the task's outcome where it says more than the session's", () => {
     assert.equal(
-      cardFor(ended("completed", { told: told({ outcome: "timed_out" }) })).word,
+      cardFor(ended("completed", { progress: progress({ outcome: "timed_out" }) })).word,
       "study.ended.timed_out",
     );
     assert.equal(
-      cardFor(ended("left", { told: told({ outcome: "cancelled" }) })).word,
+      cardFor(ended("left", { progress: progress({ outcome: "cancelled" }) })).word,
       "study.ended.left",
     );
   });
 
   test("does not praise a drive that was left elsewhere", () => {
     assert.equal(
-      cardFor(ended("completed", { told: told({ passed: [1] }) })).word,
+      cardFor(ended("completed", { progress: progress({ passed: [1] }) })).word,
       "study.ended.left",
     );
     assert.equal(
-      cardFor(ended("completed", { told: told({ passed: [1, 2] }) })).word,
+      cardFor(ended("completed", { progress: progress({ passed: [1, 2] }) })).word,
       "study.ended.completed",
     );
     assert.equal(
-      cardFor(ended("completed", { told: told({ outcome: "completed" }) })).word,
+      cardFor(ended("completed", { progress: progress({ outcome: "completed" }) })).word,
       "study.ended.completed",
     );
   });

@@ -201,7 +201,7 @@ const HANDLERS = {
       voice.speak(message.text, message.language || language, loudness(), fate.spoken);
     }
   },
-  pointer: (message) => pointers.told(message),
+  pointer: (message) => pointers.receive(message),
   audience: ({ questions }) => {
     const text = questions.map((/** @type {{text: string}} */ one) => one.text).join(" · ");
     element("asked").hidden = text === "";

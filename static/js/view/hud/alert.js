@@ -241,9 +241,9 @@ const lostAlert = ({ robot }) =>
   robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 
 /** @param {State} state @returns {Alert} */
-const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {
+const quietAlert = ({ visit, notice, now, slow, playing, progress, practising }) => {
   // a task shows the time left itself, and so does the page around a practice drive
-  if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
+  if (visit.turnEnds !== null && (progress?.endsAt ?? null) === null && !practising) {
     const time = clockTime(Math.max(0, Math.ceil(visit.turnEnds - now)));
     return { word: "alert.turn_ends", tone: "busy", values: { time } };
   }
