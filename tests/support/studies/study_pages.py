@@ -2,7 +2,14 @@
 
 from django.http import QueryDict
 
-from tests.support.browsers.html_page import read
+from tests.support.browsers.html_page import Page, read
+
+
+def buttons(page: Page) -> list[str]:
+    """Return the texts of the buttons and of the links that look like one, in the main part."""
+    main = page.all("main")[0].text
+    found = [one for one in page.elements if "button" in one.attributes.get("class", "").split()]
+    return [one.text.strip() for one in found if one.text.strip() in main]
 
 
 def form_of(response) -> QueryDict:

@@ -22,6 +22,7 @@ from sessions.leases import store
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
 from tests.support.studies import participants as p
+from tests.support.studies import task_drives
 from tests.support.studies.studies import small_study
 from tests.support.studies.study_site import cabin_with_giraff
 
@@ -51,6 +52,18 @@ def begin(robot: Robot, name: str = "ada", study: Any = None, **changes: Any) ->
 def small_conditions() -> list[dict[str, Any]]:
     """The conditions of the small study, as JSON."""
     return msgspec.to_builtins(small_study().conditions)
+
+
+def photographed(at: float) -> list[Record]:
+    """The whole task; its first photo failed, the second was taken again, the third kept."""
+    drive = task_drives.Drive(at=at, frame=False)
+    drive.say(FirstFrame(drive.at, repr(drive.at - 0.5))).go(*task_drives.THERE)
+    drive.say(PhotoFailed(drive.at, "a1")).see()
+    drive.say(PhotoTaken(drive.at, "a2")).see()
+    drive.say(PhotoAnswer(drive.at, repr(drive.at), "again")).see()
+    drive.say(PhotoTaken(drive.at, "a3")).see()
+    drive.say(PhotoAnswer(drive.at, repr(drive.at), "keep")).see()
+    return drive.go(*task_drives.BACK).dock().records
 
 
 def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
