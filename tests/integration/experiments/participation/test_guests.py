@@ -69,12 +69,6 @@ def test_pressing_the_button_again_goes_on_and_shows_no_code(client, study):
     assert not CODE.search(read(client.get(FRONT)).text)
 
 
-def test_the_recruiting_sites_parameters_are_kept(client, study):
-    client.get(FRONT, {"PROLIFIC_PID": "5f"})
-    assert client.post(FRONT).url == STEP
-    assert Participant.objects.get().recruitment == {"PROLIFIC_PID": "5f"}
-
-
 def test_a_wrong_code_is_answered_clearly_and_not_for_ever(client, study):
     for _ in range(WRONG_CODES.limit):
         answer = enter(client, "2222-2222")
@@ -283,11 +277,11 @@ def test_a_guest_downloads_and_deletes_everything(client, study):
     assert Participant.objects.get().status == "withdrawn"
 
 
-@pytest.mark.parametrize("way", ["decline", "withdraw"])
-def test_the_account_of_a_guest_who_leaves_goes_with_the_study(client, study, way):
+@pytest.mark.parametrize("action", ["decline", "withdraw"])
+def test_account_of_a_guest_who_leaves_the_study_is_deleted(client, study, action):
     code = take_part(client)
     own = Participant.objects.get()
-    if way == "decline":
+    if action == "decline":
         answer = client.post(STEP, {"place": "1.0.consent", "go": "decline"})
     else:
         answer = client.post(reverse("study_withdraw", args=[own.code]))
