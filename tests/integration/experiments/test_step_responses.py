@@ -6,6 +6,7 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils import timezone
 
 from experiments.models import StepResponse
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask
 from tests.support.people import person
@@ -30,9 +31,7 @@ def asked(study, participant, visit: int, step: str) -> StepResponse:
         participant,
         JourneyPlace(visit, 0, step),
         definition.step(step),
-        robot=(),
-        outcome="",
-        return_to="",
+        drive=DriveStatus(),
         now=timezone.now(),
     )
     return StepResponse.objects.get(response=response)

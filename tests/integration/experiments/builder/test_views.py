@@ -651,7 +651,7 @@ def test_unreachable_checkpoints_are_shown_before_saving(client, study):
 
 
 def test_the_course_is_checked_with_the_doors_of_each_condition(client, study):
-    row = publishing.FloorPlan.objects.get()
+    row = FloorPlan.objects.get()
     wall = {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}
     row.plan |= {"passages": [], "walls": [*row.plan["walls"], wall]}
     row.save()

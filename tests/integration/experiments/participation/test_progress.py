@@ -6,6 +6,7 @@ from django.utils import timezone
 from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
 from tests.support.people import person
@@ -27,7 +28,7 @@ def twice():
 def answer(participant: Participant) -> None:
     """Answer the questions of the step of a participant."""
     step = progress.step_of(participant)
-    about = {"robot": (), "outcome": "", "return_to": "", "now": timezone.now()}
+    about = {"drive": DriveStatus(), "now": timezone.now()}
     given = ask(participant, progress.place(participant), step, **about)
     type(given).objects.filter(pk=given.pk).update(finished_at=timezone.now())
 

@@ -30,8 +30,9 @@ HOURS = 3600.0
 # The order of conditions is random in each run: without a planted effect a `period` reaches this p
 # value in one run of a thousand.
 BY_CHANCE = 0.001
-# At a high speed images are older, for which the robot slows down, so that time limits are missed.
-SPEEDS = {planted.SLUG: 10.0, planted.SUCCESS_SLUG: 2.0}
+# At a higher speed images are older, for which the robot slows down: drivers differ less, and
+# miss time limits.
+SPEEDS = {planted.SLUG: 4.0, planted.SUCCESS_SLUG: 2.0}
 STUDIES = {
     planted.SLUG: (planted.planted_study, 32, planted.EFFECTS, planted.ENDINGS),
     planted.SUCCESS_SLUG: (

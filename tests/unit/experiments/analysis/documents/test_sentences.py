@@ -96,9 +96,8 @@ def test_degrees_of_freedom_and_n_stand_where_the_apa_wants_them():
                   effect=IntervalEstimate(0.2, 0.0, 0.4))  # fmt: skip
     assert "F(2, 17.34) = 4.10" in sentence_of(welch).text
     assert "η²p = .20" in sentence_of(welch).text
-    assert r"$\eta$\textsuperscript{2}\textsubscript{\textit{p}}" in runs_as_latex(
-        sentence_of(welch).runs
-    )
+    runs = runs_as_latex(sentence_of(welch).runs)
+    assert r"$\eta$\textsuperscript{2}\textsubscript{\textit{p}}" in runs
 
 
 def test_a_row_without_a_test_has_no_sentence():
