@@ -42,7 +42,7 @@ FRUIT = qsf(
 
 
 def own_faults(page) -> list[str]:
-    """Return what is wrong with a page beside what is Django's own: its scripts, landmarks and
+    """Return the faults of a page that are not Django's own: its scripts, landmarks and
     headings; the button of a submit row says what it does by its value.
     """
     django = re.compile(r"h\d follows|\d h1|inline|<|None without label")

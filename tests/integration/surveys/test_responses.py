@@ -34,7 +34,7 @@ def started(*pages, **more):
 
 
 def saved(row, definition, key: str, value: str, **more) -> Answer:
-    """Save one answer ten minutes after the beginning, and return what is stored."""
+    """Save one answer ten minutes after the beginning, and return its row."""
     save_one(
         row, definition, key, {key: [value]}, Saving(**{"now": LATER, "language": "en"} | more)
     )

@@ -22,7 +22,7 @@ def planned_data(
     plan: dict[str, Any] | None, times: dict[str, Sequence[float]], **more: Any
 ) -> tuple[Dataset, list[Measured]]:
     """Participants by condition with their task times."""
-    sessions, driven, people, responses = [], [], [], []
+    sessions, drives, people, responses = [], [], [], []
     for condition, values in times.items():
         for n, value in enumerate(values):
             who = f"{condition}{n:02d}"
@@ -30,7 +30,7 @@ def planned_data(
             one = SessionRecord(f"s-{who}", who, "giraff", condition=condition, outcome="completed")
             one = replace(one, first_motion=1.0)
             sessions.append(one)
-            driven.append(measured(one, task_time=value))
+            drives.append(measured(one, task_time=value))
             answers = {"q1": n % 3}
             responses.append(ResponseRecord(f"r-{who}", "experience", who, answers, session=one.id))
     return (
@@ -42,5 +42,5 @@ def planned_data(
             questionnaires=questionnaires("experience"),
             **more,
         ),
-        driven,
+        drives,
     )

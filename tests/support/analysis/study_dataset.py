@@ -174,12 +174,14 @@ def made_up(
         responses.append(registration(who, rng))
         for number in range(1, 2 + int(rng.integers(0, 3))):
             factor = slower if condition is study.conditions[-1] else 1.0
-            session, driven, more = visit(study, who, number, condition.key, rng, slower=factor)
+            session, record, more = session_of(
+                study, who, number, condition.key, rng, slower=factor
+            )
             sessions.append(session)
             events += more
-            if driven is not None:
-                states[session.id] = driven.states
-                network[session.id] = link(driven.end, rng)
+            if record is not None:
+                states[session.id] = record.states
+                network[session.id] = link(record.end, rng)
             responses.append(final(study, who, session, rng))
     questions = questionnaires("experience", "ict")
     rows = (people, sessions, events, pages, responses)
@@ -194,7 +196,7 @@ def made_up(
     )
 
 
-def visit(
+def session_of(
     study: StudyDefinition,
     who: str,
     number: int,
@@ -229,16 +231,16 @@ def visit(
         return session, None, []
     share = 1.0 if outcome == "completed" else float(rng.uniform(0.2, 0.9))
     speed = float(rng.normal(0.32 + 0.02 * number, 0.03)) / slower
-    driven = drive(course, rng, speed=speed, share=share)
-    session = replace(session, first_frame=0.4, first_motion=5.2, ended=driven.end + 2.0)
+    record = drive(course, rng, speed=speed, share=share)
+    session = replace(session, first_frame=0.4, first_motion=5.2, ended=record.end + 2.0)
     events = [
         EventRecord(session.id, at, "task", "checkpoint", {"number": n})
-        for n, at in driven.checkpoints.items()
+        for n, at in record.checkpoints.items()
     ]
     if outcome == "completed":
-        events.append(EventRecord(session.id, driven.end - 2.5, "task", "docked", {}))
-    events.append(EventRecord(session.id, driven.end, "task", "task_ended", {"name": outcome}))
-    return session, driven, events
+        events.append(EventRecord(session.id, record.end - 2.5, "task", "docked", {}))
+    events.append(EventRecord(session.id, record.end, "task", "task_ended", {"name": outcome}))
+    return session, record, events
 
 
 def link(seconds: float, rng: np.random.Generator) -> Columns:

@@ -42,6 +42,6 @@ def form_of(response) -> QueryDict:
             and "name" in a
             and (a.get("type") != "checkbox" or "checked" in a)
         ):
-            unsaid = "on" if a.get("type") == "checkbox" else ""
-            data.appendlist(a["name"], a.get("value", unsaid))
+            default = "on" if a.get("type") == "checkbox" else ""
+            data.appendlist(a["name"], a.get("value", default))
     return data

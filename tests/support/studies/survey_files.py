@@ -1,6 +1,6 @@
 """Files of other survey systems for tests, as short as they can be and in the shapes of real ones.
 
-Written by hand; nothing is copied. The shapes were checked against public files: those of QSF
+The files are written by hand. Their shapes were checked against public files: those of QSF
 against the sample surveys of ctesta01/QualtricsTools, the test data of fflewddur/sp and the data of
 sumtxt/qsf; those of LSS against LimeSurvey's own test surveys (old shape, a row for each language)
 and amaltawfik/lssdoc (new shape, texts in tables of their own); those of REDCap against

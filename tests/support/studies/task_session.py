@@ -1,7 +1,7 @@
 """A drive through the cabin as the session manager and its record have it: the same records as
 states, events and page events.
 
-`Told` says them to the runner, as the session manager's signals do; `write` puts them into the
+`say` passes them to the runner, as the session manager's signals do; `write` puts them into the
 database, as the recorder does.
 """
 
@@ -94,7 +94,7 @@ def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
 
 
 def message_of(record: Record) -> m.Event | m.ActionStatus | PageEvent:
-    """What is said of an input. A page gives it a stamp of its own; who receives it, the time."""
+    """Return the message of an input. A page gives it a stamp of its own, the receiver the time."""
     match record:
         case FirstFrame(id=word):
             return PageEvent(stamp=float(word), type="first_frame")

@@ -30,9 +30,9 @@ SECOND = datetime.timedelta(seconds=1)
 def drive():
     """A drive that began ten seconds ago, with states by a clock that is two seconds ahead."""
     granted = timezone.now() - 10 * SECOND
-    visit = replays.session(replays.cabin_robot(), person("ada"), granted=granted)
-    replays.record(visit, seconds=5)
-    return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
+    session = replays.session(replays.cabin_robot(), person("ada"), granted=granted)
+    replays.record(session, seconds=5)
+    return replays.drive(replays.participant(replays.study(), session.visitor), session)
 
 
 def began(drive) -> float:
@@ -83,7 +83,7 @@ def test_shown_questionnaires_and_finished_codings_are_markers(drive):
     asking = next(iter(drive.participant.study.as_definition().asking))
     for step in (asking.key, "task"):
         StepVisit.objects.create(
-            participant=drive.participant, visit=1, round=0, step=step, began_at=timezone.now()
+            participant=drive.participant, session=1, round=0, step=step, began_at=timezone.now()
         )
     study, now = drive.participant.study, timezone.now()
     codes = [{"code": "help", "name": "Help", "kind": "point"}]

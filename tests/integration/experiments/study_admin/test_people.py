@@ -236,7 +236,7 @@ def test_hours_survive_writing_and_reading():
 
 
 def invited(client, study, email="nora@example.org", role="researcher") -> str:
-    """Invite somebody, and return the path of the link in the e-mail."""
+    """Send an invitation, and return the path of its link."""
     client.post(at("members", study), {"add": "1", "person": email, "role": role})
     (mail,) = mail_box.outbox
     assert mail.to == [email]

@@ -84,13 +84,13 @@ def test_the_page_says_in_its_language_whether_there_were_data(client, study):
 def test_owners_state_deviations_after_publishing_and_others_do_not(client, study):
     signed_in(client, "owner")
     frozen = published(study)
-    told = {"deviations": "We stopped a week early."}
-    assert client.post(page(study, "deviations"), told).status_code == 302
-    assert freeze_of(Study.objects.get()).deviations == told["deviations"]
+    reported = {"deviations": "We stopped a week early."}
+    assert client.post(page(study, "deviations"), reported).status_code == 302
+    assert freeze_of(Study.objects.get()).deviations == reported["deviations"]
     assert Study.objects.get().sha256 == frozen.sha256
     assert AuditEntry.objects.filter(act="study_changed", detail="deviations").exists()
     StudyMember.objects.update(role="researcher")
-    assert client.post(page(study, "deviations"), told).status_code == 404
+    assert client.post(page(study, "deviations"), reported).status_code == 404
 
 
 def test_numbers_of_participants_are_checked(client, study):

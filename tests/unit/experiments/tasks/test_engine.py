@@ -31,8 +31,8 @@ from tests.support.studies.task_drives import (
     THERE,
     Drive,
     cues,
+    milestones,
     run,
-    told,
     track,
     whole_drive,
 )
@@ -40,7 +40,7 @@ from tests.support.studies.task_drives import (
 
 def test_the_whole_task_is_told_from_states_and_the_first_picture_alone():
     engine = run(whole_drive().records)
-    assert told(engine) == [
+    assert milestones(engine) == [
         ("task_started", None),
         ("left_station", 0),
         ("checkpoint", 1),
@@ -88,7 +88,7 @@ def test_a_door_that_the_condition_closes_is_not_missed():
 def test_docking_early_is_told_with_what_is_next_and_ends_nothing():
     drive = Drive().go(FIRST, HOME).dock().see(docked=True)
     engine = run(drive.records)
-    assert told(engine)[-1] == ("docked_early", 2)
+    assert milestones(engine)[-1] == ("docked_early", 2)
     assert engine.progress.cue.key == "docked_early"
     assert (engine.progress.cue.number, engine.result.outcome) == (2, None)
     drive.go(*THERE[1:], *BACK).dock()
@@ -103,17 +103,17 @@ def test_contacts_that_flicker_in_the_station_are_one_docking():
     drive.dock()
     for contact in (False, True, False, True):
         drive.see(docked=True, contact=contact)
-    assert [event for event, _ in told(run(drive.records))].count("docked_early") == 1
+    assert [event for event, _ in milestones(run(drive.records))].count("docked_early") == 1
 
 
 def test_a_later_checkpoint_is_told_once_a_visit_and_counts_for_nothing():
     drive = Drive().go(*BY_ARCHWAY, SECOND, (6.9, 2.1), SECOND)
     engine = run(drive.records)
-    assert told(engine)[-1] == ("out_of_order", 2)
+    assert milestones(engine)[-1] == ("out_of_order", 2)
     assert (engine.progress.cue.key, engine.progress.cue.number) == ("wrong_checkpoint", 1)
     assert engine.result.checkpoints == ()
     drive.go((5.5, 2.0), SECOND)
-    assert [event for event, _ in told(run(drive.records))].count("out_of_order") == 2
+    assert [event for event, _ in milestones(run(drive.records))].count("out_of_order") == 2
 
 
 def test_a_checkpoint_is_not_passed_through_a_wall():
@@ -136,15 +136,15 @@ def test_a_checkpoint_between_two_states_is_passed():
 def test_a_robot_that_is_put_elsewhere_has_passed_no_door_on_the_way():
     drive = Drive().go((3.4, 0.9))
     drive.x, drive.y = 7.5, 0.9
-    assert ("door_passed", "door") not in told(run(drive.see().records))
+    assert ("door_passed", "door") not in milestones(run(drive.see().records))
 
 
 def test_a_robot_that_turns_round_in_the_doorway_has_not_passed_the_door():
     engine = run(Drive().go(BY_DOOR[0], (4.2, 0.9), BY_DOOR[0]).records)
-    assert ("door_passed", "door") not in told(engine)
+    assert ("door_passed", "door") not in milestones(engine)
     back_and_forth = ((4.05, 0.9), (4.15, 0.9)) * 2
     trembling = Drive().go(BY_DOOR[0], *back_and_forth, BY_DOOR[1])
-    assert told(run(trembling.records)).count(("door_passed", "door")) == 1
+    assert milestones(run(trembling.records)).count(("door_passed", "door")) == 1
 
 
 def test_a_place_of_which_the_robot_is_not_sure_passes_nothing():
@@ -190,7 +190,7 @@ def test_a_photo_is_kept_whatever_it_shows_and_the_facing_is_a_fact(theta, sees)
     taken = next(event for event in engine.events if event.type == "photo_taken")
     assert taken.sight.sees is sees
     assert taken.data()["facing"]["distance"] == pytest.approx(1.0, abs=0.01)
-    assert told(engine)[-1] == ("photo_kept", "photo")
+    assert milestones(engine)[-1] == ("photo_kept", "photo")
     assert engine.result.photo == "kept"
     assert engine.progress.cue.key == "return_home"
 
@@ -203,7 +203,7 @@ def test_again_asks_for_another_photo_and_skip_ends_the_asking():
     assert run(drive.records).progress.cue.key == "photo_ready"
     drive.say(PhotoAnswer(drive.at, "b", "skip")).see()
     engine = run(drive.records)
-    assert told(engine)[-2:] == [("photo_again", "one"), ("photo_skipped", None)]
+    assert milestones(engine)[-2:] == [("photo_again", "one"), ("photo_skipped", None)]
     assert engine.result.photo == "skipped"
     assert engine.progress.cue.key == "return_home"
 
@@ -221,7 +221,7 @@ def test_a_photo_that_failed_leaves_the_window_open():
     drive = at_the_mirror().turn(0.0)
     drive.say(PhotoFailed(drive.at, "photo")).see()
     engine = run(drive.records)
-    assert told(engine)[-1] == ("photo_failed", "photo")
+    assert milestones(engine)[-1] == ("photo_failed", "photo")
     assert engine.progress.cue.key == "photo_ready"
 
 
@@ -229,7 +229,7 @@ def test_the_window_closes_when_the_robot_leaves_and_opens_again_when_it_returns
     drive = at_the_mirror().go((5.0, 3.1))
     assert run(drive.records).progress.cue.key == "return_home"
     engine = run(drive.go(SECOND).records)
-    assert [event for event, _ in told(engine)].count("photo_prompt") == 2
+    assert [event for event, _ in milestones(engine)].count("photo_prompt") == 2
     assert engine.progress.cue.key.startswith("photo_")
 
 
@@ -261,7 +261,7 @@ def test_the_last_minutes_are_announced_and_shown():
     assert engine.remaining() is None
     engine.advance(began + 200.0)
     assert engine.remaining() == pytest.approx(100.0)
-    assert told(engine)[-1] == ("time_warning", None)
+    assert milestones(engine)[-1] == ("time_warning", None)
 
 
 def test_records_after_the_limit_change_nothing():
@@ -281,7 +281,7 @@ def test_an_end_from_outside_is_the_tasks_outcome_and_nothing_after_it_counts(ou
     drive.say(TaskEnded(drive.at, "end", outcome)).go(*THERE[1:], *BACK).dock()
     engine = run(drive.records)
     assert engine.result.outcome == outcome
-    assert told(engine)[-1] == ("task_ended", outcome)
+    assert milestones(engine)[-1] == ("task_ended", outcome)
     assert len(engine.result.checkpoints) == 1
 
 
@@ -314,7 +314,7 @@ EXPECTED = run(BUSY)
 
 
 def test_the_busy_drive_is_as_busy_as_it_should_be():
-    types = {event for event, _ in told(EXPECTED)}
+    types = {event for event, _ in milestones(EXPECTED)}
     assert types >= {"out_of_order", "docked_early", "photo_again", "photo_kept"}
     assert types >= {"door_passed", "task_ended"}
     assert EXPECTED.result.outcome == "completed"

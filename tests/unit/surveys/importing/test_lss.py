@@ -1,4 +1,4 @@
-"""LimeSurvey structures: every type of question, what is reported, conditions, and odd files."""
+"""LimeSurvey structures: every type of question, remarks, conditions, and malformed files."""
 
 import pytest
 
@@ -21,8 +21,8 @@ PARTS = [("SQ1", "First"), ("SQ2", "Second")]
 ANSWERS = [("A1", "Rarely"), ("A2", "Sometimes"), ("A3", "Often")]
 
 
-def one(letter: str, **more) -> list[dict]:
-    return items(lss(lime(letter, "Q1", **more)))
+def one(kind: str, **more) -> list[dict]:
+    return items(lss(lime(kind, "Q1", **more)))
 
 
 WHOLE = {"num_value_int_only": "1"}
@@ -32,11 +32,11 @@ WHOLE = {"num_value_int_only": "1"}
     ("question", "expected"),
     [
         pytest.param(
-            lime(letter, "Q1", (), ANSWERS, mandatory="Y"),
+            lime(kind, "Q1", (), ANSWERS, mandatory="Y"),
             {"kind": "single", "key": "q1", "required": True},
             id=name,
         )
-        for letter, name in (("L", "list"), ("!", "drop-down list"))
+        for kind, name in (("L", "list"), ("!", "drop-down list"))
     ]
     + [
         pytest.param(
@@ -149,7 +149,7 @@ def test_multiple_choice_with_comments_has_a_text_for_each_option():
 
 
 @pytest.mark.parametrize(
-    ("letter", "labels"),
+    ("kind", "labels"),
     [
         ("A", [str(n + 1) for n in range(5)]),
         ("B", [str(n + 1) for n in range(10)]),
@@ -159,14 +159,14 @@ def test_multiple_choice_with_comments_has_a_text_for_each_option():
         ("H", ["Rarely", "Sometimes", "Often"]),
     ],
 )
-def test_array_is_a_grid_whose_points_are_numbered_from_1(letter, labels):
-    document = lss(lime(letter, "Q1", PARTS, ANSWERS if letter in "FH" else ()))
+def test_array_is_a_grid_whose_points_are_numbered_from_1(kind, labels):
+    document = lss(lime(kind, "Q1", PARTS, ANSWERS if kind in "FH" else ()))
     (grid,) = items(document)
     assert [row["key"] for row in grid["rows"]] == ["q1_sq1", "q1_sq2"]
     points = points_of(document)
     assert [point.value for point in points] == list(range(1, len(labels) + 1))
     assert [point.label.get("en", str(point.value)) for point in points] == labels
-    if letter in "CE":
+    if kind in "CE":
         assert "→ 1" in remarks(document, "Q1")
 
 
@@ -272,7 +272,7 @@ def test_differences_from_the_file_are_reported(question, message):
 
 @pytest.mark.parametrize("odd", ["nan", "inf", "-inf", "1e999", "9" * 400])
 @pytest.mark.parametrize(
-    ("letter", "attribute"),
+    ("kind", "attribute"),
     [
         ("K", "slider_min"),
         ("K", "slider_max"),
@@ -282,9 +282,9 @@ def test_differences_from_the_file_are_reported(question, message):
         ("N", "max_num_value_n"),
     ],
 )
-def test_bound_that_is_not_finite_is_reported_and_the_question_is_asked(letter, attribute, odd):
+def test_bound_that_is_not_finite_is_reported_and_the_question_is_asked(kind, attribute, odd):
     attributes = {"slider_layout": "1", attribute: odd}
-    document = lss(lime(letter, "Q1", PARTS, attributes=attributes))
+    document = lss(lime(kind, "Q1", PARTS, attributes=attributes))
     assert items(document)
     assert f"{attribute} = {odd[:20]}" in remarks(document, "Q1")
 

@@ -1,4 +1,4 @@
-"""Qualtrics files: what each kind of question becomes, what is reported, and odd files."""
+"""Qualtrics files: what each kind of question becomes, remarks, and malformed files."""
 
 import pytest
 

@@ -1,5 +1,5 @@
-"""Figures for print: files that an editor can change, and colours that survive a grey print and
-whoever sees fewer of them.
+"""Figures for print: files that can be edited, and colours that differ in a grey print and for
+colour-blind readers.
 """
 
 import io

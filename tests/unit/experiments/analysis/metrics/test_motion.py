@@ -71,8 +71,8 @@ def test_a_robot_in_its_station_is_near_no_collision():
     docked = np.array([1.0] * 8 + [0.0] * 10 + [1.0])
     found = drive(track(clearance=clearance, docked=docked))
     assert (found["near_collisions"], found["near_seconds"]) == (1, 0.5)
-    standing = drive(track(clearance=np.full(40, 0.05), docked=np.ones(40)))
-    assert (standing["near_collisions"], standing["near_seconds"]) == (0, 0.0)
+    docked = drive(track(clearance=np.full(40, 0.05), docked=np.ones(40)))
+    assert (docked["near_collisions"], docked["near_seconds"]) == (0, 0.0)
 
 
 def test_a_near_collision_ends_only_when_the_way_is_clear_again():

@@ -107,14 +107,14 @@ def test_answers_without_an_effect_are_significant_in_five_of_a_hundred_studies(
 def test_driving_without_an_effect_is_significant_in_five_of_a_hundred_studies():
     rng = np.random.default_rng(41)
     found = [
-        number(compare_conditions(Dataset(BETWEEN), driven(rng), ("task_time",)), "task_time")
+        number(compare_conditions(Dataset(BETWEEN), task_times(rng), ("task_time",)), "task_time")
         for _ in range(RUNS)
     ]
     low, high = binomial_band(0.05, RUNS)
     assert low <= np.mean(np.array(found) < 0.05) <= high
 
 
-def driven(rng):
+def task_times(rng):
     """Sessions of a study between participants, two each, in which how long the task takes is the
     person's alone.
     """

@@ -52,7 +52,7 @@ def study_of(*analyses, between=()):
     return msgspec.convert(whole, StudyDefinition)
 
 
-def driven(study, people, value, answer=None, ages=None):
+def drives_of(study, people, value, answer=None, ages=None):
     """A dataset in which everybody drives the conditions of a cell, and its sessions measured:
     `value` is a task time or all metrics that are known. A drive is completed unless it says not.
     """
@@ -98,7 +98,7 @@ def test_a_contrast_of_a_main_effect_is_a_paired_test_of_each_participants_means
     study = study_of({"key": "delay", "measures": ["task_time"], "contrasts": [CONTRAST]})
     keys = [one.key for one in study.conditions]
     at = lambda number, levels: noise[number, keys.index(f"{levels['delay']}_{levels['help']}")]
-    dataset, drives = driven(study, 16, lambda n, levels, place: at(n, levels))
+    dataset, drives = drives_of(study, 16, lambda n, levels, place: at(n, levels))
     (table,) = declared(dataset, drives)
     expected = stats.ttest_rel(noise[:, 2:].mean(axis=1), noise[:, :2].mean(axis=1))
     assert table.name == "analysis-delay"
@@ -112,7 +112,7 @@ def test_between_participants_the_same_contrast_compares_groups():
     study = study_of(
         {"key": "delay", "measures": ["task_time"], "contrasts": [CONTRAST]}, between=("delay",)
     )
-    dataset, drives = driven(study, 20, lambda n, levels, place: rng.normal())
+    dataset, drives = drives_of(study, 20, lambda n, levels, place: rng.normal())
     (table,) = declared(dataset, drives)
     assert rows(table, "Test", "n tested") == [("Welch t", "20")]
 
@@ -123,7 +123,7 @@ def test_likert_items_are_tested_by_ranks_and_all_pairs_are_one_family():
         {"key": "said", "measures": ["experience.q2"], "test": "ranks", "post_hoc": True}
     )
     answer = lambda n, levels: int(rng.integers(-2, 1)) + 2 * (levels["help"] == ASSISTED)
-    dataset, drives = driven(study, 24, lambda *_: 1.0, answer)
+    dataset, drives = drives_of(study, 24, lambda *_: 1.0, answer)
     (table,) = declared(dataset, drives)
     assert rows(table, "Contrast", "Test")[0] == ("all", "Friedman χ²")
     tests = rows(table, "Test")[1:]
@@ -144,7 +144,7 @@ def test_a_mixed_model_finds_the_effect_that_was_planted_and_no_other():
         effect = 15.0 * (levels["delay"] == "long") - 5.0 * place
         return 200.0 + own[number] + effect + rng.normal(0.0, 6.0)
 
-    dataset, drives = driven(study_of(model), 32, time)
+    dataset, drives = drives_of(study_of(model), 32, time)
     table, coefficients = declared(dataset, drives)
     found = {row[1].text: row[table.head.index("p (Holm)")].value for row in table.rows}
     assert list(found) == ["delay", "help", "delay:help", "period", "order"]
@@ -162,7 +162,7 @@ def test_a_model_that_cannot_be_fitted_says_why_and_a_misspelt_measure_is_told()
     model = {"key": "model", "measures": ["task_time", "task_tim"]}
     model |= {"test": "mixed", "effects": ["delay"]}
     means = {"key": "means", "measures": ["task_tim"], "contrasts": [CONTRAST]}
-    dataset, drives = driven(study_of(model, means), 2, lambda *_: 1.0)
+    dataset, drives = drives_of(study_of(model, means), 2, lambda *_: 1.0)
     table, _, compared = declared(dataset, drives)
     assert rows(table, "Remark") == [("fewer than three participants",), ("no such measure",)]
     assert rows(compared, "Remark") == [("no such measure",)]
@@ -170,7 +170,7 @@ def test_a_model_that_cannot_be_fitted_says_why_and_a_misspelt_measure_is_told()
 
 def test_the_papers_study_compares_doors_within_a_robot():
     rng = np.random.default_rng(5)
-    dataset, drives = driven(PAPER, 30, lambda *_: rng.normal(300.0, 30.0))
+    dataset, drives = drives_of(PAPER, 30, lambda *_: rng.normal(300.0, 30.0))
     tables = {one.name: one for one in declared(dataset, drives)}
     table = tables["analysis-doors-driving"]
     tests = rows(table, "Measure", "Contrast", "Test", "n tested")
@@ -203,7 +203,7 @@ def test_a_main_effect_averages_over_the_other_factor_with_any_printed_coding():
         return 100.0 + noise[number, at] + (10.0, -10.0, -10.0, 10.0)[at]
 
     codings = ("treatment", "sum")
-    found = {coding: declared(*driven(crossing(coding), 20, time)) for coding in codings}
+    found = {coding: declared(*drives_of(crossing(coding), 20, time)) for coding in codings}
     none, long = noise[:, :2].mean(axis=1), noise[:, 2:].mean(axis=1)  # the planted effects cancel
     for table, _ in found.values():
         assert value(table, 0, "p") == pytest.approx(stats.ttest_rel(none, long).pvalue)
@@ -227,7 +227,7 @@ def test_covariates_are_in_the_model_and_in_no_family():
         age = ages[number] if number < 23 else 40.0
         return 3.0 * age + 5.0 * (levels["delay"] == "long") + rng.normal()
 
-    dataset, drives = driven(study, 24, time, ages=ages)
+    dataset, drives = drives_of(study, 24, time, ages=ages)
     table, coefficients = declared(dataset, drives)
     assert rows(table, "Effect", "Participants", "Remark") == [
         ("delay", "23", "participants without a covariate: 1"),
@@ -243,7 +243,7 @@ def test_an_answer_of_the_registration_is_a_covariate_with_its_levels():
     rng = np.random.default_rng(8)
     study = crossing(effects=["delay"], covariates=["ict.gender", "ict.games"])
     time = lambda n, levels, _: 100.0 + 50.0 * (n % 2) + rng.normal(0.0, 1.0)
-    dataset, drives = driven(study, 20, time)
+    dataset, drives = drives_of(study, 20, time)
     given = [{"gender": ("woman", "man")[n % 2], "games": n % 5} for n in range(20)]
     registered = tuple(
         ResponseRecord(f"r{n}", "ict", f"P{n:02d}", values) for n, values in enumerate(given)
@@ -263,7 +263,7 @@ def test_between_participants_a_model_has_covariates_as_well():
     model = {"key": "model", "measures": ["task_time"], "test": "mixed", "effects": ["delay"]}
     study = study_of({**model, "covariates": ["age"]}, between=("delay", "help"))
     time = lambda n, levels, _: ages[n] + 6.0 * (levels["delay"] == "long") + rng.normal()
-    dataset, drives = driven(study, 40, time, ages=list(ages))
+    dataset, drives = drives_of(study, 40, time, ages=list(ages))
     table, _ = declared(dataset, drives)
     assert value(table, 0, "Observations") == 40
     assert value(table, 0, "Difference") == pytest.approx(-6.0, abs=1.0)
@@ -280,14 +280,14 @@ def test_success_is_a_proportion_that_is_tested_between_and_within():
     pair = {"title": {"en": "a"}, "first": ["long_alone"], "second": ["none_alone"]}
     study = study_of({"key": "one", "contrasts": [pair], **plain}, {"key": "all", **plain})
     succeeds = lambda n, levels, _: outcome(levels["delay"] == "none" or n % 2 == 0, 100.0)
-    one, every = declared(*driven(study, 24, succeeds))
+    one, every = declared(*drives_of(study, 24, succeeds))
     assert rows(one, "Test", "n tested", "first: mean", "second: mean") == [
         ("McNemar mid-p", "24", "0.500", "1.000")
     ]
     assert value(one, 0, "Difference") == pytest.approx(-0.5)
     assert rows(every, "Contrast", "Test") == [("all", "Cochran Q")]
     between = study_of({"key": "one", "contrasts": [pair], **plain}, between=("delay", "help"))
-    (table,) = declared(*driven(between, 40, succeeds))
+    (table,) = declared(*drives_of(between, 40, succeeds))
     assert rows(table, "Test", "n tested") == [("N−1 χ²", "20")]
 
 
@@ -298,7 +298,7 @@ def test_success_in_sets_of_conditions_is_a_logistic_regression_by_participants(
     rng = np.random.default_rng(10)
     chance = {"none": 0.9, "long": 0.5}
     drive = lambda n, levels, _: outcome(rng.random() < chance[levels["delay"]], 100.0)
-    (table,) = declared(*driven(study, 30, drive))
+    (table,) = declared(*drives_of(study, 30, drive))
     assert rows(table, "Test", "Effect", "n tested") == [("score F (logistic)", "odds ratio", "30")]
     assert value(table, 0, "Size") < 1.0
     assert value(table, 0, "p") < 0.05
@@ -315,7 +315,7 @@ def test_times_that_never_came_are_censored():
         seconds = rng.exponential(100.0 if levels["delay"] == "none" else 400.0)
         return outcome(seconds < 300.0, min(seconds, 300.0))
 
-    (table,) = declared(*driven(study, 60, drive))
+    (table,) = declared(*drives_of(study, 60, drive))
     assert rows(table, "Test", "Effect", "n tested") == [("log-rank χ²", "hazard ratio", "60")]
     assert value(table, 0, "p") < 0.01
     assert value(table, 0, "Size") > 1.0  # times of the first side are longer
@@ -335,7 +335,7 @@ def test_stops_of_a_session_that_was_cut_short_are_a_rate():
             return outcome(completed=False, seconds=60.0, stops=2.0 + more)
         return outcome(completed=True, seconds=300.0, stops=10.0 + 3.0 * more)
 
-    counts, means = declared(*driven(study, 24, drive))
+    counts, means = declared(*drives_of(study, 24, drive))
     assert value(counts, 0, "Size") == pytest.approx(1.0)
     assert value(counts, 0, "p") > 0.05
     assert any("per minute" in note for note in counts.notes)
@@ -351,7 +351,7 @@ def test_a_model_of_counts_has_the_effects_of_its_factors():
     rng = np.random.default_rng(14)
     stops = lambda levels: rng.poisson(8.0 if levels["delay"] == "long" else 4.0)
     drive = lambda n, levels, _: outcome(True, 120.0, stops(levels))
-    table, coefficients = declared(*driven(study, 24, drive))
+    table, coefficients = declared(*drives_of(study, 24, drive))
     score = "score F (Poisson)"
     assert rows(table, "Effect", "Test") == [("delay", score), ("help", score)]
     assert value(table, 0, "Difference") == pytest.approx(-math.log(2.0), abs=0.3)
@@ -364,7 +364,7 @@ def test_a_test_that_is_not_for_a_measure_says_so():
         {"key": "d", "measures": ["speed"], "test": "counts", "contrasts": [CONTRAST]},
         {"key": "m", "measures": ["stops"], "test": "times", "effects": ["delay"]},
     )
-    contrast, model, _ = declared(*driven(study, 12, lambda *_: outcome(True, 100.0)))
+    contrast, model, _ = declared(*drives_of(study, 12, lambda *_: outcome(True, 100.0)))
     assert rows(contrast, "Remark") == [("not one of counts",)]
     assert rows(model, "Remark") == [("not one of times",)]
 

@@ -18,17 +18,17 @@ STUDY = msgspec.structs.replace(SHIPPED, conditions=CONDITIONS)
 CLEAN, WORSE = (condition.key for condition in CONDITIONS)
 
 
-def driven(who, condition, **values):
+def session_with(who, condition, **values):
     session = SessionRecord(f"{who}-{condition}", who, "giraff", condition=condition)
     return measured(session, **values)
 
 
 def test_a_condition_has_its_networks_in_words_and_the_medians_of_its_sessions():
     one = [
-        driven(f"p{n}", CLEAN, command_age_median=0.01 * n, command_age_p95=0.1)
+        session_with(f"p{n}", CLEAN, command_age_median=0.01 * n, command_age_p95=0.1)
         for n in range(1, 4)
     ]
-    other = [driven("p1", WORSE, command_age_median=0.17, frame_age=0.3, answer_age=0.5)]
+    other = [session_with("p1", WORSE, command_age_median=0.17, frame_age=0.3, answer_age=0.5)]
     table = ages(Dataset(STUDY), [*one, *other])
     first, second = table.rows
     assert [cell.text for cell in first[:5]] == [CLEAN, "clean", "clean", "3", "3"]

@@ -29,7 +29,7 @@ WITHIN = shipped()["assistance"]
 PAIR = msgspec.structs.replace(STUDY, conditions=STUDY.conditions[:2])
 
 
-def driven(who, condition="", number=1, outcome="completed", **values):
+def session_with(who, condition="", number=1, outcome="completed", **values):
     place = {"condition": condition, "number": number, "visit": number, "outcome": outcome}
     session = SessionRecord(f"{who}-{condition}-{number}", who, "giraff", **place)
     known = {"completed": float(outcome == "completed"), "total_time": 60.0, "seen": 1.0}
@@ -70,7 +70,7 @@ def test_participants_not_sessions_are_compared():
     keys = [one.key for one in PAIR.conditions]
     level = rng.normal(0.0, 1.0, (2, 12))
     own = [
-        driven(f"P{n}-{k}", keys[k], number, speed=level[k, n] + rng.normal(0.0, 0.01))
+        session_with(f"P{n}-{k}", keys[k], number, speed=level[k, n] + rng.normal(0.0, 0.01))
         for k in (0, 1)
         for n in range(12)
         for number in range(1, 9)
@@ -85,8 +85,8 @@ def test_within_subjects_only_those_who_had_every_condition_are_compared():
     rng = np.random.default_rng(33)
     first, second = [one.key for one in WITHIN.conditions][:2]
     a, b = rng.normal(1.0, 1.0, 10), rng.normal(0.6, 1.0, 10)
-    own = [driven(f"P{n}", first, 1, speed=a[n]) for n in range(10)]
-    own += [driven(f"P{n}", second, 2, speed=b[n]) for n in range(8)]
+    own = [session_with(f"P{n}", first, 1, speed=a[n]) for n in range(10)]
+    own += [session_with(f"P{n}", second, 2, speed=b[n]) for n in range(8)]
     table = compare_conditions(Dataset(WITHIN), own, ("speed",))
     assert cell(table, table.rows[0], "p") == pytest.approx(stats.ttest_rel(a[:8], b[:8]).pvalue)
 
@@ -108,7 +108,7 @@ def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
     for n, trip in enumerate(trips):
         network = {"round_trip": trip, "loss": rng.random()}
         time = 60.0 + 200.0 * trip + rng.normal(0.0, 8.0)
-        own.append(driven(f"P{n}", **network, task_time=time, stops=rng.normal()))
+        own.append(session_with(f"P{n}", **network, task_time=time, stops=rng.normal()))
     table = against_network(own)
     line = row(table, "round_trip", "task_time")
     assert cell(table, line, "p (Holm)") < 0.001
@@ -132,8 +132,8 @@ def test_learning_is_the_difference_within_visitors():
     rng = np.random.default_rng(37)
     first = rng.normal(100.0, 20.0, 15)
     second = first - rng.normal(10.0, 2.0, 15)
-    own = [driven(f"P{n}", number=1, efficiency=first[n]) for n in range(15)]
-    own += [driven(f"P{n}", number=2, efficiency=second[n]) for n in range(12)]
+    own = [session_with(f"P{n}", number=1, efficiency=first[n]) for n in range(15)]
+    own += [session_with(f"P{n}", number=2, efficiency=second[n]) for n in range(12)]
     table = learnt(own)
     line = row(table, "efficiency")
     assert cell(table, line, "Difference") == pytest.approx((second - first)[:12].mean())
@@ -147,7 +147,7 @@ def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
     rng = np.random.default_rng(39)
     keys = [one.key for one in WITHIN.conditions][:2]
     own = [
-        driven(f"P{n}", key, 1 + k, speed=rng.normal(0.5 * k, 1.0))
+        session_with(f"P{n}", key, 1 + k, speed=rng.normal(0.5 * k, 1.0))
         for n in range(14)
         for k, key in enumerate(keys)
         if (n, k) not in {(0, 1), (1, 0)}
@@ -163,8 +163,8 @@ def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
 def test_a_condition_of_one_participant_does_not_take_the_others_tests_away():
     rng = np.random.default_rng(40)
     keys = [one.key for one in STUDY.conditions][:3]
-    own = [driven(f"P{n}", keys[n % 2], speed=rng.normal()) for n in range(16)]
-    own.append(driven("P16", keys[2], speed=1.0))
+    own = [session_with(f"P{n}", keys[n % 2], speed=rng.normal()) for n in range(16)]
+    own.append(session_with("P16", keys[2], speed=1.0))
     table = compare_conditions(Dataset(STUDY), own, ("speed",))
     (line,) = table.rows
     assert cell(table, line, "n tested") == 16
@@ -179,7 +179,7 @@ def test_metrics_with_the_same_values_are_one_member_of_the_family():
     for n in range(20):
         time = rng.normal(100.0 + 9.0 * (n % 2), 10.0)
         same = {"efficiency": time, "moving_speed": time}
-        own.append(driven(f"P{n}", keys[n % 2], **same, speed=rng.normal()))
+        own.append(session_with(f"P{n}", keys[n % 2], **same, speed=rng.normal()))
     table = compare_conditions(Dataset(PAIR), own, ("efficiency", "moving_speed", "speed"))
     first, second, third = table.rows
     assert cell(table, first, "p (Holm)") == cell(table, second, "p (Holm)")
@@ -214,7 +214,7 @@ def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
 def drive(who, condition, *, completed, seconds, **values):
     time = {"task_time": seconds} if completed else {}
     outcome = "completed" if completed else "timed_out"
-    return driven(who, condition, outcome=outcome, total_time=seconds, **time, **values)
+    return session_with(who, condition, outcome=outcome, total_time=seconds, **time, **values)
 
 
 def test_drives_that_were_cut_short_are_not_averaged_as_if_complete():
