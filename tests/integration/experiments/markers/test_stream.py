@@ -83,7 +83,7 @@ def test_shown_questionnaires_and_finished_codings_are_markers(drive):
     asking = next(iter(drive.participant.study.as_definition().asking))
     for step in (asking.key, "task"):
         StepVisit.objects.create(
-            participant=drive.participant, session=1, round=0, step=step, began_at=timezone.now()
+            participant=drive.participant, visit=1, round=0, step=step, began_at=timezone.now()
         )
     study, now = drive.participant.study, timezone.now()
     codes = [{"code": "help", "name": "Help", "kind": "point"}]

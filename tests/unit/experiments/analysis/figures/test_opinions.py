@@ -21,13 +21,18 @@ def dataset():
 
 
 def answering(dataset, value):
-    responses = tuple(
-        replace(one, values=dict.fromkeys(one.values, value))
+    return reanswered(dataset, lambda _: value)
+
+
+def reanswered(dataset, change):
+    """The dataset with other answers about the experience: `change` of each answer."""
+    responses = [
+        replace(one, values={key: change(value) for key, value in one.values.items()})
         if one.questionnaire == "experience"
         else one
         for one in dataset.responses
-    )
-    return replace(dataset, responses=responses)
+    ]
+    return replace(dataset, responses=tuple(responses))
 
 
 def test_each_mean_has_its_place_and_the_interval_of_table_5(dataset):
@@ -88,18 +93,9 @@ def test_a_balance_leads_to_the_same_sessions_on_a_scale_from_1_to_5(dataset):
         }
         return msgspec.structs.replace(one, scales=scales)
 
-    shifted = replace(
-        dataset,
-        questionnaires=tuple(
-            moved(one) if one.slug == "experience" else one for one in dataset.questionnaires
-        ),
-        responses=tuple(
-            replace(one, values={key: value + 3 for key, value in one.values.items()})
-            if one.questionnaire == "experience"
-            else one
-            for one in dataset.responses
-        ),
-    )
+    asked = [moved(one) if one.slug == "experience" else one for one in dataset.questionnaires]
+    shifted = reanswered(dataset, lambda value: value + 3)
+    shifted = replace(shifted, questionnaires=tuple(asked))
     expected = figure_8b(dataset).behind
     assert any(key.startswith("nonpositive") and ids for key, ids in expected.items())
     assert figure_8b(shifted).behind == expected
