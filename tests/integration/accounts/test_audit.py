@@ -39,7 +39,7 @@ def test_only_what_is_old_is_forgotten_and_a_dry_run_forgets_nothing():
     assert [entry.act for entry in AuditEntry.objects.all()] == ["new"]
 
 
-def test_an_entry_outlives_the_account_and_leads_to_nobody_then():
+def test_an_entry_outlives_its_account_without_naming_it():
     ada = person("lovelace", email="lovelace@example.org", display_name="Countess")
     audit.note("account_deleted", actor=ada, person=ada)
     key = ada.pk

@@ -45,7 +45,7 @@ def test_log_in_leads_to_no_other_site(client):
 @pytest.mark.parametrize(
     ("login", "password"), [("ada", "wrong"), ("nobody", PASSWORD), ("", ""), ("ada", "")]
 )
-def test_a_wrong_log_in_says_so_and_signs_nobody_in(client, login, password):
+def test_a_wrong_log_in_shows_an_error(client, login, password):
     person()
     response = log_in(client, login, password)
     assert response.status_code == 200
@@ -62,7 +62,7 @@ def test_an_unknown_name_and_a_wrong_password_are_answered_alike(client):
     assert errors[0] == errors[1]
 
 
-def test_a_closed_account_is_told_so(client):
+def test_log_in_to_a_closed_account_shows_that_it_is_closed(client):
     person(is_active=False)
     page = client.get(log_in(client, "ada").url)
     assert "This account is closed" in read(page).text
@@ -160,7 +160,7 @@ def reset_link(client):
     return link, client.get(link, follow=True)
 
 
-def test_the_device_cookie_is_for_log_in_pages_only_and_names_nobody(client):
+def test_device_cookie_is_for_log_in_pages_alone_and_names_no_account(client):
     ada = person()
     cookie = log_in(client, "ada").cookies[DEVICE_COOKIE]
     assert (cookie["path"], cookie["httponly"], cookie["samesite"]) == ("/accounts/", True, "Lax")
@@ -194,7 +194,7 @@ def test_wrong_passwords_of_a_logged_in_user_are_counted_too(client):
     ("name", "data", "limit"),
     [("account_reset_password", {"email": "ada@example.org"}, 5), ("account_login", {}, 30)],
 )
-def test_every_door_of_accounts_says_when_to_come_again(client, name, data, limit):
+def test_rate_limited_forms_of_accounts_send_retry_after(client, name, data, limit):
     answers = [client.post(reverse(name), data) for _ in range(limit + 1)]
     assert 429 not in {answer.status_code for answer in answers[:limit]}
     assert (answers[limit].status_code, answers[limit]["Retry-After"]) == (429, "60")

@@ -72,7 +72,7 @@ def test_cookies_of_a_public_server_are_for_https_and_hidden_from_scripts(public
         assert cookie == {"secure": True, "httponly": True, "samesite": "Lax"}, name
 
 
-def test_a_public_server_insists_on_https_and_says_what_a_page_may_do(public_server):
+def test_public_server_sends_hsts_and_the_policies_of_pages(public_server):
     headers = public_server["headers"]
     assert int(headers["Strict-Transport-Security"].removeprefix("max-age=").split(";")[0]) >= 3600
     assert headers["X-Frame-Options"] == "DENY"
@@ -102,7 +102,7 @@ def test_every_page_carries_a_policy_without_inline_code(client, name):
 @pytest.mark.parametrize(
     "name", ["account_login", "account_signup", "account_logout", "set_language", "profile"]
 )
-def test_a_form_of_another_site_is_refused_with_a_page_that_says_what_to_do(name):
+def test_form_of_another_site_is_refused_with_an_explanation(name):
     client = Client(enforce_csrf_checks=True)
     client.force_login(person())
     response = client.post(reverse(name), {"login": "ada", "password": PASSWORD})

@@ -79,7 +79,7 @@ def test_the_administration_addresses_its_reader_as_tu(client):
     assert "Selecciona" in page_text(client, "/admin/accounts/user/", {"action": "delete_selected"})
 
 
-def test_the_libraries_still_have_each_text_that_is_said_otherwise():
+def test_libraries_still_have_each_text_that_is_retranslated():
     def texts(path: Path) -> dict[object, str]:
         with (path / "LC_MESSAGES" / "django.mo").open("rb") as compiled:
             return dict(gettext.GNUTranslations(compiled)._catalog)

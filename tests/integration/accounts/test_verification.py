@@ -80,7 +80,7 @@ def test_with_mandatory_verification_sign_up_does_not_tell_who_has_an_account(cl
     assert User.objects.count() == 1
 
 
-def test_a_link_that_was_made_up_says_that_it_has_expired(client):
+def test_a_forged_link_is_shown_as_expired(client):
     page = read(client.get(reverse("account_confirm_email", args=["made-up"])))
     assert "This link has expired" in page.text
 

@@ -309,7 +309,7 @@ def test_a_new_version_is_made_closed_and_opened_by_buttons(client, boss, publis
         assert client.get(at(name, published)).status_code == 405
 
 
-def test_only_a_draft_that_nobody_took_part_in_is_deleted(client, boss, published):
+def test_only_a_draft_without_participants_is_deleted(client, boss, published):
     assert client.post(at("delete", published), {"post": "yes"}).status_code == 403
     draft = publishing.new_version(published, NOW)
     pilot = Participant.objects.create(study=draft, slot="x", created_at=NOW, seen_at=NOW)
@@ -361,7 +361,7 @@ def test_the_overview_gives_the_link_for_participants(client, boss, published):
     ]
 
 
-def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss, published):
+def test_researchers_see_the_codes_for_recruitment_sites(client, boss, published):
     codes = completion.codes(published)
     assert list(codes) == ["done", "timed_out", "technical_failure", "left"]
     text = read(client.get(at("change", published))).text

@@ -69,7 +69,7 @@ def test_a_study_may_ask_for_longer():
     assert run(almost_home().touch(6.5).records, longer).result.outcome == "completed"
 
 
-def test_a_drive_from_before_the_rule_is_told_again_by_the_rule_of_its_day():
+def test_an_older_drive_is_replayed_with_the_rule_of_its_day():
     """Its course was kept without one, and its states have no contact: one state in the station
     ended it.
     """

@@ -186,7 +186,7 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     assert isinstance(ask(robot, ada, later(32.0)), store.TakeGranted)
 
 
-def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
+def test_robot_that_can_return_by_itself_is_sent_home_without_an_e_mail(robot, study):
     Robot.objects.update(returns_home=True)
     stands_away(robot)
     ask(robot, first_time_user(study, "ada"), NOW)

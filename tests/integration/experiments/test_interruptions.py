@@ -221,7 +221,7 @@ def test_a_step_interrupted_anywhere_and_requested_again_gives_the_same_result(
 
 
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
-def test_a_drive_whose_network_comes_back_is_the_same_drive(walker, place):
+def test_a_drive_continues_when_its_network_returns(walker, place):
     drive, runner, records = driving(brought(walker, place))
     hear(runner, drive, records)
     before = counted(walker)
@@ -332,7 +332,7 @@ def test_participants_whose_login_expires_continue_where_they_were(walker, place
 
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.step)
-def test_a_study_whose_hours_end_and_that_closes_keeps_everybody_where_they_are(walker, place):
+def test_participants_keep_their_place_when_the_study_closes(walker, place):
     brought(walker, place)
     before = counted(walker)
     tomorrow = [{"days": [(timezone.now().weekday() + 2) % 7], "start": "09:00", "end": "10:00"}]

@@ -54,14 +54,14 @@ def test_a_half_done_draft_is_kept_with_its_problems():
     assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
 
 
-def test_saving_what_says_the_same_keeps_the_digest_that_was_rehearsed():
+def test_saving_an_equal_definition_keeps_the_rehearsed_digest():
     row = store(small_study(), NOW)
     photo = {"checkpoint": 2, "mirror": "mirror", "radius": 1.5}
     courses = [{**STUDY["courses"][0], "zones": [], "photo": photo}]
     assert publishing.save_draft(row, small_study(courses=courses)).sha256 == row.sha256
 
 
-def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
+def test_an_empty_study_has_the_usual_steps_and_lists_what_is_missing():
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
     steps = [step.key for step in row.as_definition().steps]
     assert steps == ["consent", "about_you", "instructions", "task", "experience", "thanks"]

@@ -258,7 +258,7 @@ def test_a_file_that_takes_too_long_is_refused_with_a_sentence(client, researche
     assert "The file needs too much memory or time" in read(choose(client, FRUIT)).text
 
 
-def test_the_command_says_so_as_well(tmp_path, monkeypatch):
+def test_command_prints_the_same_report(tmp_path, monkeypatch):
     (tmp_path / "fruit.qsf").write_bytes(FRUIT)
     monkeypatch.setattr(
         limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)

@@ -103,14 +103,14 @@ def test_record_is_requested_once_and_preloads_are_used(page, monkeypatch):
     monkeypatch.setattr(
         "experiments.research.views.replay", lambda *given: made_of.append(given) or replay(*given)
     )
-    said = []
-    page.on("console", lambda message: said.append(message.text))
+    logged = []
+    page.on("console", lambda message: logged.append(message.text))
     page.goto(reverse("replay", args=[made().pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     page.goto(reverse("replay", args=[Session.objects.get().pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     assert len(made_of) == 2  # once for each time that the page was opened
-    assert not [text for text in said if "preload" in text]
+    assert not [text for text in logged if "preload" in text]
 
 
 def test_replay_plays_to_the_end_and_again(page):
@@ -142,7 +142,7 @@ def test_events_are_filtered_by_source(page):
     expect(page.get_by_role("button", name="checkpoint")).to_be_visible()
 
 
-def test_session_without_states_or_not_loadable_says_so(page):
+def test_page_reports_a_session_without_states_or_that_cannot_be_loaded(page):
     session = made()
     StateChunk.objects.all().delete()
     page.goto(reverse("replay", args=[session.pk]))

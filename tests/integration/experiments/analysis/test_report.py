@@ -128,7 +128,7 @@ def test_figures_contain_no_date_and_no_path(written):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("participants", [0, 1])
-def test_reports_on_nobody_and_on_one_are_written(participants, tmp_path):
+def test_reports_on_no_and_on_one_participant_are_written(participants, tmp_path):
     files = analyse(made_up(np.random.default_rng(52), participants), tmp_path)
     assert all(path.stat().st_size for path in files)
 

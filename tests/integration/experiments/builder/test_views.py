@@ -665,7 +665,7 @@ def test_a_zone_is_added_where_the_map_was_clicked(client, study):
     assert stored().courses[0].zones[0].polygon == ((1.5, 2.5), (2.5, 2.5), (2.5, 3.5), (1.5, 3.5))
 
 
-def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, boss):
+def test_course_without_a_floor_plan_has_a_note_and_can_be_edited(client, boss):
     row = publishing.store(small_study(), NOW)
     assert "This site has no floor plan" in read(client.get(section(row, "courses", 0))).text
     assert send(client, section(row, "courses", 0), checkpoints__1__x="2.5").status_code == 302

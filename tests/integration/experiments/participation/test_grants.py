@@ -114,7 +114,7 @@ def test_first_grant_assigns_a_condition_and_fixes_its_terms(robot, ada):
     assert track_of(drive) == msgspec.convert(course, CourseTrack)
 
 
-def test_presence_is_asked_only_where_the_condition_says_so(robot, ada):
+def test_presence_is_asked_only_in_conditions_that_require_it(robot, ada):
     pending = grants.pending_drive(ada.user, robot)
     condition = pending.definition.conditions[0]
     asked = msgspec.structs.replace(condition, idle_seconds=45.0)
@@ -221,7 +221,7 @@ def test_no_drive_begins_in_a_closed_study(robot, ada, closed):
     assert take(robot, ada.user) == store.Refused(reason="closed")
 
 
-def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
+def test_an_exclusive_study_reserves_its_robot(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
     RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
@@ -247,7 +247,7 @@ def test_study_drives_are_private_unless_the_study_allows_observers(robot):
     assert private == queries.PrivateDrive(granted.session, may_watch=False)
 
 
-def test_a_study_lets_others_watch_if_it_says_so_and_no_older_study_changes_by_that(robot):
+def test_studies_can_allow_observers_and_older_studies_keep_their_digest(robot):
     was_frozen_as = digest(from_stored(small_study()))
     assert digest(from_stored(small_study(observers_allowed=False))) == was_frozen_as
     participant = p.comer(p.published(small_study(observers_allowed=True)), person("ada"))
@@ -286,7 +286,7 @@ def test_a_visitor_without_an_invitation_costs_one_query(robot, django_assert_nu
         assert grants.invited_to(invited, [robot]) == [robot]
 
 
-def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study):
+def test_other_visitors_drive_freely_if_the_study_is_not_exclusive(robot, study):
     granted = take(robot, person("ben"))
     assert granted.terms == terms.FREE
     assert not Drive.objects.exists()

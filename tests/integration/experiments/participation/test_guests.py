@@ -107,7 +107,7 @@ def test_the_home_page_leads_to_a_study_without_an_account(client, study):
     assert FRONT in [e.attributes.get("href") for e in read(client.get("/")).all("a")]
 
 
-def test_the_next_person_at_a_shared_computer_begins_anew(client, study):
+def test_next_participant_at_a_shared_computer_starts_as_a_new_one(client, study):
     take_part(client)
     page = read(client.get(FRONT))
     assert "Does someone else want to take part on this device?" in page.text
@@ -149,7 +149,7 @@ def test_a_second_person_at_the_same_computer_opens_their_own_link(client, study
     assert User.objects.count() == 2
 
 
-def test_a_link_that_a_guest_used_takes_nobody_with_an_account(client, study):
+def test_link_used_by_a_guest_refuses_accounts(client, study):
     address = link_to(study)
     Client().post(address)
     client.force_login(person())
@@ -230,7 +230,7 @@ def test_a_guest_drives_no_practice_robot_and_none_by_a_permit(client, study):
     assert not may_drive(guest, asked)
 
 
-def test_a_guest_of_one_study_begins_anew_in_another(client, study):
+def test_a_guest_of_one_study_is_a_new_guest_in_another(client, study):
     take_part(client)
     p.published(p.of("assistance"), entry="code")
     answer = client.post("/studies/assistance/")

@@ -65,7 +65,7 @@ def test_going_on_happens_once_however_often_it_is_asked(study):
     }
 
 
-def test_a_place_of_another_visit_or_study_moves_nobody(study):
+def test_a_place_of_another_visit_or_study_is_refused(study):
     participant = p.comer(study, person())
     for there in (
         JourneyPlace(2, 0, "consent"),
@@ -148,7 +148,7 @@ def test_ending_is_technical_until_a_drive_with_motion_succeeds(study):
     assert participant.completion == "done"
 
 
-def test_codes_differ_by_ending_and_study_and_are_the_same_for_everybody(study, twice):
+def test_codes_depend_on_ending_and_study_alone(study, twice):
     codes = {completion.code(one, ending) for one in (study, twice) for ending in ENDINGS}
     assert len(codes) == 8  # without a recruitment site, those who drove share a code
     assert completion.code(study, "done") == completion.code(Study.objects.get(pk=study.pk), "done")
@@ -197,7 +197,7 @@ def test_a_study_is_full_when_every_cell_has_its_quota():
     assert not progress.is_full(study, "open", p.later(0), ParticipantKind.PILOT)
 
 
-def test_before_the_assignment_all_conditions_that_are_open_to_somebody_are_possible(study):
+def test_all_conditions_open_to_a_participant_are_possible_before_assignment(study):
     for name, access, series in (("ada", "open", "giraff"), ("eva", "invitation", "rhodon")):
         participant = p.comer(study, person(name), access=access)
         assert {one.robot for one in progress.open_conditions(participant)} == {series}

@@ -223,9 +223,7 @@ def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk)
 @pytest.mark.parametrize(
     ("asks", "ticked", "stored"), [(True, True, True), (True, False, False), (False, True, None)]
 )
-def test_agreement_to_publishing_is_a_tick_of_its_own_that_nobody_has_to_set(
-    robot, asks, ticked, stored
-):
+def test_agreement_to_publishing_is_an_optional_tick_of_its_own(robot, asks, ticked, stored):
     definition = p.of("exploration")
     consent = p.msgspec.structs.replace(definition.consent, sharing=dict(SHARING) if asks else {})
     whole = p.msgspec.structs.replace(definition, steps=(consent, *definition.steps[1:]))
@@ -275,7 +273,7 @@ def test_declining_leaves_a_row_without_a_name_and_allows_a_return(walk):
 
 
 @pytest.mark.parametrize("gives_code", [False, True])
-def test_a_minor_is_turned_away_and_gets_a_code_only_where_the_study_says_so(robot, gives_code):
+def test_a_refused_minor_gets_a_code_only_if_the_study_gives_one(robot, gives_code):
     definition = p.of("exploration")
     consent, *others = p.msgspec.to_builtins(definition)["steps"]
     steps = [consent | {"minimum_age": 18, "minors": "refused"}, *others]
@@ -419,7 +417,7 @@ def test_only_progress_is_kept_where_the_last_place_may_go_to_another(at_task):
     assert "Your place in the study is kept" not in waiting.text
 
 
-def test_the_drive_page_is_told_of_the_study(at_task, robot):
+def test_drive_page_receives_the_study(at_task, robot):
     walker = at_task()
     page = walker.look()
     assert "Now it's your turn to drive. You have 15 minutes" in page.text

@@ -97,7 +97,7 @@ def test_a_post_by_a_stranger_leads_to_the_sign_up(client, study):
         ({"opening_hours": p.in_two_days()}, "Closed at the moment"),
     ],
 )
-def test_a_study_that_takes_nobody_now_says_why_and_takes_nobody(client, study, fields, words):
+def test_study_that_admits_no_participants_now_explains_why(client, study, fields, words):
     signed_in(client)
     Study.objects.update(**fields)
     if words == "This study is full":
@@ -170,7 +170,7 @@ def test_reading_a_personal_link_uses_nothing_up_and_pressing_the_button_does(cl
     assert Participant.objects.count() == 1
 
 
-def test_a_used_link_takes_nobody_else(client, study):
+def test_a_used_link_admits_no_other_participant(client, study):
     _row, token = links.make(study, now=timezone.now())
     links.redeem(token, person("first"), language="en", now=timezone.now())
     signed_in(client, "second")
@@ -190,7 +190,7 @@ def test_a_used_link_takes_nobody_else(client, study):
         ({"token_sha256": "0" * 64}, "This invitation doesn't exist"),
     ],
 )
-def test_a_link_that_does_not_hold_says_why(client, study, change, words):
+def test_an_invalid_link_has_a_reason(client, study, change, words):
     _row, token = links.make(study, now=timezone.now())
     PersonalLink.objects.update(**change)
     signed_in(client)
@@ -207,7 +207,7 @@ def test_a_link_that_does_not_hold_says_why(client, study, change, words):
         ("draft", "has not started yet"),
     ],
 )
-def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, status, words):
+def test_a_link_to_a_study_that_is_not_open_admits_no_participant(client, study, status, words):
     _row, token = links.make(study, now=timezone.now())
     Study.objects.update(status=status)
     signed_in(client)
@@ -342,7 +342,7 @@ def test_drives_of_those_who_take_part_are_never_cleared(study):
     assert Session.objects.count() == 1
 
 
-def test_other_drives_and_studies_of_somebody_who_withdraws_stay(walker):
+def test_withdrawal_keeps_other_drives_and_studies(walker):
     p.session_of(walker.robot, walker.participant, outcome="completed", moved=True)
     other = p.comer(p.published(p.of("assistance")), walker.user)
     deletion.withdraw(walker.participant, timezone.now())
@@ -363,9 +363,7 @@ def test_an_account_is_deleted_only_when_its_name_is_typed(walker):
     assert walker.client.get(reverse("profile")).status_code == 302
 
 
-def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_runs_the_site(
-    walker, client
-):
+def test_account_of_a_driver_or_an_administrator_is_not_deleted(walker, client):
     def delete():
         page = reverse("own_data_delete")
         return read(walker.client.post(page, {"username": "ada"}, follow=True))

@@ -159,7 +159,7 @@ def test_two_browsers_that_join_at_once_become_one_participant(recruit, monkeypa
     assert other.client.get(STEP).status_code == ada.client.get(STEP).status_code == 200
 
 
-def test_the_next_person_at_the_same_computer_is_somebody_else(recruit, ada):
+def test_another_id_at_the_same_computer_is_another_participant(recruit, ada):
     bob = recruit(ada.study, PROLIFIC_PID="b0b", SESSION_ID="other")
     bob.client = ada.client
     assert "Take part" in bob.arrive().text
@@ -194,7 +194,7 @@ def test_an_id_that_joined_with_an_account_is_not_let_in_without_its_password(re
     assert Participant.objects.count() == 1
 
 
-def test_an_id_alone_shows_nobody_the_participants_data(recruit, ada):
+def test_an_id_alone_does_not_show_the_participants_data(recruit, ada):
     code = ada.participant.code
     pages = ("/profile/data/", "/profile/data.json", f"/taking-part/{code}/consent/consent.txt")
     thief = recruit(ada.study, SESSION_ID="")

@@ -166,7 +166,7 @@ def test_an_old_report_without_issues_is_readable(client, owner, study):
     assert "Hm." in text
 
 
-def test_a_rehearsal_of_an_older_draft_says_that_it_does_not_count(client, owner, study):
+def test_page_states_that_a_rehearsal_of_an_older_draft_does_not_count(client, owner, study):
     row = running(study)
     publishing.save_draft(study, small_study(title={"en": "Hut"}))
     runs.finish(row.pk, RehearsalReport(6, passed=True))
@@ -176,7 +176,7 @@ def test_a_rehearsal_of_an_older_draft_says_that_it_does_not_count(client, owner
     assert "Passed. The study has changed since that rehearsal started" in text
 
 
-def test_a_study_that_bots_cannot_play_says_why_and_is_not_started(client, owner, study):
+def test_page_explains_why_bots_cannot_play_a_study(client, owner, study):
     with_operator = publishing.store(
         small_study(**wizard_document(study={"slug": "cabin-study", "version": 2})), timezone.now()
     )

@@ -383,7 +383,7 @@ def note_elsewhere(number):
         connection.close()
 
 
-def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(robot, caplog):
+def test_unreadable_drive_is_logged_once_and_does_not_delay_others(robot, caplog):
     broken = begin(robot)
     Drive.objects.update(assigned={"track": {"dock": "nonsense"}})
     close(broken, outcome="cancelled", reason="left", at=timezone.now().timestamp())

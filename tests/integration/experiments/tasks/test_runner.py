@@ -172,7 +172,7 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
     assert ended() == ("completed", "task")
 
 
-def test_a_page_that_has_missed_a_notice_is_told_again_within_ten_seconds(robot):
+def test_missed_notice_is_repeated_within_ten_seconds(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
     hear(runner, drive, started_drive(start).records)

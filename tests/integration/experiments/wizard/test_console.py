@@ -318,7 +318,7 @@ def test_a_lease_that_moves_to_another_session_forgets_its_operator(robot):
     assert (lease.wizard_peer, lease.wizard_epoch) == ("", 5)
 
 
-def test_page_of_a_study_without_hidden_operator_says_so(client):
+def test_page_states_that_a_study_has_no_hidden_operator(client):
     plain = publishing.store(small_study(slug="plain"), NOW)
     owner = person("olga", is_staff=True)
     StudyMember.objects.create(slug=plain.slug, user=owner, role=StudyMember.Role.OWNER)

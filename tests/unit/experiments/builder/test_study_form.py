@@ -105,7 +105,7 @@ def test_numbers_that_are_no_lengths_of_time_are_refused(text):
     assert "minutes" in errors(TaskStep, StudyPartForm.read(TaskStep, task(minutes=text)))
 
 
-def test_an_empty_field_has_the_value_that_the_class_says():
+def test_an_empty_field_has_the_default_of_its_class():
     found = StudyPartForm.read(TaskStep, task(minutes=""))
     assert found.get("minutes") is None
     assert msgspec.convert({"kind": "task", **found}, TaskStep).minutes == 15.0

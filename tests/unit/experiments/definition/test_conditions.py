@@ -62,7 +62,7 @@ def as_assigned() -> Applied:
     return applied
 
 
-def test_a_condition_is_set_on_the_robot_with_every_door_said():
+def test_configuration_of_a_condition_names_the_state_of_every_door():
     message = config(CONDITION, ("lab-door", "lounge-door"), stamp=5.0, seed=11)
     assert message.doors == {"lab-door": "closed", "lounge-door": "open"}
     assert (message.assist, message.video_network) == ("slow", None)

@@ -55,7 +55,7 @@ def test_a_course_that_does_not_fit_the_plan_is_an_error():
 
 @examples(50, thorough=1000)
 @given(start=points, end=points, x=metres, y=metres, theta=st.floats(-3.1, 3.1))
-def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
+def test_distance_to_the_mirror_is_half_that_to_the_reflection(start, end, x, y, theta):
     assume(math.dist(start, end) > 0.5)
     sight = PhotoSpot(CourseStop(1, 0.0, 0.0, 1.0), 1.0, 0.6, start, end).sight(Pose2D(x, y, theta))
     # The reflection of the point, by complex numbers: z' = a + conj((z - a) / d) d with d along the

@@ -94,7 +94,7 @@ def test_papers_study_has_no_assistance_and_asks_only_giraffs_drivers_for_a_phot
     assert study.analysis.interval == "normal"
 
 
-def test_the_second_study_has_everybody_drive_with_and_without_assistance():
+def test_participants_of_the_second_study_drive_with_and_without_assistance():
     study = shipped()["assistance"]
     assert study.allocation.design == "within"
     found = {condition.key: condition.assist for condition in study.conditions}

@@ -86,7 +86,7 @@ class Month:
 @pytest.mark.parametrize(
     "leaving", [(0.1, 0.1), (0.1, 0.5), (0.5, 0.1, 0.3), (0.1, 0.2, 0.3, 0.4, 0.5, 0.5)]
 )
-def test_cells_differ_by_no_more_than_are_under_way_whoever_leaves(most, leaving):
+def test_cells_differ_by_at_most_the_participants_under_way(most, leaving):
     names = [f"c{n}" for n in range(len(leaving))]
     month = Month(names, dict(zip(names, leaving, strict=True)), 0.0, seed=most)
     for _ in range(300):
@@ -106,7 +106,7 @@ def test_cells_differ_by_no_more_than_are_under_way_whoever_leaves(most, leaving
     seed=st.integers(0, 2**32 - 1),
     steps=st.lists(st.booleans(), max_size=200),
 )
-def test_whatever_happens_the_cells_stay_even_and_nobody_who_drove_is_lost_from_them(
+def test_cells_stay_even_and_keep_every_participant_who_drove(
     *, leaving, most, failing, refills, seed, steps
 ):
     names = [f"c{n}" for n in range(len(leaving))]
@@ -127,7 +127,7 @@ def test_whatever_happens_the_cells_stay_even_and_nobody_who_drove_is_lost_from_
     assert all(number <= refills for number in month.count("refilled").values())
 
 
-def test_a_quota_is_met_exactly_and_then_nobody_is_admitted():
+def test_quota_is_met_exactly_and_then_closes_admission():
     leaving, refill = {"a": 0.4, "b": 0.1, "c": 0.5}, Refill(outcomes=("robot_fault",), most=5)
     month = Month(["a", "b", "c"], leaving, 0.3, seed=3, refill=refill, quota=7)
     for _ in range(400):
@@ -139,7 +139,7 @@ def test_a_quota_is_met_exactly_and_then_nobody_is_admitted():
     assert month.count("filled") == {"a": 7, "b": 7, "c": 7}
 
 
-def test_place_is_given_to_another_as_often_as_the_rule_says():
+def test_place_is_refilled_as_often_as_the_rule_allows():
     refill = Refill(outcomes=("connection_lost",), most=1)
     assert stage_at_end("cancelled", refill, 0) == "filled"
     assert stage_at_end("timed_out", refill, 0) == "filled"
@@ -229,7 +229,7 @@ def test_numbers_are_grouped_by_their_limits():
     assert levels == ["below 30", "from 30", "from 30", "from 50", "from 50", ""]
 
 
-def test_without_a_cell_nobody_is_assigned():
+def test_there_is_no_assignment_without_a_cell():
     assert choose([], [], SURE, 1) is None
     assert cells(small_study(), "invitation") == ()
 

@@ -97,5 +97,5 @@ def test_complete_cases_of_the_orders_differ_by_at_most_3_in_any_month_with_drop
 
 
 @pytest.mark.slow
-def test_if_nobody_were_ever_taken_for_gone_they_would_differ_by_far_more():
+def test_cells_differ_far_more_if_absence_never_frees_a_place():
     assert max(differences(balanced("ab"), float("inf"))) > 6

@@ -52,7 +52,7 @@ def test_texts_are_in_the_participants_language():
     assert [zone["title"] for zone in page["zones"]] == ["Pasillo", "Laboratorio", "Sala de estar"]
 
 
-def test_a_condition_says_what_may_be_used_and_stops_and_photos_are_never_kept_from_anybody():
+def test_condition_limits_controls_but_never_stops_and_photos():
     page = guide(None, "all_open")
     assert (page["controllers"], page["ownActions"]) == (["keyboard"], [])
     assert (page["assist"], page["interface"]) == ("off", "standard")
@@ -60,7 +60,7 @@ def test_a_condition_says_what_may_be_used_and_stops_and_photos_are_never_kept_f
     assert not {"goto", "dock", "undock"} & set(page["actions"])
 
 
-def test_before_the_assignment_the_page_offers_what_any_condition_allows_and_fixes_what_all_share():
+def test_page_before_assignment_offers_what_any_condition_allows():
     first, second = STUDY["conditions"]
     conditions = [
         {**first, "actions": ["places"]},
@@ -97,7 +97,7 @@ def test_a_plan_without_the_courses_station_is_refused():
         guide(None, "all_open", plan=bare)
 
 
-def test_after_a_drive_the_page_says_what_really_comes_next():
+def test_page_after_a_drive_names_the_next_step():
     steps = {step.key: step for step in shipped()["assistance"].steps}
 
     def after(*keys):

@@ -70,7 +70,7 @@ def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
     assert len(set(places)) == len(places)
 
 
-def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
+def test_a_skipped_step_is_passed_over_also_from_itself():
     places = journey.route(TWICE, 2, 1)
     for step in ("consent", "you"):
         following = journey.following(places, JourneyPlace(1, 0, step), {"you"})
@@ -113,7 +113,7 @@ def test_progress_counts_from_one_to_all():
     assert journey.share_done(places, places[-1]) == (9, 9)
 
 
-def test_steps_that_a_visit_skips_are_not_counted_unless_one_stands_on_them():
+def test_skipped_steps_are_not_counted_unless_they_are_current():
     places = journey.route(TWICE, 2, 2)
     first = next(one for one in places if one.step not in {"consent", "you"})
     assert journey.share_done(places, first, {"consent", "you"}) == (1, 7)

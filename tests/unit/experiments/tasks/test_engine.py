@@ -38,7 +38,7 @@ from tests.support.studies.task_drives import (
 )
 
 
-def test_the_whole_task_is_told_from_states_and_the_first_picture_alone():
+def test_states_and_the_first_frame_give_the_events_of_the_whole_task():
     engine = run(whole_drive().records)
     assert milestones(engine) == [
         ("task_started", None),
@@ -85,7 +85,7 @@ def test_a_door_that_the_condition_closes_is_not_missed():
     assert engine.result.outcome == "completed"
 
 
-def test_docking_early_is_told_with_what_is_next_and_ends_nothing():
+def test_docking_early_is_an_event_with_the_next_checkpoint_and_ends_nothing():
     drive = Drive().go(FIRST, HOME).dock().see(docked=True)
     engine = run(drive.records)
     assert milestones(engine)[-1] == ("docked_early", 2)
@@ -106,7 +106,7 @@ def test_contacts_that_flicker_in_the_station_are_one_docking():
     assert [event for event, _ in milestones(run(drive.records))].count("docked_early") == 1
 
 
-def test_a_later_checkpoint_is_told_once_a_visit_and_counts_for_nothing():
+def test_a_later_checkpoint_is_out_of_order_once_an_approach_and_does_not_count():
     drive = Drive().go(*BY_ARCHWAY, SECOND, (6.9, 2.1), SECOND)
     engine = run(drive.records)
     assert milestones(engine)[-1] == ("out_of_order", 2)

@@ -277,7 +277,7 @@ def test_a_matrix_of_several_fields_that_is_refused_is_left_out_as_a_whole():
     assert remarks(document, "a") == remarks(document, "b")
 
 
-def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
+def test_matrix_with_some_required_rows_or_a_ranking_is_reported():
     common = {"choices": YES_NO_MAYBE, "matrix": "m"}
     document = redcap(
         field("a", "radio", required="y", ranking="y", header="Rank", **common),

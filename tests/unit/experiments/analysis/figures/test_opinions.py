@@ -50,7 +50,7 @@ def test_each_mean_has_its_place_and_the_interval_of_table_5(dataset):
         assert f"{abs(mean):.2f} ± {half:.2f}" in " ".join(one.get_text() for one in axes.texts)
 
 
-def test_a_disc_is_as_large_as_its_share_and_leads_to_who_said_so(dataset):
+def test_area_of_a_disc_is_its_share_and_it_links_to_the_sessions(dataset):
     drawing = figure_8a(dataset)
     discs = {one.get_gid(): one for one in drawing.figure.axes[0].collections if one.get_gid()}
     assert set(drawing.behind) >= set(discs)
@@ -71,7 +71,7 @@ def test_the_whole_scale_is_shown_wherever_the_mean_is(dataset, value):
     assert low < -2.0 < 2.0 < high
 
 
-def test_points_and_discs_are_told_apart_without_colours(dataset):
+def test_points_and_discs_can_be_distinguished_without_colours(dataset):
     (axes,) = figure_8a(dataset).figure.axes
     point = next(line.get_color() for line in axes.lines if line.get_gid())
     rgb = next(one for one in axes.collections if one.get_gid()).get_facecolor()[0]

@@ -71,7 +71,7 @@ def test_a_view_is_what_was_driven_with_some_room_and_no_more_than_the_plan(data
     assert (view_of(plan, []) == whole).all()
 
 
-def test_a_study_that_nobody_drove_has_the_plan_alone(dataset):
+def test_a_study_without_drives_shows_only_the_plan(dataset):
     drawing = figure_7(replace(dataset, sessions=()), [])
     (axes,) = drawing.figure.axes
     assert axes.get_title("left") == "(a) Giraff\n0 sessions of 0 participants"

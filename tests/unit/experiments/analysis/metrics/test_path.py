@@ -51,7 +51,7 @@ def around(radius=0.8, speed=0.3, seconds=120.0):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("sigma", [0.005, 0.02, 0.05])
-def test_a_robot_that_stands_for_two_minutes_drives_next_to_nothing(sigma, seed):
+def test_path_of_a_robot_at_rest_for_two_minutes_is_almost_zero(sigma, seed):
     stands = noisy(np.zeros((480, 2)), sigma, seed)
     raw = np.hypot(*np.diff(stands, axis=0).T).sum()
     assert raw > 480 * sigma
@@ -138,7 +138,7 @@ def test_without_an_odometer_that_ever_turned_the_position_counts():
         assert found.length == pytest.approx(truth[-1, 0], abs=0.011)
 
 
-def test_a_position_that_is_told_four_times_is_one_measurement():
+def test_repeated_position_is_one_measurement():
     stands = np.repeat(noisy(np.zeros((120, 2))), 4, axis=0)
     assert path_of(stands).length < 0.3
 

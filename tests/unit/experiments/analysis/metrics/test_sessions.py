@@ -134,7 +134,7 @@ def test_docking_counts_once_every_checkpoint_was_passed():
     assert milestones(session, reversed(late), course).docked == 40.0
 
 
-def test_an_event_that_says_nonsense_is_no_milestone():
+def test_malformed_event_is_no_milestone():
     session = SessionRecord("s", "a", "giraff")
     events = [
         EventRecord("s", 1.0, "task", "checkpoint", data)

@@ -90,7 +90,7 @@ def test_incomplete_cases_lack_a_drive_or_answers():
     ]
 
 
-def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
+def test_platform_faults_and_researchers_exclude_sessions_but_no_participant():
     data = dataset(None)
     first, second, third = data.sessions
     first = replace(first, fault_side="platform", fault_part="web_process")

@@ -133,7 +133,7 @@ def test_a_level_without_a_failure_has_a_test_and_no_coefficients():
     assert found.remark == "no estimate: the effects separate the outcomes completely"
 
 
-def test_why_a_model_cannot_be_fitted_is_said():
+def test_error_explains_why_a_model_cannot_be_fitted():
     rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(2)]
     design = design_of(LEVELS, ("delay",), rows)
     with pytest.raises(CannotFitError, match="no variance"):

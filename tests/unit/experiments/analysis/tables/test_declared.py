@@ -158,7 +158,7 @@ def test_a_mixed_model_finds_the_effect_that_was_planted_and_no_other():
     assert 0.8 < found["ICC"] < 1.0
 
 
-def test_a_model_that_cannot_be_fitted_says_why_and_a_misspelt_measure_is_told():
+def test_remarks_explain_models_that_cannot_be_fitted_and_unknown_measures():
     model = {"key": "model", "measures": ["task_time", "task_tim"]}
     model |= {"test": "mixed", "effects": ["delay"]}
     means = {"key": "means", "measures": ["task_tim"], "contrasts": [CONTRAST]}
@@ -359,7 +359,7 @@ def test_a_model_of_counts_has_the_effects_of_its_factors():
     assert coefficients.rows[0][1].text == "(intercept)"
 
 
-def test_a_test_that_is_not_for_a_measure_says_so():
+def test_remark_explains_a_test_that_does_not_fit_the_measure():
     study = study_of(
         {"key": "d", "measures": ["speed"], "test": "counts", "contrasts": [CONTRAST]},
         {"key": "m", "measures": ["stops"], "test": "times", "effects": ["delay"]},

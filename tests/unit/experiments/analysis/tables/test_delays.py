@@ -42,7 +42,7 @@ def test_a_condition_has_its_networks_in_words_and_the_medians_of_its_sessions()
     assert cells(table, second)["Command, median"].sessions == ("p1-" + WORSE,)
 
 
-def test_a_condition_that_nobody_had_has_no_ages():
+def test_a_condition_without_sessions_has_no_ages():
     table = ages(Dataset(STUDY), [])
     assert [[cell.value for cell in row[5:]] for row in table.rows] == [[None] * 2 * len(AGES)] * 2
 

@@ -143,7 +143,7 @@ def test_learning_is_the_difference_within_visitors():
     assert cell(sessions, row(sessions, "visit", "2"), "Sessions") == 12
 
 
-def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
+def test_row_has_test_pairs_degrees_of_freedom_effect_and_both_intervals():
     rng = np.random.default_rng(39)
     keys = [one.key for one in WITHIN.conditions][:2]
     own = [
@@ -191,7 +191,7 @@ def test_metrics_with_the_same_values_are_one_member_of_the_family():
 
 
 @pytest.mark.parametrize("size", [0, 1, 2])
-def test_studies_of_hardly_anybody_break_nothing(size):
+def test_studies_of_up_to_two_participants_have_tables(size):
     dataset = made_up(np.random.default_rng(38), size)
     found = measure_all(dataset)
     for table in (

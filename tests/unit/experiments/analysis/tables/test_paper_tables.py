@@ -200,7 +200,7 @@ def test_without_a_questionnaire_tables_are_empty_and_no_error():
         assert as_latex(table(dataset))
 
 
-def test_table_1_has_a_column_a_robot_also_for_one_that_nobody_described():
+def test_table_1_has_a_column_for_each_robot_also_without_a_description():
     dataset = answered({"q1": 1})
     assert table_1(dataset).head == ("", "giraff")
     assert labelled(table_1(DATASET))["RCA"][2].text == "ROS"
@@ -255,7 +255,7 @@ def test_those_to_whom_a_question_does_not_apply_are_counted_apart():
     assert ("not reported", 3) in rows
 
 
-def test_table_5_treats_what_does_not_apply_as_missing_and_says_how_often():
+def test_table_5_treats_does_not_apply_as_missing_and_notes_the_count():
     data = answered({"q1": 2, "q2": 1}, {"q1": 1}, {"q2": 0})
     assert "Does not apply" not in " ".join(table_5(data).notes)
     declined = tuple(

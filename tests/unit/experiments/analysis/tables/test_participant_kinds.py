@@ -58,7 +58,7 @@ def test_the_results_in_words_begin_with_whose_they_are(of_bots, tmp_path):
         assert "are 3 bots here; bots are programs that took part" in first
 
 
-def test_the_sheet_counts_everybody_and_those_whom_it_is_about(of_bots, made):
+def test_sheet_counts_all_participants_and_those_of_its_kind(of_bots, made):
     (sheet,) = [table for table in of_bots.tables if table.name == "reporting-sheet"]
     text = as_markdown(sheet)
     assert text.startswith(f"# {SAID}: Reporting sheet\n")

@@ -42,7 +42,7 @@ def test_a_record_at_a_bound_is_good(values):
     assert not problems_of(record(**values), RULES)
 
 
-def test_wrong_condition_and_operator_fail_a_record_where_the_study_says_so():
+def test_mismatch_and_operator_fail_a_record_if_the_study_requires_it():
     session = SessionRecord(
         "s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True
     )

@@ -87,7 +87,7 @@ def test_values_that_a_robot_does_not_report_are_unknown():
     assert len(found.notes) == 1
 
 
-def test_a_condition_that_nobody_had_has_no_numbers():
+def test_a_condition_without_sessions_has_no_numbers():
     (first, _) = safety_limits(Dataset(STUDY), []).rows
     assert [cell.value for cell in first[1:3]] == [0, 0]
     assert all(cell.value is None or math.isnan(cell.value) for cell in first[3:])

@@ -264,7 +264,7 @@ def test_a_figure_has_a_panel_for_each_scale_with_the_means_of_the_table():
     assert lines["mean-liking-alone-giraff"].get_xdata()[0] == wanted.value
 
 
-def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
+def test_table_5_counts_reversed_statements_from_the_other_end_with_a_note():
     dataset = dataset_of(study_of(), questionnaire=impression("likert"))
     table = table_5(dataset)
     labels = [label for (label,) in rows(table, "")]
