@@ -39,7 +39,7 @@ def is_signed_in(client: Client) -> bool:
 
 
 @pytest.mark.parametrize("kind", [PARTICIPANT, VISITOR])
-def test_a_guest_has_no_password_and_a_name_that_nobody_types(kind):
+def test_a_guest_has_no_password_and_a_generated_name(kind):
     guest, other = create_guest(kind), create_guest(kind)
     assert not guest.has_usable_password()
     assert guest.is_guest
@@ -153,7 +153,7 @@ def test_the_administration_lists_guests_by_kind_and_does_not_change_it(admin_cl
     assert guest.kind == PARTICIPANT
 
 
-def test_guests_lose_the_name_that_an_earlier_version_gave_them_and_nobody_else_does():
+def test_only_guests_lose_the_name_that_an_earlier_version_gave_them():
     migration = importlib.import_module("accounts.migrations.0005_guests_without_name")
     given, named, full = create_guest(VISITOR), create_guest(VISITOR), person("Guest")
     User.objects.filter(pk__in=(given.pk, full.pk)).update(display_name="Invitado")

@@ -33,7 +33,7 @@ def view_of(**options):
     )
 
 
-def test_the_third_of_two_is_told_to_wait_and_for_how_long(rf):
+def test_request_beyond_the_limit_gets_the_seconds_to_wait(rf):
     view = view_of(json=True)
     answers = [asking(rf, view) for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]

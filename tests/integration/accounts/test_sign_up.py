@@ -6,12 +6,8 @@ from tests.support.browsers.html_page import faults, read
 from tests.support.people import PASSWORD, person
 
 pytestmark = pytest.mark.django_db
-FORM = {
-    "username": "ada",
-    "display_name": "Ada Lovelace",
-    "email": "Ada@Example.org",
-    "password1": PASSWORD,
-}
+NAMES = {"username": "ada", "display_name": "Ada Lovelace", "email": "Ada@Example.org"}
+FORM = NAMES | {"password1": PASSWORD}
 
 
 def sign_up(client, **changes):
@@ -23,17 +19,13 @@ def test_a_visitor_signs_up_with_one_form_and_is_signed_in(client):
     assert response.status_code == 302
     assert response.url == reverse("home")
     user = User.objects.get(username="ada")
-    assert (user.display_name, user.shown_name, user.email) == (
-        "Ada Lovelace",
-        "Ada Lovelace",
-        "ada@example.org",
-    )
+    assert user.display_name == user.shown_name == "Ada Lovelace"
+    assert user.email == "ada@example.org"
     assert client.get(reverse("home")).context["user"] == user
 
 
 def test_sign_up_leads_on_to_the_robot_that_was_asked_for(client):
-    response = sign_up(client, next="/robots/giraff/")
-    assert response.url == "/robots/giraff/"
+    assert sign_up(client, next="/robots/giraff/").url == "/robots/giraff/"
 
 
 def test_sign_up_leads_to_no_other_site(client):

@@ -24,7 +24,7 @@ USTED = re.compile(
 )
 
 
-def said(client, address: str, form: dict[str, str] | None = None) -> str:
+def page_text(client, address: str, form: dict[str, str] | None = None) -> str:
     """Return what a Spanish reader reads after they have sent a form, or opened a page."""
     answer = (
         client.get(address, headers=SPANISH)
@@ -40,44 +40,46 @@ def test_the_forms_of_an_account_address_their_reader_as_tu(client):
     signup = reverse("account_signup")
     for password in ("short", "password1", "ada-lovelace"):
         form = {"username": "ada-lovelace", "email": "no address", "password1": password}
-        assert "Escribe una dirección de correo" in said(client, signup, form)
-    said(client, signup, {"username": "a b", "password1": PASSWORD})
+        assert "Escribe una dirección de correo" in page_text(client, signup, form)
+    page_text(client, signup, {"username": "a b", "password1": PASSWORD})
     person(email="ada@example.org")
     for login in ("ada", "ada@example.org"):
         wrong = {"login": login, "password": "wrong"}
-        assert "no son correct" in said(client, reverse("account_login"), wrong)
+        assert "no son correct" in page_text(client, reverse("account_login"), wrong)
     client.force_login(person("bea"))
     wrong = {"oldpassword": "wrong", "password1": "password1", "password2": "other"}
-    text = said(client, reverse("account_change_password"), wrong)
+    text = page_text(client, reverse("account_change_password"), wrong)
     assert "Escribe tu contraseña actual." in text
     assert "Cerrar sesión" in text or "Salir" in text
-    assert "Has cerrado la sesión." in said(client, reverse("account_logout"), {})
+    assert "Has cerrado la sesión." in page_text(client, reverse("account_logout"), {})
 
 
 def test_the_mails_of_an_account_address_their_reader_as_tu(client):
     person(email="ada@example.org")
-    said(client, reverse("account_reset_password"), {"email": "ada@example.org"})
-    said(client, reverse("account_reset_password"), {"email": "nobody@example.org"})
-    said(client, reverse("account_signup"), {"username": "eva", "email": "ada@example.org"})
+    page_text(client, reverse("account_reset_password"), {"email": "ada@example.org"})
+    page_text(client, reverse("account_reset_password"), {"email": "nobody@example.org"})
+    page_text(client, reverse("account_signup"), {"username": "eva", "email": "ada@example.org"})
     assert len(mail.outbox) == 2
-    for letter in mail.outbox:
-        assert USTED.findall(f"{letter.subject}\n{letter.body}") == [], letter.body
-        assert "Recibes este correo" in letter.body
+    for message in mail.outbox:
+        assert USTED.findall(f"{message.subject}\n{message.body}") == [], message.body
+        assert "Recibes este correo" in message.body
 
 
 def test_the_administration_addresses_its_reader_as_tu(client):
     client.force_login(person("root", is_staff=True, is_superuser=True))
     row = person("ada")
-    said(client, "/admin/accounts/user/")
-    assert "Corrige" in said(client, "/admin/accounts/user/add/", {"username": "ada"})
-    assert "¿Seguro que quieres borrar" in said(client, f"/admin/accounts/user/{row.pk}/delete/")
-    said(client, f"/admin/accounts/user/{row.pk}/password/")
+    page_text(client, "/admin/accounts/user/")
+    assert "Corrige" in page_text(client, "/admin/accounts/user/add/", {"username": "ada"})
+    assert "¿Seguro que quieres borrar" in page_text(
+        client, f"/admin/accounts/user/{row.pk}/delete/"
+    )
+    page_text(client, f"/admin/accounts/user/{row.pk}/password/")
     chosen = {"action": "delete_selected", "_selected_action": str(row.pk)}
-    assert "¿Seguro que quieres borrar" in said(client, "/admin/accounts/user/", chosen)
-    assert "Selecciona" in said(client, "/admin/accounts/user/", {"action": "delete_selected"})
+    assert "¿Seguro que quieres borrar" in page_text(client, "/admin/accounts/user/", chosen)
+    assert "Selecciona" in page_text(client, "/admin/accounts/user/", {"action": "delete_selected"})
 
 
-def test_the_libraries_still_have_each_text_that_is_said_otherwise():
+def test_libraries_still_have_each_text_that_is_retranslated():
     def texts(path: Path) -> dict[object, str]:
         with (path / "LC_MESSAGES" / "django.mo").open("rb") as compiled:
             return dict(gettext.GNUTranslations(compiled)._catalog)

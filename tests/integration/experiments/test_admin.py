@@ -15,7 +15,7 @@ from django.urls import reverse
 from experiments import publishing
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
-from experiments.models import Participant, ParticipantKind, Rehearsal, Study, StudyMember
+from experiments.models import Participant, Rehearsal, Study, StudyMember
 from experiments.participation import completion
 from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
@@ -31,6 +31,16 @@ LIST, ADD = "admin:experiments_study_changelist", "admin:experiments_study_add"
 
 def at(name: str, row: Study, *args) -> str:
     return reverse(f"admin:experiments_study_{name}", args=[row.pk, *args])
+
+
+def add(client, **fields):
+    """Send the form that adds a study, and return the page that follows."""
+    return client.post(reverse(ADD), fields, follow=True)
+
+
+def document(**changes) -> str:
+    """The file of the small study, with some of it replaced."""
+    return json.dumps({**STUDY, **changes})
 
 
 @pytest.fixture
@@ -51,18 +61,11 @@ def study():
 
 def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
     content = to_json(small_study())
-    answer = client.post(
-        reverse(ADD),
-        {"file": SimpleUploadedFile("s.json", content, "application/json")},
-        follow=True,
-    )
+    answer = add(client, file=SimpleUploadedFile("s.json", content, "application/json"))
     row = Study.objects.get()
     assert answer.redirect_chain[-1][0] == at("change", row)
-    assert (row.slug, row.status, StudyMember.objects.get().user) == (
-        "cabin-study",
-        Study.Status.DRAFT,
-        boss,
-    )
+    assert (row.slug, row.status) == ("cabin-study", Study.Status.DRAFT)
+    assert StudyMember.objects.get().user == boss
     exported = client.get(at("export", row))
     assert 'filename="cabin-study-1.json"' in exported["Content-Disposition"]
     assert exported.content == content
@@ -74,25 +77,23 @@ def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
         ("{", "not valid JSON"),
         ("[]", "Expected `object`"),
         ('{"format": 2}', "$.format"),
-        (json.dumps({**STUDY, "colour": "red"}), "unknown field `colour`"),
-        (json.dumps({**STUDY, "conditions": []}), "There is no condition; add at least one."),
+        (document(colour="red"), "unknown field `colour`"),
+        (document(conditions=[]), "There is no condition; add at least one."),
         (
-            json.dumps({**STUDY, "courses": [{**STUDY["courses"][0], "checkpoints": []}]}),
+            document(courses=[{**STUDY["courses"][0], "checkpoints": []}]),
             "there is no checkpoint; add at least one.",
         ),
-        (json.dumps({**STUDY, "title": {"en": "<script>", "fr": "x"}}), "has a text in fr"),
+        (document(title={"en": "<script>", "fr": "x"}), "has a text in fr"),
         ("", "Choose a file, paste its text, or enter a name"),
     ],
 )
 def test_invalid_file_shows_its_problems_and_stores_nothing(client, boss, content, problem):
-    answer = client.post(reverse(ADD), {"document": content})
-    assert answer.status_code == 200
-    assert problem in read(answer).text
+    assert problem in read(add(client, document=content)).text
     assert not Study.objects.exists()
 
 
 def test_a_file_never_replaces_a_version_that_is_here_already(client, boss, study):
-    answer = client.post(reverse(ADD), {"document": json.dumps({**STUDY, "title": {"en": "Hut"}})})
+    answer = add(client, document=document(title={"en": "Hut"}))
     assert "Version 1 of cabin-study already exists" in read(answer).text
     assert Study.objects.get().title == "Cabin"
 
@@ -100,16 +101,13 @@ def test_a_file_never_replaces_a_version_that_is_here_already(client, boss, stud
 def test_name_of_a_foreign_study_is_refused(client, study):
     user = signed_in(client, "")
     user.user_permissions.set(Permission.objects.filter(codename="add_study"))
-    answer = client.post(reverse(ADD), {"document": json.dumps({**STUDY, "version": 2})})
+    answer = add(client, document=document(version=2))
     assert "The name cabin-study is taken" in read(answer).text
     assert Study.objects.count() == 1
 
 
 def test_a_study_is_begun_empty_and_built_on(client, boss):
-    answer = client.post(
-        reverse(ADD), {"name": "mine", "called": "My study", "spoken": ["en", "es"]}, follow=True
-    )
-    page = read(answer)
+    page = read(add(client, name="mine", called="My study", spoken=["en", "es"]))
     assert "There is no condition; add at least one." in page.text
     assert Study.objects.get().as_definition().languages == ("en", "es")
 
@@ -124,42 +122,31 @@ def test_the_format_of_a_file_is_described_on_a_page_of_the_site(client, boss):
 
 
 def test_a_draft_is_replaced_by_the_text_of_a_file_and_its_settings_are_kept(client, boss, study):
-    changed = {
-        "entry": "personal",
-        "exclusive": "on",
-        "document": json.dumps({**STUDY, "title": {"en": "Hut"}}),
-    }
+    changed = {"entry": "personal", "exclusive": "on", "document": document(title={"en": "Hut"})}
     assert client.post(at("change", study), changed).status_code == 302
     row = Study.objects.get()
-    assert (row.title, row.entry, row.exclusive, row.as_definition().title) == (
-        "Hut",
-        "personal",
-        True,
-        {"en": "Hut"},
-    )
-    wrong = client.post(
-        at("change", study), {"entry": "open", "document": json.dumps({**STUDY, "version": 2})}
-    )
+    assert (row.title, row.entry, row.exclusive) == ("Hut", "personal", True)
+    assert row.as_definition().title == {"en": "Hut"}
+    wrong = client.post(at("change", study), {"entry": "open", "document": document(version=2)})
     assert "Its name and version can't change" in read(wrong).text
     assert Study.objects.get().entry == "personal"
 
 
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
 def test_each_shipped_study_is_added_by_one_button(client, boss, slug):
-    page = read(client.get(reverse(LIST)))
-    assert slug in [e.attributes.get("value") for e in page.all("button")]
-    added = client.post(reverse("admin:experiments_study_shipped"), {"study": slug}, follow=True)
+    shipping = reverse("admin:experiments_study_shipped")
+
+    def offered() -> list[str | None]:
+        return [e.attributes.get("value") for e in read(client.get(reverse(LIST))).all("button")]
+
+    assert slug in offered()
+    added = client.post(shipping, {"study": slug}, follow=True)
     assert "1 study was added" in read(added).text
     assert Study.objects.get().as_definition() == shipped()[slug]
-    again = client.post(reverse("admin:experiments_study_shipped"), {"study": slug}, follow=True)
+    again = client.post(shipping, {"study": slug}, follow=True)
     assert "0 studies were added" in read(again).text
-    assert slug not in [
-        e.attributes.get("value") for e in read(client.get(reverse(LIST))).all("button")
-    ]
-    assert (
-        client.post(reverse("admin:experiments_study_shipped"), {"study": "nonsense"}).status_code
-        == 404
-    )
+    assert slug not in offered()
+    assert client.post(shipping, {"study": "nonsense"}).status_code == 404
 
 
 # --- who may --------------------------------------------------------------------------------------
@@ -202,33 +189,22 @@ def test_users_without_staff_status_are_sent_to_log_in(client, study):
     assert set(status_by_page(client, study).values()) == {302}
 
 
-def test_a_viewer_looks_and_changes_nothing(client, study):
+def test_viewers_see_a_study_and_change_nothing(client, study):
     signed_in(client, "viewer")
     statuses = status_by_page(client, study)
     assert {name for name, status in statuses.items() if status == 404} == {"publish", "links"}
     about = at("section", study, "about")
     assert read(client.get(about)).all("fieldset")[0].attributes.keys() >= {"disabled"}
-    assert (
-        client.post(
-            about, {"title.en": "Mine now", "languages": "en", "sha256": study.sha256}
-        ).status_code
-        == 404
-    )
-    assert (
-        client.post(
-            at("section", study, "steps"), {"do": "remove:0", "sha256": study.sha256}
-        ).status_code
-        == 404
-    )
-    assert (
-        client.post(
-            at("members", study), {"add": "1", "person": "rosa", "role": "owner"}
-        ).status_code
-        == 404
-    )
-    assert client.post(at("hours", study), {"time_zone": "UTC"}).status_code == 404
+    sha256 = study.sha256
+    for address, fields in (
+        (about, {"title.en": "Mine now", "languages": "en", "sha256": sha256}),
+        (at("section", study, "steps"), {"do": "remove:0", "sha256": sha256}),
+        (at("members", study), {"add": "1", "person": "rosa", "role": "owner"}),
+        (at("hours", study), {"time_zone": "UTC"}),
+    ):
+        assert client.post(address, fields).status_code == 404
     assert client.post(at("change", study), {"entry": "personal"}).status_code == 403
-    assert Study.objects.get().sha256 == study.sha256
+    assert Study.objects.get().sha256 == sha256
 
 
 def test_an_owner_without_any_permission_of_the_models_builds_and_publishes(client, study):
@@ -281,12 +257,11 @@ def test_an_impossible_study_shows_every_reason_with_the_way_to_it(client, boss)
     row = publishing.store(small_study(), NOW)
     page = read(client.get(at("change", row)))
     links = {e.text: e.attributes["href"] for e in page.all("a")}
-    assert links["Course of giraff at cabin: there is no site cabin."] == at(
-        "part", row, "courses", 0
-    )
-    assert links["Condition shut: there is no robot of the series giraff."] == at(
-        "part", row, "conditions", 1
-    )
+    for problem, section, index in (
+        ("Course of giraff at cabin: there is no site cabin.", "courses", 0),
+        ("Condition shut: there is no robot of the series giraff.", "conditions", 1),
+    ):
+        assert links[problem] == at("part", row, section, index)
     refused = client.post(at("publish", row), {"reason": WHY})
     assert refused.status_code == 422
     assert read(refused).text.count("there is no site cabin.") == 1
@@ -298,69 +273,59 @@ def published(study):
     return publishing.publish(study, None, WHY, NOW)
 
 
-def test_no_way_leads_to_a_change_of_what_is_published(client, boss, published):
+def test_no_page_changes_the_definition_of_a_published_study(client, boss, published):
+    fields = {"do": "remove:0", "title.en": "Hut", "languages": "en", "sha256": published.sha256}
     for name, address in pages_of(published).items():
-        if "/" in name or name in {"about", "steps", "conditions", "courses", "rules"}:
-            assert (
-                client.post(
-                    address,
-                    {
-                        "do": "remove:0",
-                        "title.en": "Hut",
-                        "languages": "en",
-                        "sha256": published.sha256,
-                    },
-                ).status_code
-                == 404
-            ), name
-    client.post(
-        at("change", published),
-        {"entry": "personal", "document": json.dumps({**STUDY, "title": {"en": "Hut"}})},
-    )
+        if name not in PAGES:
+            assert client.post(address, fields).status_code == 404, name
+    hut = {"entry": "personal", "document": document(title={"en": "Hut"})}
+    client.post(at("change", published), hut)
     row = Study.objects.get()
     assert (row.sha256, row.title) == (published.sha256, "Cabin")
     assert "can't be changed" in read(client.get(at("section", published, "about"))).text
 
 
 def test_how_people_come_in_is_changed_after_publishing(client, boss, published):
-    assert (
-        client.post(at("change", published), {"entry": "personal", "exclusive": "on"}).status_code
-        == 302
-    )
+    changed = {"entry": "personal", "exclusive": "on"}
+    assert client.post(at("change", published), changed).status_code == 302
     row = Study.objects.get()
     assert (row.entry, row.exclusive, row.sha256) == ("personal", True, published.sha256)
 
 
 def test_a_new_version_is_made_closed_and_opened_by_buttons(client, boss, published):
-    answer = client.post(at("new_version", published), follow=True)
-    assert "Version 2 is a draft" in read(answer).text
-    assert (
-        "accepts no new participants" in read(client.post(at("close", published), follow=True)).text
-    )
-    assert Study.objects.get(version=1).status == Study.Status.CLOSED
-    assert "Only a published study" in read(client.post(at("close", published), follow=True)).text
-    assert (
-        "accepts participants again" in read(client.post(at("reopen", published), follow=True)).text
-    )
-    assert {
-        client.get(at(name, published)).status_code for name in ("close", "reopen", "new_version")
-    } == {405}
+    def press(button: str) -> str:
+        return read(client.post(at(button, published), follow=True)).text
+
+    assert "Version 2 is a draft" in press("new_version")
+    assert "accepts no new participants" in press("close")
+    closed = Study.objects.get(version=1)
+    assert (closed.status, closed.closed_at is None) == (Study.Status.CLOSED, False)
+    assert "Only a published study" in press("close")
+    assert "accepts participants again" in press("reopen")
+    opened = Study.objects.get(version=1)
+    assert (opened.status, opened.closed_at) == (Study.Status.PUBLISHED, None)
+    assert "Only a closed study" in press("reopen")
+    for name in ("close", "reopen", "new_version"):
+        assert client.get(at(name, published)).status_code == 405
 
 
-def test_only_a_draft_that_nobody_took_part_in_is_deleted(client, boss, published):
+def test_only_a_draft_without_participants_is_deleted(client, boss, published):
     assert client.post(at("delete", published), {"post": "yes"}).status_code == 403
     draft = publishing.new_version(published, NOW)
+    pilot = Participant.objects.create(study=draft, slot="x", created_at=NOW, seen_at=NOW)
+    assert client.post(at("delete", draft), {"post": "yes"}).status_code == 403
+    pilot.delete()
     assert client.post(at("delete", draft), {"post": "yes"}).status_code == 302
     assert Study.objects.get() == published
 
 
-@pytest.mark.parametrize("way", ["page", "rows"])
-def test_the_name_of_a_deleted_study_belongs_to_its_next_owner(client, study, way):
+@pytest.mark.parametrize("by", ["page", "rows"])
+def test_the_name_of_a_deleted_study_belongs_to_its_next_owner(client, study, by):
     second = publishing.new_version(study, NOW)
     StudyMember.objects.create(slug="another", user=signed_in(client, "owner"), role="viewer")
     client.post(at("delete", second), {"post": "yes"})
     assert StudyMember.objects.filter(slug=study.slug).count() == 1, "a version is left"
-    if way == "page":
+    if by == "page":
         client.post(at("delete", study), {"post": "yes"})
     else:
         Study.objects.all().delete()
@@ -377,16 +342,8 @@ def test_the_name_of_a_deleted_study_belongs_to_its_next_owner(client, study, wa
 
 
 def test_the_list_tells_participants_by_kind_and_the_last_activity(client, boss, study):
-    for n, kind in enumerate(
-        (
-            ParticipantKind.PARTICIPANT,
-            ParticipantKind.PARTICIPANT,
-            ParticipantKind.PILOT,
-            ParticipantKind.BOT,
-            ParticipantKind.BOT,
-            ParticipantKind.BOT,
-        )
-    ):
+    kinds = ["participant"] * 2 + ["pilot"] + ["bot"] * 3
+    for n, kind in enumerate(kinds):
         Participant.objects.create(study=study, slot=str(n), kind=kind, created_at=NOW, seen_at=NOW)
     counts = {
         e.attributes["href"].split("kind__exact=")[1]: e.text
@@ -404,7 +361,7 @@ def test_the_overview_gives_the_link_for_participants(client, boss, published):
     ]
 
 
-def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss, published):
+def test_researchers_see_the_codes_for_recruitment_sites(client, boss, published):
     codes = completion.codes(published)
     assert list(codes) == ["done", "timed_out", "technical_failure", "left"]
     text = read(client.get(at("change", published))).text
@@ -419,11 +376,6 @@ def test_a_half_done_draft_of_every_kind_can_be_looked_at(client, boss):
     bare = msgspec.structs.replace(row.as_definition(), steps=())
     for definition in (row.as_definition(), bare):
         row = publishing.save_draft(row, definition)
-        addresses = [
-            at("change", row),
-            *(
-                at("section", row, name)
-                for name in ("about", "steps", "conditions", "courses", "rules")
-            ),
-        ]
+        sections = ("about", "steps", "conditions", "courses", "rules")
+        addresses = [at("change", row), *(at("section", row, name) for name in sections)]
         assert {client.get(address).status_code for address in addresses} == {200}

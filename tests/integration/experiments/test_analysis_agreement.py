@@ -101,12 +101,12 @@ def test_a_way_and_its_mean_speed_agree_with_pandas(tmp_path):
             continue
         states = pd.read_csv(path)
         at = states["stamp"] - states["clock_offset"].median()
-        driven = states[(at >= session.first_frame) & (at <= session.ended)]
+        within = states[(at >= session.first_frame) & (at <= session.ended)]
         assert metrics.loc[session.id, "path"] == pytest.approx(
-            np.hypot(driven["x"].diff(), driven["y"].diff()).sum(), rel=0.05
+            np.hypot(within["x"].diff(), within["y"].diff()).sum(), rel=0.05
         )
         assert metrics.loc[session.id, "commands"] == pytest.approx(
-            driven["commands"].sum(), rel=0.02
+            within["commands"].sum(), rel=0.02
         )
         checked += 1
     assert checked

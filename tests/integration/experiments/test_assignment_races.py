@@ -74,7 +74,7 @@ def django(environment: dict[str, str], code: str) -> list:
 
 
 def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
-    """Two at a time; what each was told."""
+    """Return the answers to both of two participants who ask at once, for each pair."""
     command = [sys.executable, "-m", "tests.support.sessions.cell_racer"]
     racers = [
         subprocess.Popen(
@@ -89,14 +89,14 @@ def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
     ]
     try:
         assert [racer.stdout.readline() for racer in racers] == ["ready\n"] * 2
-        told = []
+        answers = []
         for number in range(0, len(keys), 2):
             start = time.time() + 0.03
             for racer, key in zip(racers, keys[number : number + 2], strict=True):
                 racer.stdin.write(f"{start} {key}\n")
                 racer.stdin.flush()
-            told.append([racer.stdout.readline().strip() for racer in racers])
-        return told
+            answers.append([racer.stdout.readline().strip() for racer in racers])
+        return answers
     finally:
         for racer in racers:
             racer.stdin.close()
@@ -110,18 +110,21 @@ EVEN = {"best_probability": 1.0}
 @pytest.mark.parametrize("rounds", ROUNDS)
 def test_two_simultaneous_assignments_fill_two_equal_cells(database, rounds):
     keys = django(database, f"allocation, count = {EVEN}, {2 * rounds}\n" + PREPARE)
-    told = race(database, keys)
+    answers = race(database, keys)
     rows = django(database, COUNT)
     assert Counter(cell for cell, _, _ in rows) == {"all_open": rounds, "shut": rounds}
     assert sorted(number for _, number, _ in rows) == list(range(1, 2 * rounds + 1))
-    assert Counter(cell for pair in told for cell in pair) == {"all_open": rounds, "shut": rounds}
+    assert Counter(cell for pair in answers for cell in pair) == {
+        "all_open": rounds,
+        "shut": rounds,
+    }
     assert {stage for _, _, stage in rows} == {"under_way"}
 
 
 def test_the_last_place_is_given_once_and_a_participant_gets_one_cell(database):
     keys = django(database, "allocation, count = {'quota': 1}, 4\n" + PREPARE)
-    told = race(database, [keys[0], keys[0], keys[1], keys[2], keys[3], keys[3]])
-    assert told[0][0] == told[0][1]
-    assert sorted(told[1]).count("full") == 1
-    assert told[2] == ["full", "full"]
+    answers = race(database, [keys[0], keys[0], keys[1], keys[2], keys[3], keys[3]])
+    assert answers[0][0] == answers[0][1]
+    assert sorted(answers[1]).count("full") == 1
+    assert answers[2] == ["full", "full"]
     assert len(django(database, COUNT)) == 2

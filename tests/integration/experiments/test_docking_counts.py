@@ -1,5 +1,5 @@
-"""Docking ends a task when the robot rests on its contacts and its visitor has let go: told from
-records, and driven in simulation.
+"""Docking ends a task when the robot rests on its contacts and the controls are released: from
+records, and by driving in simulation.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from robots.api.messages import AppliedCommand, Battery, Pose, State, Velocity
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions.protocol import Task
-from tests.support.studies.task_drives import BACK, HOME, THERE, Drive, cues, run, told, track
+from tests.support.studies.task_drives import BACK, HOME, THERE, Drive, cues, milestones, run, track
 
 T = DOCKED.seconds
 
@@ -35,7 +35,7 @@ def test_contacts_that_meet_for_half_a_second_end_nothing_and_are_an_attempt():
     drive.go((0.9, 2.0))
     engine = run(drive.records)
     assert engine.result.outcome is None
-    assert told(engine)[-2:] == [("dock_contact", 1), ("dock_contact_lost", 1)]
+    assert milestones(engine)[-2:] == [("dock_contact", 1), ("dock_contact_lost", 1)]
     assert cues(engine)[-2:] == ["dock_hold", "dock_again"]
     assert engine.progress.cue.target == (track().dock.x, track().dock.y)
     engine = run(drive.go(HOME).dock().records)
@@ -69,14 +69,14 @@ def test_a_study_may_ask_for_longer():
     assert run(almost_home().touch(6.5).records, longer).result.outcome == "completed"
 
 
-def test_a_drive_from_before_the_rule_is_told_again_by_the_rule_of_its_day():
+def test_an_older_drive_is_replayed_with_the_rule_of_its_day():
     """Its course was kept without one, and its states have no contact: one state in the station
     ended it.
     """
     drive = almost_home()
     drive.x, drive.y = HOME
     engine = run(drive.see(docked=True).records, replace(track(), docked=None))
-    assert [event for event in told(engine) if event[0].startswith("dock")] == [("docked", 0)]
+    assert [event for event in milestones(engine) if event[0].startswith("dock")] == [("docked", 0)]
     assert cues(engine)[-2:] == ["dock_now", "completed"]
 
 
@@ -137,8 +137,8 @@ def test_no_task_completes_without_resting_on_the_contacts_for_the_required_time
 
 
 class Hands:
-    """Somebody at the end of the paper's course with a simulated Giraff: 50 steps and 4 states for
-    each second, by no clock.
+    """A driver at the end of the paper's course with a simulated Giraff: 50 steps and 4 states for
+    each second of simulated time.
     """
 
     def __init__(self, start: Pose2D) -> None:

@@ -1,5 +1,5 @@
-"""A drive of a study begins at its station: otherwise the participant waits, researchers are told,
-and it goes on by itself.
+"""A drive of a study begins at its station: until the robot is there, the participant waits and
+researchers get an e-mail.
 """
 
 import datetime
@@ -24,7 +24,7 @@ from tests.support.agents.docked_robot import report_in_dock
 from tests.support.studies import participants as p
 from tests.support.studies.studies import small_study
 from tests.support.studies.task_drives import BACK, THERE
-from tests.support.studies.task_drives import Drive as Told
+from tests.support.studies.task_drives import Drive as DriveRecord
 from tests.support.studies.task_session import begin, cabin_robot, close, small_conditions, write
 
 pytestmark = pytest.mark.django_db
@@ -69,29 +69,19 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[type, str]]:
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
-        keeper.tick(
-            {"giraff": RobotLink(since=0.0, last_received_at=later(second).timestamp())},
-            RobotLink(since=0.0),
-            later(second),
-        )
-    frames = [
-        message.payload.decode()
-        for message in keeper.outbox
-        if message.topic.startswith(topics.session_notices(""))
-    ]
+        link = RobotLink(since=0.0, last_received_at=later(second).timestamp())
+        keeper.tick({"giraff": link}, RobotLink(since=0.0), later(second))
+    prefix = topics.session_notices("")
+    sent = [one.payload.decode() for one in keeper.outbox if one.topic.startswith(prefix)]
     keeper.outbox.clear()
-    told = map(protocol.decode_notice, frames)
-    return [(type(notice), getattr(notice, "reason", "")) for notice in told]
+    notices = map(protocol.decode_notice, sent)
+    return [(type(notice), getattr(notice, "reason", "")) for notice in notices]
 
 
 def noted(session: str) -> list[str]:
-    return list(
-        SessionEvent.objects.filter(
-            session=session, type__in=("robot_not_ready", "robot_ready", "staff_called", "offered")
-        )
-        .order_by("stamp")
-        .values_list("type", flat=True)
-    )
+    types = ("robot_not_ready", "robot_ready", "staff_called", "offered")
+    rows = SessionEvent.objects.filter(session=session, type__in=types).order_by("stamp")
+    return list(rows.values_list("type", flat=True))
 
 
 def first_time_user(study: Any, name: str) -> User:
@@ -110,7 +100,7 @@ def first_time_user(study: Any, name: str) -> User:
         ({"boot": "of-yesterday"}, "silent"),
     ],
 )
-def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
+def test_a_participant_waits_and_gets_the_reason(robot, study, changes, reason):
     stands(robot, **changes)
     taken = ask(robot, first_time_user(study, "ada"), NOW)
     assert isinstance(taken, store.Queued)
@@ -126,23 +116,20 @@ def test_the_second_participant_does_not_begin_where_the_first_ended(robot, stud
     taken = ask(robot, ben, NOW)
     assert isinstance(taken, store.Queued)
 
-    told = looks(Scheduler(), 0.5, 1.0, 3.0)
-    assert (protocol.Queued, "start: not_docked") in told
+    notices = looks(Scheduler(), 0.5, 1.0, 3.0)
+    assert (protocol.Queued, "start: not_docked") in notices
     assert mail.outbox == []
-    second = Scheduler()  # the session manager was killed, and another one looks
+    second = Scheduler()  # the session manager was killed, and another one started
     looks(second, 4.0, 10.0, 11.0, 60.0)
-    assert [letter.to + letter.bcc for letter in mail.outbox] == [["rae@example.org"]]
+    assert [message.to + message.bcc for message in mail.outbox] == [["rae@example.org"]]
     assert "it is not docked" in mail.outbox[0].body
     looks(Scheduler(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
-    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), (
-        "nor does a page that is loaded again begin"
-    )
+    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), "the page was reloaded"
     assert now_in(study.slug, later(81.0))["robots"][0]["unready"] == "it is not docked"
 
-    stands(robot)  # somebody has put it back
-    told = looks(second, 82.0)
-    assert protocol.Offered in [kind for kind, _ in told]
+    stands(robot)  # it was put back
+    assert protocol.Offered in [kind for kind, _ in looks(second, 82.0)]
     assert noted(taken.session)[-2:] == ["offered", "robot_ready"]
     granted = ask(robot, ben, later(83.0))
     assert isinstance(granted, store.TakeGranted)
@@ -184,26 +171,22 @@ def test_a_robot_carried_away_during_an_offer_is_offered_again_at_its_station(ro
 
 def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     stands_away(robot)
-    ada, staff = (
-        first_time_user(study, "ada"),
-        User.objects.create(username="staff", is_staff=True, is_superuser=True),
-    )
+    ada = first_time_user(study, "ada")
+    staff = User.objects.create(username="staff", is_staff=True, is_superuser=True)
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Scheduler(), 1.0)
-    assert isinstance(ask(robot, other, later(2.0)), store.Queued), (
-        "who does not operate it waits behind"
-    )
-    driven = ask(robot, staff, later(3.0))
-    assert isinstance(driven, store.TakeGranted)
+    assert isinstance(ask(robot, other, later(2.0)), store.Queued), "they may not operate it"
+    granted = ask(robot, staff, later(3.0))
+    assert isinstance(granted, store.TakeGranted)
     stands(robot)
-    store.end(driven.session, "completed", "left", later(30.0))
+    store.end(granted.session, "completed", "left", later(30.0))
     looks(Scheduler(), 31.0)
     assert Session.objects.get(pk=waiting.session).offered_at is not None
     assert isinstance(ask(robot, ada, later(32.0)), store.TakeGranted)
 
 
-def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
+def test_robot_that_can_return_by_itself_is_sent_home_without_an_e_mail(robot, study):
     Robot.objects.update(returns_home=True)
     stands_away(robot)
     ask(robot, first_time_user(study, "ada"), NOW)
@@ -219,18 +202,13 @@ def test_drives_outside_of_a_study_need_not_begin_at_the_station(robot, study):
 
 def test_the_record_keeps_what_a_drive_began_from_and_ended_with(robot):
     drive = begin(robot)
-    told = Told(at=NOW.timestamp(), frame=False)
-    told.say(FirstFrame(told.at, repr(told.at))).go(*THERE, *BACK).touch(0.5).go((1.5, 2.0))
-    write(drive, told.records)
-    drive = close(drive, outcome="cancelled", reason="left", at=told.at)
+    record = DriveRecord(at=NOW.timestamp(), frame=False)
+    record.say(FirstFrame(record.at, repr(record.at))).go(*THERE, *BACK).touch(0.5).go((1.5, 2.0))
+    write(drive, record.records)
+    drive = close(drive, outcome="cancelled", reason="left", at=record.at)
     settle(drive, later(500.0))
     drive.refresh_from_db()
-    assert drive.began_with == {
-        "docked": True,
-        "x": 0.5,
-        "y": 2.0,
-        "theta": pytest.approx(3.14159, abs=1e-4),
-        "charge": 1.0,
-    }
+    place = {"x": 0.5, "y": 2.0, "theta": pytest.approx(3.14159, abs=1e-4)}
+    assert drive.began_with == {"docked": True, "charge": 1.0, **place}
     assert (drive.ended_with["docked"], drive.ended_with["x"]) == (False, 1.5)
     assert drive.result["dock_contacts"] == 1

@@ -1,5 +1,5 @@
-"""Every step of a study, cut off in the middle and left until its time is over: nothing is lost,
-nothing is done twice, the outcome is right.
+"""Every step of a study, interrupted in the middle and left until its time limit: no data is lost
+or stored twice, and the outcome is right.
 
 The other columns of this table, reload, back, a second tab and another device, are in
 test_step_views.py.
@@ -129,7 +129,7 @@ def first_answers(walker: Walker, url: str) -> dict[str, list[str]]:
 
 
 def answer_all(walker: Walker) -> None:
-    """Answer what is asked at the step's address, page by page."""
+    """Answer the questions of the step, page by page."""
     for _ in range(10):
         response = walker.client.get(walker.url(), follow=True)
         url = response.request["PATH_INFO"]
@@ -139,8 +139,8 @@ def answer_all(walker: Walker) -> None:
 
 
 def requests_at(walker: Walker, place: JourneyPlace) -> Callable[[], None]:
-    """What somebody's browser asks for at a place; asked for again it is the same, wherever they
-    are by then.
+    """Return the request of a browser at a place; repeated, it is the same request, also when the
+    participant has moved on.
     """
     answers = walker.answers()
     match walker.step:
@@ -159,10 +159,7 @@ def counted(walker: Walker) -> dict[str, object]:
     return {
         "place": progress.place(walker.participant).word,
         "status": walker.participant.status,
-        "visits": [
-            (visit.visit, visit.round, visit.step, visit.finished_at is not None)
-            for visit in visits
-        ],
+        "visits": [(row.visit, row.round, row.step, row.finished_at is not None) for row in visits],
         "receipts": ConsentReceipt.objects.count(),
         "responses": sorted(Response.objects.values_list("context", flat=True)),
         "answers": sorted(Answer.objects.values_list("item", "value")),
@@ -176,7 +173,7 @@ def go_on(walker: Walker, ask: Callable[[], None]) -> dict[str, object]:
     return counted(walker)
 
 
-def is_driven(walker: Walker) -> bool:
+def at_a_drive(walker: Walker) -> bool:
     return isinstance(walker.step, Practice | TaskStep)
 
 
@@ -208,7 +205,7 @@ def test_a_step_interrupted_anywhere_and_requested_again_gives_the_same_result(
         store(defined(questions, slug=slug, version=version), timezone.now())
     for place in PLACES[:-1]:
         assert progress.place(walker.participant) == place
-        walker.drive() if is_driven(walker) else walker.look()
+        walker.drive() if at_a_drive(walker) else walker.look()
         ask = requests_at(walker, place)
         with transaction.atomic():
             expected = go_on(walker, ask)
@@ -224,7 +221,7 @@ def test_a_step_interrupted_anywhere_and_requested_again_gives_the_same_result(
 
 
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
-def test_a_drive_whose_network_comes_back_is_the_same_drive(walker, place):
+def test_a_drive_continues_when_its_network_returns(walker, place):
     drive, runner, records = driving(brought(walker, place))
     hear(runner, drive, records)
     before = counted(walker)
@@ -335,7 +332,7 @@ def test_participants_whose_login_expires_continue_where_they_were(walker, place
 
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.step)
-def test_a_study_whose_hours_end_and_that_closes_keeps_everybody_where_they_are(walker, place):
+def test_participants_keep_their_place_when_the_study_closes(walker, place):
     brought(walker, place)
     before = counted(walker)
     tomorrow = [{"days": [(timezone.now().weekday() + 2) % 7], "start": "09:00", "end": "10:00"}]
@@ -350,8 +347,8 @@ def test_a_study_whose_hours_end_and_that_closes_keeps_everybody_where_they_are(
 
 
 def driving(walker: Walker) -> tuple[Drive, Runner, list]:
-    """The robot taken at the step where somebody is; and what it would say of a drive to the first
-    checkpoint.
+    """Take the robot at the participant's step; return the drive, a runner, and the records of a
+    drive to the first checkpoint.
     """
     granted = leases.take(walker.robot, walker.user, "peer", now=timezone.now())
     assert isinstance(granted, leases.TakeGranted)
@@ -360,8 +357,8 @@ def driving(walker: Walker) -> tuple[Drive, Runner, list]:
         session=granted.session
     )
     start = timezone.now().timestamp()
-    way = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, repr(start - 3600.0)))
-    return drive, Runner(), list(way.go(FIRST).records)
+    route = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, repr(start - 3600.0)))
+    return drive, Runner(), list(route.go(FIRST).records)
 
 
 def hear(runner: Runner, drive: Drive, records: list) -> None:

@@ -43,7 +43,7 @@ def places() -> list[tuple]:
 
 
 @pytest.mark.django_db
-def test_a_response_stands_at_its_place_once(study, participant):
+def test_a_response_has_one_place(study, participant):
     first = asked(study, participant, 2, "experience")
     assert asked(study, participant, 2, "experience") == first
     assert (first.visit, first.round, first.step) == (2, 0, "experience")

@@ -40,8 +40,8 @@ def drive(monkeypatch):
         "limits": {"linear": 0.6, "angular": 0.7},
     }
     robot.presence.save()
-    visit = replays.session(robot, person("ada"), seconds=10)
-    return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
+    session = replays.session(robot, person("ada"), seconds=10)
+    return replays.drive(replays.participant(replays.study(), session.visitor), session)
 
 
 def pages(drive) -> dict[str, str]:

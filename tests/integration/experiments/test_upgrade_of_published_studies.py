@@ -35,8 +35,8 @@ def study_before(models, status: str):
 
 
 def drive_before(models, participant, robot, **more):
-    """A drive as the release before stored it: `more` of the drive, and `frame` when the page told
-    of the first frame, in Unix seconds.
+    """A drive as the release before stored it: `more` of the drive, and `frame` the time when the
+    page reported its first frame, in Unix seconds.
     """
     frame = more.pop("frame", None)
     session = models.get_model("telepresence_sessions", "Session").objects.create(

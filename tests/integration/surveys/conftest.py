@@ -5,13 +5,14 @@ from django.urls import reverse
 
 from surveys.models import Answer, Response
 from surveys.questionnaires import store
-from surveys.responses import Context, Respondent, begin
+from surveys.responses import Context, Respondent
 from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, defined
+from tests.support.studies.responses import begun
 
 
 class Taking:
-    """One respondent's way through one questionnaire over HTTP."""
+    """A respondent who answers a questionnaire over HTTP."""
 
     def __init__(self, client, response: Response) -> None:
         self.client, self.response = client, response
@@ -20,9 +21,8 @@ class Taking:
         return reverse("survey_page", args=[self.response.pk, page])
 
     def get(self, page: int | None = None):
-        return self.client.get(
-            self.url(page) if page else reverse("survey", args=[self.response.pk])
-        )
+        begin = reverse("survey", args=[self.response.pk])
+        return self.client.get(self.url(page) if page else begin)
 
     def send(self, page: int, shown: str, **fields):
         """Send a whole page; `shown` names the questions on it."""
@@ -30,9 +30,8 @@ class Taking:
 
     def save(self, item: str, value="", **fields):
         """Save one answer, as the page's module does."""
-        return self.client.post(
-            reverse("survey_answer", args=[self.response.pk]), {"item": item, item: value, **fields}
-        )
+        address = reverse("survey_answer", args=[self.response.pk])
+        return self.client.post(address, {"item": item, item: value, **fields})
 
     def row(self) -> Response:
         return Response.objects.get(pk=self.response.pk)
@@ -58,13 +57,9 @@ def take(client):
     def make(*pages, context: Context | None = None, seed: int = 5, **more) -> Taking:
         user = person()
         client.force_login(user)
+        drive = {"robot": ("giraff",), "outcome": "completed"}
+        context = context or Context(key="study/step/session", return_to="/about/", **drive)
         questionnaire = store(defined(*pages, **more), NOW)
-        context = context or Context(
-            key="study/step/session", return_to="/about/", robot=("giraff",), outcome="completed"
-        )
-        return Taking(
-            client,
-            begin(questionnaire, Respondent(user=user), context, language="en", seed=seed, now=NOW),
-        )
+        return Taking(client, begun(questionnaire, Respondent(user=user), context, seed=seed))
 
     return make

@@ -14,10 +14,11 @@ from django.urls import reverse
 from accounts.models import User
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import current, freeze, store
-from surveys.responses import Context, Respondent, Saving, begin, finish, save_one, save_page
+from surveys.responses import Context, Respondent, Saving, finish, save_page
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, as_bytes, defined, document, item
+from tests.support.studies.responses import begun
 
 pytestmark = pytest.mark.django_db
 LIST = "admin:surveys_questionnaire_changelist"
@@ -46,6 +47,11 @@ def body(answer) -> str:
 
 def table(answer) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(body(answer))))
+
+
+def one(*items: dict, **more) -> dict:
+    """The form that sends the text of a questionnaire of one page."""
+    return {"document": json.dumps(document([*items], **more))}
 
 
 def upload(content: bytes) -> dict:
@@ -92,15 +98,15 @@ def test_an_empty_file_is_reported_at_its_field_and_not_stored(client, researche
 
 
 def test_every_problem_has_a_line_of_its_own_and_is_escaped(client, researcher):
-    broken = document([item("likert", "a", scale="b"), item("likert", "c", scale="<script>")])
-    page = read(client.post(reverse(ADD), {"document": json.dumps(broken)}))
+    broken = one(item("likert", "a", scale="b"), item("likert", "c", scale="<script>"))
+    page = read(client.post(reverse(ADD), broken))
     messages = [e.text for e in page.all("li") if "Choose a scale" in e.text]
     assert messages == ["a: scale b: Choose a scale.", "c: scale <script>: Choose a scale."]
 
 
 def test_an_import_never_replaces_a_version_that_is_here_already(client, researcher):
     store(defined([item("text", "a")]), NOW)
-    answer = client.post(reverse(ADD), {"document": json.dumps(document([item("text", "b")]))})
+    answer = client.post(reverse(ADD), one(item("text", "b")))
     assert "already exists" in read(answer).text
 
 
@@ -108,14 +114,10 @@ def test_a_draft_is_changed_in_its_place(client, researcher):
     row = store(defined([item("text", "a")]), NOW)
     address = page_of("change", row)
     assert '"format": 1' in client.get(address).content.decode().replace("&quot;", '"')
-    assert (
-        client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code
-        == 302
-    )
-    assert [
-        question.key for question in Questionnaire.objects.get().as_definition().questions()
-    ] == ["b"]
-    other = client.post(address, {"document": json.dumps(document([item("text", "b")], version=2))})
+    assert client.post(address, one(item("text", "b"))).status_code == 302
+    (question,) = Questionnaire.objects.get().as_definition().questions()
+    assert question.key == "b"
+    other = client.post(address, one(item("text", "b"), version=2))
     assert "Its name and version can't change" in read(other).text
 
 
@@ -124,10 +126,7 @@ def test_a_questionnaire_in_use_is_shown_and_not_changed(client, researcher):
     address = page_of("change", row)
     page = client.get(address)
     assert read(page).all("textarea") == []
-    assert (
-        client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code
-        == 403
-    )
+    assert client.post(address, one(item("text", "b"))).status_code == 403
     assert Questionnaire.objects.get().sha256 == row.sha256
 
 
@@ -164,7 +163,7 @@ def test_nasa_tlx_is_found_by_its_name(client, researcher, term):
 
 def test_a_questionnaire_with_responses_is_not_deleted(client, researcher):
     row = store(defined([item("text", "a")]), NOW)
-    begin(row, Respondent(key="anna"), Context(key="c"), language="en", seed=1, now=NOW)
+    begun(row)
     client.post(page_of("delete", row), {"post": "yes"})
     assert Questionnaire.objects.exists()
 
@@ -180,12 +179,8 @@ def test_a_preview_shows_every_page_in_every_language_and_saves_nothing(client, 
     assert not page.all("fieldset")[0].attributes.get("hidden")
     assert Questionnaire.objects.get().frozen_at is None
     assert client.get(page_of("preview", row), {"page": "2"}).status_code == 404
-    assert (
-        client.get(
-            page_of("preview", row), {"page": "x", "seed": "-3", "language": "xx"}
-        ).status_code
-        == 200
-    )
+    odd = {"page": "x", "seed": "-3", "language": "xx"}
+    assert client.get(page_of("preview", row), odd).status_code == 200
     assert client.post(page_of("preview", row)).status_code == 405
 
 
@@ -205,24 +200,16 @@ def answered():
         [item("text", "z")],
     ]
     questionnaire = store(defined(*pages), NOW)
-    row = begin(
-        questionnaire,
-        Respondent(user=person("ada")),
-        Context(key="c", label="Step 3", robot=("giraff",)),
-        language="en",
-        seed=1,
-        now=NOW,
-    )
-    definition = row.questionnaire.as_definition()
-    save_page(
-        row,
-        definition,
-        0,
-        fields={"a": ["b"], "m": ["a", "c"], "o": ["1.c", "3.a", "2.b"], "t": ["=1+1"]},
-        offered=["a", "m", "o", "t"],
-        saving=Saving(now=NOW, language="en"),
-    )
+    context = Context(key="c", label="Step 3", robot=("giraff",))
+    row = begun(questionnaire, Respondent(user=person("ada")), context)
+    answer(row, a=["b"], m=["a", "c"], o=["1.c", "3.a", "2.b"], t=["=1+1"])
     return row
+
+
+def answer(row: Response, **fields: list[str]) -> None:
+    """Send the first page with these answers."""
+    definition, saving = row.questionnaire.as_definition(), Saving(now=NOW, language="en")
+    save_page(row, definition, 0, fields=fields, offered=list(fields), saving=saving)
 
 
 def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher, answered):
@@ -236,86 +223,37 @@ def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher,
         ("z", "", "not_reached"),
     ]
     assert {line["respondent"] for line in lines} == {str(answered.user_id)}
-    assert lines[0]["text_version"] == answered.questionnaire.as_definition().question(
-        "a"
-    ).fingerprint("en")
-    finish(answered, answered.questionnaire.as_definition(), NOW)
+    definition = answered.questionnaire.as_definition()
+    assert lines[0]["text_version"] == definition.question("a").fingerprint("en")
+    finish(answered, definition, NOW)
     lines = table(client.get(page_of("answers", answered.questionnaire, "long")))
     assert [line["missing"] for line in lines] == ["", "", "", "", "not_asked", "skipped"]
 
 
 @pytest.mark.parametrize("layout", ["long", "wide"])
-def test_an_answer_is_no_formula_for_a_spreadsheet_that_splits_it(
-    client, researcher, answered, layout
-):
-    definition = answered.questionnaire.as_definition()
-    save_page(
-        answered,
-        definition,
-        0,
-        fields={"t": ["fine\r=HYPERLINK(A1);=2\t-x"]},
-        offered=["t"],
-        saving=Saving(now=NOW, language="en"),
-    )
+def test_formulas_inside_an_answer_are_escaped(client, researcher, answered, layout):
+    answer(answered, t=["fine\r=HYPERLINK(A1);=2\t-x"])
     file = body(client.get(page_of("answers", answered.questionnaire, layout)))
     assert "fine\n'=HYPERLINK(A1);'=2\t'-x" in file
 
 
 def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher, answered):
     second = store(defined([item("single", "a"), item("number", "n")], version=2), NOW)
-    begin(
-        second,
-        Respondent(key="anna"),
-        Context(key="c"),
-        language="en",
-        seed=1,
-        now=NOW + datetime.timedelta(hours=1),
-    )
+    begun(second, now=NOW + datetime.timedelta(hours=1))
     first, other = table(client.get(page_of("answers", second, "wide")))
     assert [first[name] for name in ("o.a", "o.b", "o.c", "o_missing")] == ["3", "2", "1", ""]
     assert [other[name] for name in ("o.a", "o.b", "o.c", "o_missing")] == [""] * 4
-    assert (first["version"], first["a"], first["m"], first["n"], first["n_missing"]) == (
-        "1",
-        "b",
-        "a|c",
-        "",
-        "",
-    )
-    assert (
-        other["version"],
-        other["respondent"],
-        other["a_missing"],
-        other["n_missing"],
-        other["m_missing"],
-    ) == (
-        "2",
-        "anna",
-        "not_reached",
-        "not_reached",
-        "",
-    )
+    filled = {"version": "1", "a": "b", "m": "a|c", "n": "", "n_missing": ""}
+    assert first | filled == first
+    unreached = {"a_missing": "not_reached", "n_missing": "not_reached", "m_missing": ""}
+    assert other | unreached | {"version": "2", "respondent": "anna"} == other
 
 
 def test_the_wide_table_holds_the_scores(client, researcher):
-    row = begin(
-        current("sus", NOW),
-        Respondent(key="anna"),
-        Context(key="c"),
-        language="en",
-        seed=1,
-        now=NOW,
-    )
-    for n in range(1, 11):
-        save_one(
-            row,
-            row.questionnaire.as_definition(),
-            f"sus{n}",
-            {f"sus{n}": ["3"]},
-            Saving(now=NOW, language="en"),
-        )
-    assert [
-        line["sus"] for line in table(client.get(page_of("answers", row.questionnaire, "wide")))
-    ] == ["50.0"]
+    row = begun(current("sus", NOW))
+    answer(row, **{f"sus{n}": ["3"] for n in range(1, 11)})
+    (line,) = table(client.get(page_of("answers", row.questionnaire, "wide")))
+    assert line["sus"] == "50.0"
 
 
 def test_a_table_costs_the_same_number_of_queries_for_many_responses(
@@ -323,9 +261,7 @@ def test_a_table_costs_the_same_number_of_queries_for_many_responses(
 ):
     questionnaire = store(defined([item("text", "a")]), NOW)
     for n in range(30):
-        begin(
-            questionnaire, Respondent(key=f"r{n}"), Context(key="c"), language="en", seed=n, now=NOW
-        )
+        begun(questionnaire, Respondent(key=f"r{n}"))
     with django_assert_max_num_queries(8):
         lines = table(client.get(page_of("answers", questionnaire, "long")))
     assert len(lines) == 30
@@ -342,22 +278,16 @@ def test_a_response_shows_every_question_with_its_answer_escaped(client, researc
 
 
 def test_chosen_responses_are_downloaded_together(client, researcher, answered):
-    answer = client.post(
-        reverse("admin:surveys_response_changelist"),
-        {"action": "download_answers", "_selected_action": [str(answered.pk)]},
-    )
-    assert len(table(answer)) == 6
+    chosen = {"action": "download_answers", "_selected_action": [str(answered.pk)]}
+    file = client.post(reverse("admin:surveys_response_changelist"), chosen)
+    assert len(table(file)) == 6
 
 
 def test_answers_are_never_edited_but_a_response_can_be_deleted(client, researcher, answered):
     address = reverse("admin:surveys_response_change", args=[answered.pk])
     assert client.post(address, {"outcome": "forged"}).status_code == 403
-    assert (
-        client.post(
-            reverse("admin:surveys_response_delete", args=[answered.pk]), {"post": "yes"}
-        ).status_code
-        == 302
-    )
+    delete = reverse("admin:surveys_response_delete", args=[answered.pk])
+    assert client.post(delete, {"post": "yes"}).status_code == 302
     assert not Response.objects.exists()
     assert not Answer.objects.exists()
 
@@ -368,9 +298,8 @@ def test_permission_to_see_questionnaires_does_not_show_answers(client, answered
     assert client.get(page_of("preview", row)).status_code == 200
     assert client.get(page_of("export", row)).status_code == 200
     assert client.get(page_of("answers", row, "long")).status_code == 403
-    assert (
-        client.get(reverse("admin:surveys_response_change", args=[answered.pk])).status_code == 403
-    )
+    response = reverse("admin:surveys_response_change", args=[answered.pk])
+    assert client.get(response).status_code == 403
     assert client.post(page_of("new_version", row)).status_code == 403
     assert client.post(reverse("admin:surveys_questionnaire_shipped")).status_code == 403
     client.force_login(answered.user)
@@ -378,22 +307,16 @@ def test_permission_to_see_questionnaires_does_not_show_answers(client, answered
         assert client.get(page_of(name, row)).status_code == 302
 
 
-def test_a_list_is_not_asked_for_what_it_does_not_show(client, answered):
+def test_lists_refuse_lookups_of_columns_that_they_do_not_show(client, answered):
     staff_with(client, "view_questionnaire", "view_response")
-    for page, lookups in (
-        ("questionnaire", ("responses", "sha256__startswith")),
-        ("response", ("slot__startswith", "user")),
+    responses = reverse("admin:surveys_response_changelist")
+    for page, lookup in (
+        (reverse(LIST), "responses"),
+        (reverse(LIST), "sha256__startswith"),
+        (responses, "slot__startswith"),
+        (responses, "user"),
     ):
-        for lookup in lookups:
-            assert (
-                client.get(
-                    reverse(f"admin:surveys_{page}_changelist"), {lookup: str(answered.pk)}
-                ).status_code
-                == 400
-            ), lookup
+        assert client.get(page, {lookup: str(answered.pk)}).status_code == 400, lookup
     link = f"?questionnaire__id__exact={answered.questionnaire_id}"
     assert link in client.get(reverse(LIST)).content.decode()
-    assert (
-        client.get(reverse("admin:surveys_response_changelist") + link).context["cl"].result_count
-        == 1
-    )
+    assert client.get(responses + link).context["cl"].result_count == 1

@@ -219,7 +219,7 @@ def test_a_refused_value_is_reported_beside_its_field(client, row):
         (("about",), {"languages": []}, "Choose at least one language."),
     ],
 )
-def test_a_value_that_cannot_be_kept_says_what_to_write_instead(client, row, place, sent, message):
+def test_invalid_value_has_an_error_with_the_valid_form(client, row, place, sent, message):
     press(client, row, "add:questions:page_1:slider")
     before = stored()
     answer = send(client, at(row, *place), **sent)

@@ -42,7 +42,7 @@ FRUIT = qsf(
 
 
 def own_faults(page) -> list[str]:
-    """Return what is wrong with a page beside what is Django's own: its scripts, landmarks and
+    """Return the faults of a page that are not Django's own: its scripts, landmarks and
     headings; the button of a submit row says what it does by its value.
     """
     django = re.compile(r"h\d follows|\d h1|inline|<|None without label")
@@ -258,7 +258,7 @@ def test_a_file_that_takes_too_long_is_refused_with_a_sentence(client, researche
     assert "The file needs too much memory or time" in read(choose(client, FRUIT)).text
 
 
-def test_the_command_says_so_as_well(tmp_path, monkeypatch):
+def test_command_prints_the_same_report(tmp_path, monkeypatch):
     (tmp_path / "fruit.qsf").write_bytes(FRUIT)
     monkeypatch.setattr(
         limited_process, "ChildLimits", functools.partial(ChildLimits, elapsed=0.01)

@@ -1,4 +1,4 @@
-"""One response a respondent and context, whatever is asked twice."""
+"""Each respondent has one response for a context, also when requests are repeated."""
 
 import datetime
 from concurrent.futures import ThreadPoolExecutor
@@ -6,16 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from django.db import connection
 
-from surveys.answers import AnswerValue, Missing
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import store
 from surveys.responses import (
     ClosedError,
     Context,
-    NotAskedError,
     Respondent,
     Saving,
-    begin,
     finish,
     leave_page,
     place,
@@ -24,36 +21,30 @@ from surveys.responses import (
 )
 from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, defined, item
+from tests.support.studies.responses import ANNA, begun
 
 pytestmark = pytest.mark.django_db
 LATER = NOW + datetime.timedelta(minutes=10)
 SAVING = Saving(now=LATER, language="en")
-ANNA = Respondent(key="anna")
 
 
-def started(*pages, robot=(), outcome="", respondent=ANNA, **more):
+def started(*pages, **more):
     definition = defined(*pages, **more)
-    row = begin(
-        store(definition, NOW),
-        respondent,
-        Context(key="c", robot=robot, outcome=outcome),
-        language="en",
-        seed=3,
-        now=NOW,
+    return begun(store(definition, NOW), seed=3), definition
+
+
+def saved(row, definition, key: str, value: str, **more) -> Answer:
+    """Save one answer ten minutes after the beginning, and return its row."""
+    save_one(
+        row, definition, key, {key: [value]}, Saving(**{"now": LATER, "language": "en"} | more)
     )
-    return row, definition
+    return Answer.objects.get()
 
 
 def test_beginning_again_gives_the_same_response_with_what_was_recorded_first():
     first, _ = started([item("text", "a")])
-    again = begin(
-        Questionnaire.objects.get(),
-        ANNA,
-        Context(key="c", outcome="timed_out"),
-        language="es",
-        seed=99,
-        now=LATER,
-    )
+    context = Context(key="c", outcome="timed_out")
+    again = begun(Questionnaire.objects.get(), ANNA, context, language="es", seed=99, now=LATER)
     assert (again.pk, again.seed, again.started_at, again.outcome) == (first.pk, 3, NOW, "")
     assert Questionnaire.objects.get().frozen_at == NOW
 
@@ -63,17 +54,14 @@ def test_another_context_and_another_respondent_are_other_responses():
     questionnaire = Questionnaire.objects.get()
     others = [(ANNA, "c2"), (Respondent(key="bert"), "c"), (Respondent(user=person()), "c")]
     for respondent, key in others:
-        begin(questionnaire, respondent, Context(key=key), language="en", seed=1, now=NOW)
+        begun(questionnaire, respondent, Context(key=key))
     assert Response.objects.count() == 4
 
 
 def test_a_response_to_an_older_version_continues_with_it():
     first, _ = started([item("text", "a")])
     newer = store(defined([item("text", "b")], version=2), LATER)
-    assert (
-        begin(newer, ANNA, Context(key="c"), language="en", seed=1, now=LATER).questionnaire_id
-        == first.questionnaire_id
-    )
+    assert begun(newer, now=LATER).questionnaire_id == first.questionnaire_id
     assert newer.frozen_at is None
 
 
@@ -85,120 +73,39 @@ def test_a_respondent_is_a_user_or_a_key(wrong):
 
 def test_an_answer_has_language_text_version_position_and_time():
     row, definition = started([item("single", "a"), item("single", "b")])
-    save_one(
-        row, definition, "b", {"b": ["c"]}, Saving(now=LATER, language="en", seconds={"b": 4.321})
-    )
-    saved = Answer.objects.get()
-    assert (saved.value, saved.position, saved.seconds, saved.answered_at, saved.language) == (
-        "c",
-        2,
-        4.32,
-        LATER,
-        "en",
-    )
-    assert saved.text_version == definition.question("b").fingerprint("en")
+    answer = saved(row, definition, "b", "c", seconds={"b": 4.321})
+    assert (answer.value, answer.position, answer.seconds) == ("c", 2, 4.32)
+    assert (answer.answered_at, answer.language) == (LATER, "en")
+    assert answer.text_version == definition.question("b").fingerprint("en")
     assert Response.objects.get().seen_at == LATER
 
 
 @pytest.mark.parametrize(("sent", "kept"), [(-5.0, 0.0), (1e9, 600.0), (2.0, 2.0)])
 def test_seconds_are_never_less_than_none_nor_more_than_have_passed(sent, kept):
     row, definition = started([item("single", "a")])
-    save_one(
-        row, definition, "a", {"a": ["c"]}, Saving(now=LATER, language="en", seconds={"a": sent})
-    )
-    assert Answer.objects.get().seconds == kept
+    assert saved(row, definition, "a", "c", seconds={"a": sent}).seconds == kept
 
 
 def test_an_old_request_of_the_same_page_that_arrives_late_changes_nothing():
     row, definition = started([item("single", "a")])
     for value, writing in (("a", 1), ("c", 3), ("b", 2), ("d", 3)):
-        save_one(
-            row,
-            definition,
-            "a",
-            {"a": [value]},
-            Saving(now=LATER, language="en", writer="page", writing=writing),
-        )
-    assert Answer.objects.get().value == "c"
-    save_one(
-        row,
-        definition,
-        "a",
-        {"a": ["e"]},
-        Saving(now=LATER, language="en", writer="other page", writing=1),
-    )
-    assert Answer.objects.get().value == "e"
+        answer = saved(row, definition, "a", value, writer="page", writing=writing)
+    assert answer.value == "c"
+    assert saved(row, definition, "a", "e", writer="other page", writing=1).value == "e"
 
 
 def test_a_change_keeps_the_moment_of_the_first_answer():
     row, definition = started([item("single", "a")])
-    save_one(row, definition, "a", {"a": ["a"]}, Saving(now=NOW, language="en"))
-    save_one(row, definition, "a", {"a": ["b"]}, SAVING)
-    saved = Answer.objects.get()
-    assert (saved.first_at, saved.answered_at, saved.value) == (NOW, LATER, "b")
-
-
-@pytest.mark.parametrize("key", ["hidden", "later", "nobody", ""])
-def test_a_question_that_is_not_asked_now_takes_no_answer(key):
-    row, definition = started(
-        [item("single", "a"), item("single", "hidden", show_if={"robot": ["rhodon"]})],
-        [item("single", "later")],
-    )
-    with pytest.raises(NotAskedError):
-        save_one(row, definition, key, {key: ["a"]}, SAVING)
-    assert not Answer.objects.exists()
-
-
-def test_a_page_may_be_sent_twice():
-    row, definition = started([item("single", "a"), item("text", "b")])
-    fields = {"a": ["c"], "b": [""]}
-    for _ in range(2):
-        assert save_page(
-            row, definition, 0, fields=fields, offered=["a", "b"], saving=SAVING
-        ).is_done
-    assert row.given() == {"a": AnswerValue(value="c"), "b": AnswerValue(missing=Missing.SKIPPED)}
-
-
-def test_answers_that_are_right_are_kept_when_others_on_the_page_are_wrong():
-    row, definition = started(
-        [item("single", "a"), item("number", "n"), item("single", "must", required=True)]
-    )
-    result = save_page(
-        row,
-        definition,
-        0,
-        fields={"a": ["c"], "n": ["many"]},
-        offered=["a", "n", "must"],
-        saving=SAVING,
-    )
-    assert set(result.errors) == {"n", "must"}
-    assert not result.is_done
-    assert row.given()["a"] == AnswerValue(value="c")
-    assert "n" not in row.given()
-
-
-def test_a_question_that_an_answer_brings_up_keeps_the_page_open_until_it_was_seen():
-    row, definition = started(
-        [item("single", "a"), item("text", "why", show_if={"item": "a", "is": ["c"]})]
-    )
-    assert save_page(
-        row, definition, 0, fields={"a": ["c"]}, offered=["a"], saving=SAVING
-    ).more_appeared
-    assert save_page(
-        row, definition, 0, fields={"a": ["c"], "why": [""]}, offered=["a", "why"], saving=SAVING
-    ).is_done
+    saved(row, definition, "a", "a", now=NOW)
+    answer = saved(row, definition, "a", "b")
+    assert (answer.first_at, answer.answered_at, answer.value) == (NOW, LATER, "b")
 
 
 def test_a_question_that_an_answer_takes_away_asks_for_nothing():
-    row, definition = started(
-        [
-            item("single", "a"),
-            item("text", "why", required=True, show_if={"item": "a", "is": ["c"]}),
-        ]
-    )
-    assert save_page(
-        row, definition, 0, fields={"a": ["b"], "why": [""]}, offered=["a", "why"], saving=SAVING
-    ).is_done
+    why = item("text", "why", required=True, show_if={"item": "a", "is": ["c"]})
+    row, definition = started([item("single", "a"), why])
+    sent = {"fields": {"a": ["b"], "why": [""]}, "offered": ["a", "why"]}
+    assert save_page(row, definition, 0, **sent, saving=SAVING).is_done
 
 
 def test_pages_without_questions_for_this_respondent_are_passed_over():
@@ -255,7 +162,7 @@ def test_two_pages_at_the_same_moment_make_one_response_and_one_answer():
 
     def race(value: str):
         try:
-            row = begin(questionnaire, ANNA, Context(key="c"), language="en", seed=1, now=NOW)
+            row = begun(questionnaire)
             save_one(row, row.questionnaire.as_definition(), "a", {"a": [value]}, SAVING)
             return row.pk
         finally:

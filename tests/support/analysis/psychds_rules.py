@@ -74,7 +74,7 @@ def _words(node: object) -> Iterator[str]:
 
 
 def _files(folder: Path, found: dict) -> Iterator[str]:
-    told = {entry["name"] for entry in found.get("variableMeasured", ())}
+    described = {entry["name"] for entry in found.get("variableMeasured", ())}
     paths = sorted((folder / "data").rglob("*_data.csv"))
     if not any(FILE.fullmatch(path.name) for path in paths):
         yield "MISSING_DATAFILE"
@@ -89,16 +89,16 @@ def _files(folder: Path, found: dict) -> Iterator[str]:
     for path in paths:
         if not FILE.fullmatch(path.name):
             yield f"FILENAME_KEYWORD_FORMATTING_ERROR: {path.name}"
-        yield from _table(path, told)
+        yield from _table(path, described)
     heads = {name for path in paths for name in next(csv.reader(path.open(encoding="utf-8")), ())}
-    missing = sorted(told - heads)
+    missing = sorted(described - heads)
     if missing:
         yield f"VARIABLE_MISSING_FROM_CSV_COLUMNS: {missing}"
     loose = set((folder / "data").rglob("*.csv")) - set(paths)
     yield from (f"EXTENSION_MISMATCH: {path.name}" for path in sorted(loose))
 
 
-def _table(path: Path, told: set[str]) -> Iterator[str]:
+def _table(path: Path, described: set[str]) -> Iterator[str]:
     text = path.read_bytes().decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     head, *rows = csv.reader(io.StringIO(text), strict=True)
     if not head or not all(head):
@@ -107,6 +107,6 @@ def _table(path: Path, told: set[str]) -> Iterator[str]:
         yield f"CSV_HEADER_REPEATED: {path.name}"
     if any(len(row) != len(head) for row in rows):
         yield f"CSV_HEADER_LENGTH_MISMATCH: {path.name}"
-    missing = sorted(set(head) - told)
+    missing = sorted(set(head) - described)
     if missing:
         yield f"CSV_COLUMN_MISSING_FROM_METADATA: {path.name}: {missing}"

@@ -30,37 +30,24 @@ from surveys.problems import parse
 DEFINITIONS = Path(surveys.__file__).parent / "definitions"
 RATE = 4.0
 NETWORKS = 51
-OUTCOMES = (
-    "completed",
-    "timed_out",
-    "connection_refused",
-    "cancelled",
-    "stopped_by_operator",
-    "robot_fault",
-    "connection_lost",
-)
+FAILURES = ("timed_out", "connection_refused", "cancelled", "stopped_by_operator")
+FAILURES += ("robot_fault", "connection_lost")
 DEVICES = (
-    ("Windows", "Chrome"),
-    ("Windows", "Firefox"),
-    ("Linux", "Chromium"),
-    ("Mac OS", "Chrome"),
-    ("Android", "Chrome"),
-    ("iOS", "other"),
-    ("other", "Opera"),
+    *(("Windows", "Chrome"), ("Windows", "Firefox"), ("Linux", "Chromium"), ("Mac OS", "Chrome")),
+    *(("Android", "Chrome"), ("iOS", "other"), ("other", "Opera")),
 )
-ROBOTS = (
-    RobotRecord(
-        name="giraff",
-        title="Giraff",
-        series="giraff",
-        facts={"Base": "Giraff", "OS": "Windows", "RCA": "MOOS", "Users": "novice"},
-    ),
-    RobotRecord(
-        name="rhodon",
-        title="Rhodon",
-        series="rhodon",
-        facts={"Base": "PatrolBot", "OS": "Linux", "RCA": "ROS", "Users": "expert"},
-    ),
+# The columns of a state that are 0 in every drive.
+ABSENT = (
+    *("boot", "tilt", "mode", "angular", "distance_by_position", "refused", "too_old", "slowed"),
+    *("by_mouse", "by_touch", "by_stick", "by_gamepad", "by_map", "by_script", "on_mqtt"),
+)
+FACTS = {
+    "giraff": {"Base": "Giraff", "OS": "Windows", "RCA": "MOOS", "Users": "novice"},
+    "rhodon": {"Base": "PatrolBot", "OS": "Linux", "RCA": "ROS", "Users": "expert"},
+}
+ROBOTS = tuple(
+    RobotRecord(name=name, title=name.title(), series=name, facts=facts)
+    for name, facts in FACTS.items()
 )
 
 
@@ -104,15 +91,12 @@ def drive(
     length = float(np.hypot(*np.diff(path, axis=0).T).sum()) * share
     seconds = 5.0 + length / speed + 3.0
     t = np.arange(0.0, seconds, 1.0 / RATE)
-    gone = np.clip((t - 5.0) * speed, 0.0, length)
-    x, y, heading = along(path, gone)
-    wiggle = (
-        rng.normal(0.0, 0.06, 2)
-        * np.sin(t[:, None] / rng.uniform(6.0, 14.0, 2))
-        * (gone > 0.0)[:, None]
-    )
+    travelled = np.clip((t - 5.0) * speed, 0.0, length)
+    x, y, heading = along(path, travelled)
+    amplitude, period = rng.normal(0.0, 0.06, 2), rng.uniform(6.0, 14.0, 2)
+    wiggle = amplitude * np.sin(t[:, None] / period) * (travelled > 0.0)[:, None]
     x, y = x + wiggle[:, 0], y + wiggle[:, 1]
-    going = (gone > 0.0) & (gone < length)
+    going = (travelled > 0.0) & (travelled < length)
     commands = np.where(going, rng.integers(3, 6, len(t)), 0)
     ages = rng.gamma(4.0, trip / 8.0, len(t))
     states = columns_of(
@@ -120,7 +104,6 @@ def drive(
         stamp=t + offset,
         received=t + trip,
         clock_offset=np.full(len(t), offset),
-        boot=np.zeros(len(t)),
         seq=np.arange(len(t)),
         x=x,
         y=y,
@@ -128,37 +111,24 @@ def drive(
         localized=np.ones(len(t)),
         score=np.full(len(t), 0.9),
         linear=np.where(going, speed, 0.0),
-        angular=np.zeros(len(t)),
         charge=np.linspace(0.9, 0.8, len(t)),
         charging=(t < 5.0) * 1.0,
-        docked=((t < 5.0) | ((gone >= length) & (share >= 1.0))) * 1.0,
-        tilt=np.zeros(len(t)),
-        mode=np.zeros(len(t)),
+        docked=((t < 5.0) | ((travelled >= length) & (share >= 1.0))) * 1.0,
         clearance=np.clip(rng.normal(0.6, 0.25, len(t)), 0.02, 3.0),
         contacts=(rng.random(len(t)) < 0.002) * 1.0,
         distance=np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y))))),
-        distance_by_position=0,
         visitor_silence=np.full(len(t), 0.1),
         commands=commands,
-        refused=np.zeros(len(t)),
         age_sum=commands * ages,
         age_max=ages * 1.5,
         answer_age=np.where(commands > 0, ages + 0.125, np.nan),
         by_keyboard=commands,
-        by_mouse=0,
-        by_touch=0,
-        by_stick=0,
-        by_gamepad=0,
-        by_map=0,
-        by_script=0,
         on_datachannel=commands,
-        on_mqtt=0,
-        too_old=0,
-        slowed=0,
+        **dict.fromkeys(ABSENT, 0),
         **{
-            f"{name}_{part}": np.where(commands > 0, speed if part == "linear" else 0.0, np.nan)
+            f"{name}_{part}": np.where(commands > 0, value, np.nan)
             for name in SERIES
-            for part in ("linear", "angular")
+            for part, value in (("linear", speed), ("angular", 0.0))
         },
     )
     passed: dict[int, float] = {}
@@ -190,53 +160,35 @@ def made_up(
         condition = study.conditions[index % len(study.conditions)]
         dropped = index % 11 == 10
         age = float("nan") if index % 12 == 11 else float(rng.integers(15, 63))
-        people.append(
-            ParticipantRecord(
-                who,
-                age=age,
-                cell="" if dropped else condition.key,
-                reached="consent" if dropped else "thanks",
-                left="declined" if dropped else "",
-                finished=not dropped,
-            )
-        )
-        steps = study.steps[:1] if dropped else study.steps
-        pages += [
-            PageRecord(
-                who,
-                step.key,
-                seconds=float("nan") if dropped else float(rng.gamma(4.0, 10.0)),
-                finished=not dropped,
-            )
-            for step in steps
-        ]
         if dropped:
+            people.append(ParticipantRecord(who, age=age, reached="consent", left="declined"))
+            pages.append(PageRecord(who, study.steps[0].key, seconds=float("nan"), finished=False))
             continue
+        reached = {"cell": condition.key, "reached": "thanks", "finished": True}
+        people.append(ParticipantRecord(who, age=age, **reached))
+        seconds = rng.gamma(4.0, 10.0, len(study.steps)).tolist()
+        pages += [
+            PageRecord(who, step.key, seconds=one, finished=True)
+            for step, one in zip(study.steps, seconds, strict=True)
+        ]
         responses.append(registration(who, rng))
         for number in range(1, 2 + int(rng.integers(0, 3))):
-            session, driven, more = visit(
-                study,
-                who,
-                number,
-                condition.key,
-                rng,
-                slower=slower if condition is study.conditions[-1] else 1.0,
+            factor = slower if condition is study.conditions[-1] else 1.0
+            session, record, more = session_of(
+                study, who, number, condition.key, rng, slower=factor
             )
             sessions.append(session)
             events += more
-            if driven is not None:
-                states[session.id] = driven.states
-                network[session.id] = link(driven.end, rng)
+            if record is not None:
+                states[session.id] = record.states
+                network[session.id] = link(record.end, rng)
             responses.append(final(study, who, session, rng))
     questions = questionnaires("experience", "ict")
+    rows = (people, sessions, events, pages, responses)
     return Dataset(
         study,
         ROBOTS,
-        tuple(people),
-        tuple(sessions),
-        tuple(events),
-        tuple(pages),
-        tuple(responses),
+        *map(tuple, rows),
         questions,
         {"office": plan},
         lambda one: states.get(one, NO_STATES),
@@ -244,7 +196,7 @@ def made_up(
     )
 
 
-def visit(
+def session_of(
     study: StudyDefinition,
     who: str,
     number: int,
@@ -257,7 +209,7 @@ def visit(
     assert condition is not None
     course = study.course_of(condition)
     assert course is not None
-    outcome = "completed" if rng.random() < 0.85 else str(rng.choice(OUTCOMES[1:]))
+    outcome = "completed" if rng.random() < 0.85 else str(rng.choice(FAILURES))
     system, browser = DEVICES[int(rng.integers(len(DEVICES)))]
     session = SessionRecord(
         f"{who}-{number}",
@@ -278,21 +230,17 @@ def visit(
     if outcome == "connection_refused":
         return session, None, []
     share = 1.0 if outcome == "completed" else float(rng.uniform(0.2, 0.9))
-    driven = drive(
-        course, rng, speed=float(rng.normal(0.32 + 0.02 * number, 0.03)) / slower, share=share
-    )
-    session = replace(session, first_frame=0.4, first_motion=5.2, ended=driven.end + 2.0)
+    speed = float(rng.normal(0.32 + 0.02 * number, 0.03)) / slower
+    record = drive(course, rng, speed=speed, share=share)
+    session = replace(session, first_frame=0.4, first_motion=5.2, ended=record.end + 2.0)
     events = [
         EventRecord(session.id, at, "task", "checkpoint", {"number": n})
-        for n, at in driven.checkpoints.items()
+        for n, at in record.checkpoints.items()
     ]
     if outcome == "completed":
-        events.append(EventRecord(session.id, driven.end - 2.5, "task", "docked", {}))
-    return (
-        session,
-        driven,
-        [*events, EventRecord(session.id, driven.end, "task", "task_ended", {"name": outcome})],
-    )
+        events.append(EventRecord(session.id, record.end - 2.5, "task", "docked", {}))
+    events.append(EventRecord(session.id, record.end, "task", "task_ended", {"name": outcome}))
+    return session, record, events
 
 
 def link(seconds: float, rng: np.random.Generator) -> Columns:
@@ -314,9 +262,8 @@ def link(seconds: float, rng: np.random.Generator) -> Columns:
 
 def registration(who: str, rng: np.random.Generator) -> ResponseRecord:
     scale = ("computer", "smartphone", "browser", "messaging", "videoconferencing", "games")
-    values = {"gender": str(rng.choice(("woman", "man"), p=(0.2, 0.8)))} | {
-        key: int(rng.integers(0, 5)) for key in scale
-    }
+    values = {"gender": str(rng.choice(("woman", "man"), p=(0.2, 0.8)))}
+    values |= {key: int(rng.integers(0, 5)) for key in scale}
     return ResponseRecord(f"{who}-ict", "ict", who, values)
 
 
@@ -331,15 +278,8 @@ def final(
     if session.robot != "giraff" or rng.random() < 0.1:
         missing["q7"] = "not_asked" if session.robot != "giraff" else "skipped"
         del values["q7"]
-    return ResponseRecord(
-        f"{session.id}-q",
-        study.analysis.statements,
-        who,
-        values,
-        session=session.id,
-        missing=missing,
-        seconds=dict.fromkeys(values, 3.5),
-    )
+    about = {"session": session.id, "missing": missing, "seconds": dict.fromkeys(values, 3.5)}
+    return ResponseRecord(f"{session.id}-q", study.analysis.statements, who, values, **about)
 
 
 def without(definition: Definition, key: str) -> Definition:

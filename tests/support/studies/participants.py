@@ -22,6 +22,7 @@ from robots.models import FloorPlan, Robot
 from sessions.models import Session
 from surveys.models import Answer, Response
 from tests.support.agents.docked_robot import report_in_dock
+from tests.support.people import person
 from tests.support.robots import create_robot
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
@@ -72,6 +73,14 @@ def assign(participant: Participant, *conditions: str) -> Participant:
     )
     participant.refresh_from_db()
     return participant
+
+
+def fill(study: Study, *, quota: int = 1) -> None:
+    """Assign a participant to each open condition of the paper's study, whose cells are limited."""
+    definition = {**study.definition, "allocation": {"design": "between", "quota": quota}}
+    Study.objects.filter(pk=study.pk).update(definition=definition)
+    for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+        assign(comer(study, person(f"p{n}")), condition)
 
 
 def answered(participant: Participant, key: str, values: dict[str, Any]) -> Participant:
@@ -145,6 +154,12 @@ def drive_of(
         **more,
     }
     return Drive.objects.create(participant=participant, session=session, **fields)
+
+
+def in_two_days() -> list[dict[str, Any]]:
+    """Opening hours of a study that is closed today and tomorrow, wherever it is."""
+    weekday = (timezone.now().weekday() + 2) % 7
+    return [{"days": [weekday], "start": "09:00", "end": "10:00"}]
 
 
 def later(seconds: float) -> datetime.datetime:

@@ -108,6 +108,8 @@ STUDY = {
     ],
 }
 
+PRACTICE = {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}
+
 
 def cabin() -> FloorPlan:
     """The site."""

@@ -2,7 +2,14 @@
 
 from django.http import QueryDict
 
-from tests.support.browsers.html_page import read
+from tests.support.browsers.html_page import Page, read
+
+
+def buttons(page: Page) -> list[str]:
+    """Return the texts of the buttons and of the links that look like one, in the main part."""
+    main = page.all("main")[0].text
+    found = [one for one in page.elements if "button" in one.attributes.get("class", "").split()]
+    return [one.text.strip() for one in found if one.text.strip() in main]
 
 
 def form_of(response) -> QueryDict:
@@ -35,6 +42,6 @@ def form_of(response) -> QueryDict:
             and "name" in a
             and (a.get("type") != "checkbox" or "checked" in a)
         ):
-            unsaid = "on" if a.get("type") == "checkbox" else ""
-            data.appendlist(a["name"], a.get("value", unsaid))
+            default = "on" if a.get("type") == "checkbox" else ""
+            data.appendlist(a["name"], a.get("value", default))
     return data

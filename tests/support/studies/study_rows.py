@@ -4,6 +4,7 @@ robots and the session manager leave it there.
 
 import datetime
 import uuid
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -18,8 +19,7 @@ from experiments.definition.schema import digest
 from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
-from sessions.models import NetworkSample, SessionEvent, StateChunk
-from sessions.models import Session as Visit
+from sessions.models import NetworkSample, Session, StateChunk
 from surveys.models import Answer, Response
 from surveys.models import Questionnaire as QuestionnaireRow
 from tests.support.robots import create_robot
@@ -69,18 +69,10 @@ def put(dataset: Dataset, *, now: datetime.datetime = BEGUN) -> Stored:
 def _robots(dataset: Dataset) -> dict[str, Robot]:
     found = {}
     for name, plan in dataset.plans.items():
-        size = {
-            "resolution": 0.05,
-            "origin_x": 0.0,
-            "origin_y": 0.0,
-            "width": 1,
-            "height": 1,
-            "image": b"",
-            "sha256": "",
-        }
-        FloorPlan.objects.create(
-            name=name, title=name, plan=msgspec.json.decode(floorplan.encode(plan)), **size
-        )
+        size = {"resolution": 0.05, "origin_x": 0.0, "origin_y": 0.0, "width": 1, "height": 1}
+        drawn = msgspec.json.decode(floorplan.encode(plan))
+        about = {"name": name, "title": name, "image": b"", "sha256": ""}
+        FloorPlan.objects.create(plan=drawn, **about, **size)
     for robot in dataset.robots:
         sheet = {
             "series": robot.series,
@@ -88,40 +80,28 @@ def _robots(dataset: Dataset) -> dict[str, Robot]:
             "capabilities": ["velocity", "dock"],
             "limits": {"linear": 0.6, "angular": 0.7},
         }
-        found[robot.name] = create_robot(
-            name=robot.name,
-            title=robot.title,
-            factsheet=sheet,
-            floor_plan=FloorPlan.objects.first(),
-        )
+        place = {"floor_plan": FloorPlan.objects.first(), "factsheet": sheet}
+        found[robot.name] = create_robot(name=robot.name, title=robot.title, **place)
     return found
 
 
 def _questionnaire(definition, now: datetime.datetime) -> QuestionnaireRow:
-    about = {
-        "slug": definition.slug,
-        "version": definition.version,
-        "title": definition.slug,
-        "created_at": now,
-        "frozen_at": now,
-    }
+    slug = definition.slug
+    about = {"slug": slug, "version": definition.version, "title": slug, "sha256": ""}
+    written = msgspec.to_builtins(definition)
     return QuestionnaireRow.objects.create(
-        definition=msgspec.to_builtins(definition), sha256="", **about
+        definition=written, created_at=now, frozen_at=now, **about
     )
 
 
 def _participant(study: Study, person, now: datetime.datetime) -> Participant:
-    user = User.objects.create(
-        username=f"name-of-{person.id}", email=f"{person.id}@example.org".lower()
-    )
-    status = (
-        Participant.Status.FINISHED
-        if person.finished
-        else Participant.Status.SCREENED_OUT
-        if person.left
-        else Participant.Status.ACTIVE
-    )
-    completion = "done" if person.finished else "screened_out" if person.left else ""
+    email = f"{person.id}@example.org".lower()
+    user = User.objects.create(username=f"name-of-{person.id}", email=email)
+    status, completion = Participant.Status.ACTIVE, ""
+    if person.finished:
+        status, completion = Participant.Status.FINISHED, "done"
+    elif person.left:
+        status, completion = Participant.Status.SCREENED_OUT, "screened_out"
     return Participant.objects.create(
         study=study,
         user=user,
@@ -147,10 +127,10 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
         "network": session.network and f"10.0.{session.network[1:]}.0/24",
         "user_agent": AGENT,
     }
-    visit = Visit.objects.create(
+    session_row = Session.objects.create(
         robot=robot,
         visitor=who.user,
-        state=Visit.State.ENDED,
+        state=Session.State.ENDED,
         outcome=session.outcome,
         live_key=str(uuid.uuid4()),
         queued_at=granted - MINUTE,
@@ -164,7 +144,7 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
     first = None if np.isnan(session.first_frame) else granted.timestamp() + session.first_frame
     drive = Drive.objects.create(
         participant=who,
-        session=visit,
+        session=session_row,
         step="task",
         visit=session.number,
         round=0,
@@ -180,18 +160,17 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
         settled_at=granted + 21 * MINUTE,
         excluded_reason=session.excluded,
     )
-    states, network = dataset.states(session.id), dataset.network(session.id)
-    StateChunk.objects.bulk_create(chunks(visit, states, granted.timestamp()), batch_size=500)
-    NetworkSample.objects.bulk_create(samples(visit, network, granted.timestamp()), batch_size=500)
+    states, network, at = (
+        dataset.states(session.id),
+        dataset.network(session.id),
+        granted.timestamp(),
+    )
+    StateChunk.objects.bulk_create(chunks(session_row, states, at), batch_size=500)
+    NetworkSample.objects.bulk_create(samples(session_row, network, at), batch_size=500)
     if session.operator and session.outcome != "stopped_by_operator":
-        about = {
-            "type": "operator_message",
-            "stamp": granted.timestamp() + 9.0,
-            "received_at": granted.timestamp() + 9.0,
-        }
-        SessionEvent.objects.create(
-            session=visit, source="server", data={"text": "Mind the cat, Ada!"}, **about
-        )
+        at = granted.timestamp() + 9.0
+        about = {"type": "operator_message", "source": "server", "stamp": at, "received_at": at}
+        session_row.events.create(data={"text": "Mind the cat, Ada!"}, **about)
     return drive
 
 
@@ -199,13 +178,13 @@ def _at(granted: datetime.datetime, seconds: float) -> datetime.datetime | None:
     return None if np.isnan(seconds) else granted + datetime.timedelta(seconds=seconds)
 
 
-def chunks(visit: Visit, states: Columns, granted: float) -> Iterator[StateChunk]:
+def chunks(session: Session, states: Columns, granted: float) -> Iterator[StateChunk]:
     """A session's states as the recorder stores them: a row a second."""
     rows = [_state(states, index, granted) for index in range(len(states))]
     for start in range(0, len(rows), 4):
         part = rows[start : start + 4]
         yield StateChunk(
-            session=visit,
+            session=session,
             boot="boot-1",
             first_seq=part[0]["seq"],
             last_seq=part[-1]["seq"],
@@ -264,61 +243,39 @@ def _ages(total: float, greatest: float, count: int) -> list[float]:
     return [greatest, *([(total - greatest) / (count - 1)] * (count - 1))]
 
 
-def samples(visit: Visit, network: Columns, granted: float) -> Iterator[NetworkSample]:
+def samples(session: Session, network: Columns, granted: float) -> Iterator[NetworkSample]:
     """A session's network samples; the page's clock is an hour wrong, and every sample arrives at
     once.
     """
-    names = {
-        "round_trip": "roundTrip",
-        "loss": "loss",
-        "fps": "fps",
-        "bitrate": "bitrate",
-        "freezes": "freezes",
-        "jitter": "jitter",
-        "frame_age": "frameAge",
-    }
+    names = {"round_trip": "roundTrip", "frame_age": "frameAge"}
+    names |= {name: name for name in ("loss", "fps", "bitrate", "freezes", "jitter")}
     for row in network.tolist():
         values = dict(zip(network.dtype.names, row, strict=True))
         data = {name: values[column] for column, name in names.items()} | {"way": "datachannel"}
         at = granted + values["stamp"]
-        yield NetworkSample(session=visit, stamp=at + 3600.0, received_at=at, data=data)
+        yield NetworkSample(session=session, stamp=at + 3600.0, received_at=at, data=data)
 
 
 def _task_events(dataset: Dataset, stored: Stored) -> Iterator[TaskEvent]:
-    numbers: dict[str, int] = {}
+    numbers: Counter[str] = Counter()
     for event in dataset.events:
         drive = stored.drives[event.session]
-        numbers[event.session] = numbers.get(event.session, -1) + 1
-        stamp = drive.granted_at.timestamp() + event.stamp
-        yield TaskEvent(
-            drive=drive,
-            number=numbers[event.session],
-            stamp=stamp,
-            type=event.type,
-            data=dict(event.data),
-        )
+        about = {"number": numbers[event.session], "type": event.type, "data": dict(event.data)}
+        yield TaskEvent(drive=drive, stamp=drive.granted_at.timestamp() + event.stamp, **about)
+        numbers[event.session] += 1
 
 
 def _visits(dataset: Dataset, stored: Stored, now: datetime.datetime) -> Iterator[StepVisit]:
     for page in dataset.pages:
         ended = None if np.isnan(page.seconds) else now + datetime.timedelta(seconds=page.seconds)
-        yield StepVisit(
-            participant=stored.people[page.participant],
-            visit=1,
-            round=0,
-            step=page.step,
-            began_at=now,
-            finished_at=ended,
-        )
+        place = {"participant": stored.people[page.participant], "visit": 1, "round": 0}
+        yield StepVisit(step=page.step, began_at=now, finished_at=ended, **place)
 
 
 def _response(dataset: Dataset, response, stored: Stored, questionnaire: QuestionnaireRow) -> None:
     who = stored.people[response.participant]
-    step = next(
-        one.key
-        for one in dataset.study.questionnaire_steps
-        if one.questionnaire == response.questionnaire
-    )
+    asked = {one.questionnaire: one.key for one in reversed(dataset.study.questionnaire_steps)}
+    step = asked[response.questionnaire]
     visit, robot, outcome = 1, [], ""
     if response.session:
         drive = stored.drives[response.session]
@@ -346,10 +303,9 @@ def _response(dataset: Dataset, response, stored: Stored, questionnaire: Questio
         for key, reason in response.missing.items()
         if reason != "not_reached"
     }
-    rows = (
+    Answer.objects.bulk_create(
         Answer(
-            response=row, item=key, position=n, seconds=response.seconds.get(key), **said, **about
+            response=row, item=key, position=n, seconds=response.seconds.get(key), **one, **about
         )
-        for n, (key, said) in enumerate(stated.items())
+        for n, (key, one) in enumerate(stated.items())
     )
-    Answer.objects.bulk_create(rows)

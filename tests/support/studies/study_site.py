@@ -36,12 +36,12 @@ def robot_at(
 ) -> Robot:
     """Make a robot whose factsheet has what studies ask of it."""
     sheet = {"series": series, "capabilities": list(capabilities), "limits": {"linear": linear}}
-    heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any test takes
+    seen = timezone.now() + datetime.timedelta(hours=1)  # for longer than any test takes
     return create_robot(
         name=name,
         title=name.title(),
         floor_plan=plan,
         factsheet=msgspec.to_builtins(sheet),
         report=report_in_dock(plan, series),
-        last_seen_at=heard,
+        last_seen_at=seen,
     )

@@ -1,6 +1,6 @@
 """Files of other survey systems for tests, as short as they can be and in the shapes of real ones.
 
-Written by hand; nothing is copied. The shapes were checked against public files: those of QSF
+The files are written by hand. Their shapes were checked against public files: those of QSF
 against the sample surveys of ctesta01/QualtricsTools, the test data of fflewddur/sp and the data of
 sumtxt/qsf; those of LSS against LimeSurvey's own test surveys (old shape, a row for each language)
 and amaltawfik/lssdoc (new shape, texts in tables of their own); those of REDCap against
@@ -12,16 +12,27 @@ import io
 import json
 from xml.sax.saxutils import escape
 
-from surveys.definition import to_json
+from surveys.definition import Definition, to_json
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
+from surveys.item import ScalePoint
 
 # --- results of an import -------------------------------------------------------------------------
 
 
+def definition_of(document: bytes) -> Definition:
+    return read(document).definition("test", 1)
+
+
 def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
+    pages = json.loads(to_json(definition_of(document)))["pages"]
     return [item for page in pages for item in page["items"]]
+
+
+def points_of(document: bytes) -> tuple[ScalePoint, ...]:
+    """Return the points of the questionnaire's only scale."""
+    (points,) = definition_of(document).scales.values()
+    return points
 
 
 def remarks(document: bytes, name: str) -> str:
@@ -55,10 +66,6 @@ def payload(qid: str, kind: str, selector: str, sub: str | None = None, **more) 
         "Language": [],
         **more,
     }
-
-
-def forced() -> dict:
-    return {"Settings": {"ForceResponse": "ON", "ForceResponseType": "ON", "Type": "None"}}
 
 
 def qsf_document(*payloads: dict, blocks=None, flow=None, extra=(), **entry) -> dict:

@@ -108,7 +108,7 @@ class Drive:
         return self
 
     def dock(self) -> "Drive":
-        """Come to rest in the station, let go, and be seen there until it counts."""
+        """Rest in the station with the controls released, until the robot counts as docked."""
         return self.touch(DOCKED.seconds + 1.0 / RATE)
 
 
@@ -129,7 +129,7 @@ def run(
     return engine
 
 
-def told(engine: TaskEngine) -> list[tuple]:
+def milestones(engine: TaskEngine) -> list[tuple]:
     """The events but the cues, as (type, number or name)."""
     return [
         (event.type, event.name or event.number) for event in engine.events if event.type != "cue"

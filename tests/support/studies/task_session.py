@@ -1,7 +1,7 @@
 """A drive through the cabin as the session manager and its record have it: the same records as
 states, events and page events.
 
-`Told` says them to the runner, as the session manager's signals do; `write` puts them into the
+`say` passes them to the runner, as the session manager's signals do; `write` puts them into the
 database, as the recorder does.
 """
 
@@ -22,6 +22,7 @@ from sessions.leases import store
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
 from tests.support.studies import participants as p
+from tests.support.studies import task_drives
 from tests.support.studies.studies import small_study
 from tests.support.studies.study_site import cabin_with_giraff
 
@@ -53,6 +54,18 @@ def small_conditions() -> list[dict[str, Any]]:
     return msgspec.to_builtins(small_study().conditions)
 
 
+def photographed(at: float) -> list[Record]:
+    """The whole task; its first photo failed, the second was taken again, the third kept."""
+    drive = task_drives.Drive(at=at, frame=False)
+    drive.say(FirstFrame(drive.at, repr(drive.at - 0.5))).go(*task_drives.THERE)
+    drive.say(PhotoFailed(drive.at, "a1")).see()
+    drive.say(PhotoTaken(drive.at, "a2")).see()
+    drive.say(PhotoAnswer(drive.at, repr(drive.at), "again")).see()
+    drive.say(PhotoTaken(drive.at, "a3")).see()
+    drive.say(PhotoAnswer(drive.at, repr(drive.at), "keep")).see()
+    return drive.go(*task_drives.BACK).dock().records
+
+
 def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
     """What the robot says, by its own clock."""
     command = m.AppliedCommand(
@@ -81,7 +94,7 @@ def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
 
 
 def message_of(record: Record) -> m.Event | m.ActionStatus | PageEvent:
-    """What is said of an input. A page gives it a stamp of its own; who receives it, the time."""
+    """Return the message of an input. A page gives it a stamp of its own, the receiver the time."""
     match record:
         case FirstFrame(id=word):
             return PageEvent(stamp=float(word), type="first_frame")

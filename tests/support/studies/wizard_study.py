@@ -48,13 +48,13 @@ WIZARD = {
 
 def wizard_document(*, operator=None, study=None, **wizard):
     """Return the study as a dict; `wizard` replaces fields of its part."""
-    told = {"en": OPERATOR_TEXT} if operator is None else operator
+    debriefing = {"en": OPERATOR_TEXT} if operator is None else operator
     whole = copy.deepcopy({**STUDY, "wizard": {**WIZARD, **wizard}, **(study or {})})
     debrief = whole["steps"][-1] if whole["steps"][-1]["kind"] == "debrief" else None
     if debrief is None:
         debrief = {"kind": "debrief", "key": "thanks", "title": {"en": "T"}, "text": {"en": "T"}}
         whole["steps"] = [*whole["steps"], debrief]
-    debrief["operator"] = told
+    debrief["operator"] = debriefing
     return whole
 
 

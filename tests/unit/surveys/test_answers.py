@@ -150,7 +150,7 @@ def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value)
             answer_to(kind, reason=forged, not_applicable=True)
 
 
-def test_missing_is_one_of_five_and_says_what_happened():
+def test_missing_answers_have_one_of_five_reasons():
     definition = defined(
         [
             item("single", "left"),

@@ -70,14 +70,14 @@ def test_invalid_points_are_reported_and_kept(path):
     assert refusals(walk) == {"path": "Write one point per line: x and y in metres."}
 
 
-def test_parts_whose_place_says_their_number_are_counted_from_0():
+def test_parts_numbered_by_their_place_are_counted_from_0():
     walk = read("stops.0=&stops.0.radius=1&stops.1=&stops.1.radius=")
     assert walk["stops"] == [{"number": 0, "radius": 1.0}, {"number": 1}]
     (stops,) = (part for part in WalkForm(Walk, walk).parts if part.name == "stops")
     assert [(one.label, one.called) for one in stops.parts] == [("Stop", 0), ("Stop", 1)]
 
 
-def test_a_part_of_one_kind_has_its_fields_and_not_what_it_stands_instead_of():
+def test_a_part_of_one_kind_has_the_fields_of_its_kind_alone():
     acts = [{"line": {"en": "Come in"}}, {"move": {"kind": "turn", "angle": 90.0}}]
     form = WalkForm(Walk, {"acts": acts}, languages=["en"])
     assert list(form.fields) == ["path", "acts.0.line.en", "acts.1.move.angle"]

@@ -1,4 +1,4 @@
-"""What import says of definitions that are wrong."""
+"""The problems of definitions that cannot be imported."""
 
 import json
 import re
@@ -45,32 +45,13 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
         item("date", "d", earliest="2020-01-01", latest="today"),
         item("slider", "x", step=5),
     ]
-    definition = defined(
-        kinds,
-        [
-            item(
-                "text",
-                "why",
-                show_if={"robot": ["giraff"], "outcome": ["completed"], "item": "l", "is": [1]},
-            )
-        ],
-    )
+    condition = {"robot": ["giraff"], "outcome": ["completed"], "item": "l", "is": [1]}
+    definition = defined(kinds, [item("text", "why", show_if=condition)])
     again = parse(to_json(definition))
     assert again == definition
     assert digest(again) == digest(definition)
-    assert [question.key for question in definition.questions()] == [
-        "l",
-        "g1",
-        "g2",
-        "s",
-        "m",
-        "r",
-        "n",
-        "t",
-        "d",
-        "x",
-        "why",
-    ]
+    keys = [question.key for question in definition.questions()]
+    assert keys == ["l", "g1", "g2", "s", "m", "r", "n", "t", "d", "x", "why"]
 
 
 @pytest.mark.parametrize(
@@ -207,40 +188,24 @@ def test_a_condition_that_cannot_be_decided_is_refused(condition, message):
 
 
 def test_on_a_shuffled_page_no_question_is_earlier_than_another():
-    shuffled = {
-        "key": "p",
-        "order": "shuffled",
-        "items": [likert(), item("text", "why", show_if={"item": "q1", "is": [1]})],
-    }
+    why = item("text", "why", show_if={"item": "q1", "is": [1]})
+    shuffled = {"key": "p", "order": "shuffled", "items": [likert(), why]}
     assert "does not come earlier" in refused({**document(), "pages": [shuffled]})
-    fine = [
-        {"key": "p", "order": "shuffled", "items": [likert()]},
-        {"key": "p2", "items": [item("text", "why", show_if={"item": "q1", "is": [1]})]},
-    ]
+    fine = [shuffled | {"items": [likert()]}, {"key": "p2", "items": [why]}]
     assert parse(as_bytes({**document(), "pages": fine}))
 
 
 def test_all_problems_are_listed_at_once():
-    messages = refused(
-        document([likert(scale="none"), item("single", "s", options=[])], title={"en": ""})
-    )
+    wrong = [likert(scale="none"), item("single", "s", options=[])]
+    messages = refused(document(wrong, title={"en": ""}))
     assert len(messages.splitlines()) == 3
 
 
 def test_the_text_version_changes_with_any_word_of_its_language_and_with_no_other():
     def version(language: str, **more) -> str:
         both = {"en": "One", "es": "Uno"}
-        written = document(
-            [
-                {
-                    "kind": "single",
-                    "key": "s",
-                    "text": both,
-                    "options": [{"value": "a", "label": {"en": "A", "es": "A"}}],
-                    **more,
-                }
-            ]
-        )
+        options = [{"value": "a", "label": {"en": "A", "es": "A"}}]
+        written = document([item("single", "s", **{"text": both, "options": options} | more)])
         written |= {"languages": ["en", "es"], "title": both, "scales": {}}
         return parse(json.dumps(written).encode()).question("s").fingerprint(language)
 

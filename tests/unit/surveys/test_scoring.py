@@ -44,13 +44,9 @@ def test_a_questionnaire_scores_its_responses_by_its_own_rule():
     assert scores(known["tlx"], {"mental": 10}) == {"tlx_raw": None}
     assert scores(known["ict"], {"computer": 4}) == {}
     experience = scores(known["experience"], {"q1": 2, "q2": 1, "q4": -1, "q7": None})
-    assert experience == {
-        "score": pytest.approx(2 / 3),
-        "score_teleoperation": 1.5,
-        "score_load": -1,
-        "score_complexity": None,
-        "score_interface": None,
-    }
+    topics = {"teleoperation": 1.5, "load": -1, "complexity": None, "interface": None}
+    expected = {f"score_{topic}": value for topic, value in topics.items()}
+    assert experience == {"score": pytest.approx(2 / 3)} | expected
 
 
 def topic(key, *items):

@@ -49,15 +49,15 @@ SCHEME = {
 
 
 @pytest.fixture
-def visit():
+def session():
     """A session of a minute, in a study with a coding scheme."""
-    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
-    replays.record(visit, seconds=60)
+    session = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
+    replays.record(session, seconds=60)
     study = replays.study()
-    drive = replays.drive(replays.participant(study, visit.visitor), visit, outcome="completed")
+    drive = replays.drive(replays.participant(study, session.visitor), session, outcome="completed")
     replays.task_told(drive, 2.0, "checkpoint", number=1)
     store.store_scheme(study, store.scheme_from(SCHEME), timezone.now())
-    return visit
+    return session
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def coder():
 
 
 @pytest.fixture
-def opened(open_page, coder, visit):
+def opened(open_page, coder, session):
     """Open pages of one browser, whose requests to addresses like `without` get lost."""
     first, problems = open_page(coder, viewport={"width": 1366, "height": 768}), []
 
@@ -77,7 +77,7 @@ def opened(open_page, coder, visit):
         note_problems(page, problems)
         if without:  # before the page is loaded, whose requests might pass otherwise
             page.route(without, lambda route: route.abort())
-        page.goto(reverse("code_session", args=[visit.pk]) + f"?t={t}")
+        page.goto(reverse("code_session", args=[session.pk]) + f"?t={t}")
         expect(page.locator("#coding-codes button")).to_have_count(5)
         page.evaluate(PAINTED)  # Chromium drops earlier keys
         return page

@@ -33,16 +33,16 @@ def page(open_page, request):
 
 
 def made(seconds: int = 60):
-    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=seconds)
-    replays.record(visit, seconds=seconds)
+    session = replays.session(replays.cabin_robot(), person("ada"), seconds=seconds)
+    replays.record(session, seconds=seconds)
     drive = replays.drive(
-        replays.participant(replays.study(), visit.visitor), visit, outcome="completed"
+        replays.participant(replays.study(), session.visitor), session, outcome="completed"
     )
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 2.0, "checkpoint", number=1)
-    replays.told(visit, seconds / 2, "collision", detail="front")
-    replays.told(visit, seconds / 2 + 1.0, "map", source="page", open=True)
-    return visit
+    replays.told(session, seconds / 2, "collision", detail="front")
+    replays.told(session, seconds / 2 + 1.0, "map", source="page", open=True)
+    return session
 
 
 def marker(page) -> tuple[float, float, float]:
@@ -75,8 +75,8 @@ def shot(page, name: str) -> None:
 
 @pytest.mark.nightly
 def test_robot_is_shown_where_the_states_are_however_one_seeks(page):
-    visit = made()
-    page.goto(reverse("replay", args=[visit.pk]) + "?t=12.5")
+    session = made()
+    page.goto(reverse("replay", args=[session.pk]) + "?t=12.5")
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     assert_is_where_it_was(page, 12.5)
     shot(page, "replay")
@@ -103,19 +103,19 @@ def test_record_is_requested_once_and_preloads_are_used(page, monkeypatch):
     monkeypatch.setattr(
         "experiments.research.views.replay", lambda *given: made_of.append(given) or replay(*given)
     )
-    said = []
-    page.on("console", lambda message: said.append(message.text))
+    logged = []
+    page.on("console", lambda message: logged.append(message.text))
     page.goto(reverse("replay", args=[made().pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     page.goto(reverse("replay", args=[Session.objects.get().pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     assert len(made_of) == 2  # once for each time that the page was opened
-    assert not [text for text in said if "preload" in text]
+    assert not [text for text in logged if "preload" in text]
 
 
 def test_replay_plays_to_the_end_and_again(page):
-    visit = made(60)
-    page.goto(reverse("replay", args=[visit.pk]))
+    session = made(60)
+    page.goto(reverse("replay", args=[session.pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     page.get_by_role("button", name="Play").click()
     page.locator("body").press("Space")
@@ -142,10 +142,10 @@ def test_events_are_filtered_by_source(page):
     expect(page.get_by_role("button", name="checkpoint")).to_be_visible()
 
 
-def test_session_without_states_or_not_loadable_says_so(page):
-    visit = made()
+def test_page_reports_a_session_without_states_or_that_cannot_be_loaded(page):
+    session = made()
     StateChunk.objects.all().delete()
-    page.goto(reverse("replay", args=[visit.pk]))
+    page.goto(reverse("replay", args=[session.pk]))
     expect(page.get_by_text("No robot states were recorded")).to_be_visible()
     page.route("**/*.json", lambda route: route.abort())
     page.reload()
@@ -163,18 +163,18 @@ def test_live_view_follows_the_robot_and_reports_a_lost_server(page):
     card = page.locator("[data-robot=giraff]")
     expect(card).to_contain_text("nobody")
     expect(card).to_contain_text("70 %")
-    visit = replays.session(
+    session = replays.session(
         robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=8)
     )
-    replays.record(visit, seconds=8)
-    drive = replays.drive(replays.participant(study, visit.visitor), visit)
+    replays.record(session, seconds=8)
+    drive = replays.drive(replays.participant(study, session.visitor), session)
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 2.0, "cue", name="go_to_checkpoint", number=1)
     expect(card).to_contain_text(drive.participant.code, timeout=40_000)
     expect(card).to_contain_text("next: go to checkpoint 1")
     canvas = card.locator("canvas")
     expect(canvas).to_have_attribute("data-stops", "1:next 2:later 0:later")
-    expect(canvas).to_have_attribute("data-trail", str(visit.pk))  # of the past
+    expect(canvas).to_have_attribute("data-trail", str(session.pk))  # of the past
     x, _y, _ = replays.place(7.75)
 
     def is_drawn_there() -> bool:

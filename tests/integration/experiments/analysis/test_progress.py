@@ -45,11 +45,11 @@ def lines(home):
 def test_progress_counts_sessions_and_files_until_the_report_is_there(dataset, tmp_path):
     process = computing(dataset, tmp_path)
     assert process.wait(PATIENCE) == 0
-    told = lines(tmp_path)
-    assert [one["measured"] for one in told] == sorted(one["measured"] for one in told)
-    assert [one["files"] for one in told] == sorted(one["files"] for one in told)
-    assert told[-1]["measured"] <= told[-1]["sessions"]
-    assert told[-1]["files"] > 20
+    printed = lines(tmp_path)
+    assert [one["measured"] for one in printed] == sorted(one["measured"] for one in printed)
+    assert [one["files"] for one in printed] == sorted(one["files"] for one in printed)
+    assert printed[-1]["measured"] <= printed[-1]["sessions"]
+    assert printed[-1]["files"] > 20
     assert (tmp_path / "key" / "SHA256SUMS").is_file()
 
 

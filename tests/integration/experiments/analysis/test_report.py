@@ -117,7 +117,7 @@ def test_each_number_names_its_sessions_and_each_figure_file_is_complete(
     )
 
 
-def test_nothing_in_a_figure_says_when_or_where_it_was_made(written):
+def test_figures_contain_no_date_and_no_path(written):
     _, folder = written
     for path in (folder / "report").rglob("figure-*"):
         content = path.read_bytes()
@@ -128,7 +128,7 @@ def test_nothing_in_a_figure_says_when_or_where_it_was_made(written):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("participants", [0, 1])
-def test_reports_on_nobody_and_on_one_are_written(participants, tmp_path):
+def test_reports_on_no_and_on_one_participant_are_written(participants, tmp_path):
     files = analyse(made_up(np.random.default_rng(52), participants), tmp_path)
     assert all(path.stat().st_size for path in files)
 
@@ -149,17 +149,20 @@ def test_figure_6_has_the_path_of_every_robot():
 
 def test_a_thinned_way_stays_within_2_centimetres_and_keeps_its_holes():
     t = np.linspace(0.0, 6.0, 800)
-    way = np.column_stack((t, np.sin(t)))
-    way[400:] += (3.0, 0.0)
-    thin = thinned(way)
+    positions = np.column_stack((t, np.sin(t)))
+    positions[400:] += (3.0, 0.0)
+    thin = thinned(positions)
     assert len(thin) < 80
     assert np.isnan(thin).all(axis=1).sum() == 1
-    assert (thin == way[399]).all(axis=1).any()
-    assert (thin == way[400]).all(axis=1).any()
-    for part, whole in ((thin[thin[:, 0] < 4.0], way[:400]), (thin[thin[:, 0] > 4.0], way[400:])):
+    assert (thin == positions[399]).all(axis=1).any()
+    assert (thin == positions[400]).all(axis=1).any()
+    for part, whole in (
+        (thin[thin[:, 0] < 4.0], positions[:400]),
+        (thin[thin[:, 0] > 4.0], positions[400:]),
+    ):
         assert np.abs(np.interp(whole[:, 0], part[:, 0], part[:, 1]) - whole[:, 1]).max() < 0.03
 
 
 def test_a_straight_way_is_one_line_without_a_hole():
-    way = np.column_stack((np.linspace(0.0, 9.0, 100), np.zeros(100)))
-    assert thinned(way).tolist() == [[0.0, 0.0], [9.0, 0.0]]
+    positions = np.column_stack((np.linspace(0.0, 9.0, 100), np.zeros(100)))
+    assert thinned(positions).tolist() == [[0.0, 0.0], [9.0, 0.0]]

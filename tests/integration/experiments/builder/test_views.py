@@ -69,6 +69,15 @@ def untick(client, address: str, box: str) -> None:
     client.post(address, dict(form.lists()) | {"do": "save"})
 
 
+def items_of(client, address: str, **headers) -> list[str]:
+    """The texts of the items of the lists on a page, among them the problems."""
+    return [e.text for e in read(client.get(address, **headers)).all("li")]
+
+
+def hrefs(page) -> list[str | None]:
+    return [e.attributes.get("href") for e in page.all("a")]
+
+
 def press(client, row: Study, name: str, do: str, **more):
     """Press a button of a list, such as `add:` or `remove:0`."""
     return client.post(section(row, name), {"do": do, "sha256": Study.objects.get().sha256}, **more)
@@ -219,13 +228,8 @@ def test_questionnaire_asked_once_in_a_within_study_must_be_confirmed(client, st
 def test_assignment_is_balanced_by_answers_known_before_the_first_drive(client, study):
     design = section(study, "design")
     send(client, design, "add:allocation.balance", allocation__best_probability="0.9")
-    send(
-        client,
-        design,
-        allocation__balance__0__item="age",
-        allocation__balance__0__limits="30, 50",
-        allocation__balancing="strata",
-    )
+    age = {"allocation__balance__0__item": "age", "allocation__balance__0__limits": "30, 50"}
+    send(client, design, allocation__balancing="strata", **age)
     allocation = stored().allocation
     assert (allocation.best_probability, allocation.balancing) == (0.9, "strata")
     assert [(one.item, one.limits) for one in allocation.balance] == [("age", (30.0, 50.0))]
@@ -239,21 +243,15 @@ def test_recruitment_screening_and_appointments_are_built_without_json(client, s
     page = section(study, "recruitment")
     send(client, page, "add:screening")
     send(client, page, "add:answer_quotas")
-    filled = {
-        "recruiting__on": "on",
-        "recruiting__site": "prolific",
-        "recruiting__codes__done": "C1ABC",
-        "devices": ["computer"],
-        "screening__0__questionnaire": "ict",
-        "screening__0__item": "gender",
-        "screening__0__answers": "woman, man",
-        "answer_quotas__0__questionnaire": "ict",
-        "answer_quotas__0__item": "gender",
-        "answer_quotas__0__answers": "man",
-        "answer_quotas__0__most": "12",
-        "appointments__on": "on",
-        "appointments__minutes": "45",
-    }
+    filled = {"recruiting__on": "on", "recruiting__site": "prolific", "devices": ["computer"]}
+    filled |= {"recruiting__codes__done": "C1ABC"}
+    filled |= {"appointments__on": "on", "appointments__minutes": "45"}
+    asked = {"questionnaire": "ict", "item": "gender"}
+    for part, rule in (
+        ("screening", {"answers": "woman, man"}),
+        ("answer_quotas", {"answers": "man", "most": "12"}),
+    ):
+        filled |= {f"{part}__0__{name}": value for name, value in (asked | rule).items()}
     assert send(client, page, **filled).status_code == 302
     made = stored()
     assert made.recruiting is not None
@@ -304,7 +302,7 @@ def test_two_questions_on_the_age_are_reported_on_both_pages_with_links(client, 
         page = read(client.get(section(row, "steps", index)))
         assert twice in page.text
         assert "“How old are you?”" in page.text
-        links = [e.attributes.get("href") for e in page.all("a") if e.text == "Go there"]
+        links = [e.attributes["href"] for e in page.all("a") if e.text == "Go there"]
         assert links == [section(row, "steps", other)]
     assert twice not in read(client.get(section(row, "steps", 2))).text
     send(client, section(row, "steps", 0), minimum_age="0")
@@ -449,17 +447,18 @@ def test_invalid_input_is_an_error_of_its_field_and_no_input_is_lost(client, stu
 def test_an_unfinished_part_is_saved_with_its_problems_above_the_form(client, study):
     answer = send(client, section(study, "conditions", 0), title__en="", controllers=[])
     assert answer.status_code == 302
-    found = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
-    assert (
+    found = items_of(client, section(study, "conditions", 0))
+    undrivable = (
         "Condition all_open: there is no controller and no action that sends the robot (places, map"
-        " or follow): nobody could drive." in found
+        " or follow): nobody could drive."
     )
+    assert undrivable in found
     assert "all_open · Title (English) is missing." in found
 
 
 def test_a_text_missing_in_several_languages_is_one_problem_with_labels_of_the_page(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
-    found = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
+    found = items_of(client, section(row, "steps"))
     assert found.count("Thanks · Text (English, Spanish) is missing.") == 1
     assert not [text for text in found if "has no text in" in text]
     send(client, section(row, "steps", 0), text__en="You will drive.", text__es="")
@@ -467,25 +466,20 @@ def test_a_text_missing_in_several_languages_is_one_problem_with_labels_of_the_p
     assert page.text.count("is missing") == 1
     assert "Consent · Text (Spanish) is missing." in page.text
     send(client, section(row, "steps", 2), "add:leaves")
-    found = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
+    found = items_of(client, section(row, "steps", 2))
     assert "How it works · Page 1 · Text (English, Spanish) is missing." in found
 
 
 def test_problems_are_in_the_language_of_the_page(client, boss):
     row = publishing.store(small_study(), NOW)
-    page = read(client.get(section(row, "courses", 0), headers={"Accept-Language": "es"}))
-    found = [e.text for e in page.all("li")]
+    found = items_of(client, section(row, "courses", 0), headers={"Accept-Language": "es"})
     assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in found
 
 
 def test_languages_are_chosen_by_their_names(client, study):
     page = read(client.get(section(study, "about")))
-    offered = {
-        e.attributes["value"]: "checked" in e.attributes
-        for e in page.all("input")
-        if e.attributes.get("name") == "languages"
-    }
-    assert offered == {"en": True, "es": False}
+    boxes = [e.attributes for e in page.all("input") if e.attributes.get("name") == "languages"]
+    assert {box["value"]: "checked" in box for box in boxes} == {"en": True, "es": False}
     assert {"English", "Spanish"} <= {e.text.strip() for e in page.all("label")}
     assert "Title (English)" in {" ".join(e.text.split()) for e in page.all("label")}
 
@@ -537,9 +531,8 @@ def test_new_steps_are_placed_where_they_belong_and_offered_only_if_allowed(clie
         assert press(client, study, "steps", f"add:{kind}").status_code == 302
     kinds = [one.kind for one in stored().steps]
     assert kinds == ["consent", "task", "questionnaire", "instructions", "debrief"]
-    buttons = {
-        e.attributes.get("value") for e in read(client.get(section(study, "steps"))).all("button")
-    }
+    page = read(client.get(section(study, "steps")))
+    buttons = {e.attributes.get("value") for e in page.all("button")}
     assert not {"add:debrief", "add:consent", "add:task"} & buttons
     assert "add:practice" in buttons
     assert press(client, study, "steps", "add:task").status_code == 404
@@ -578,9 +571,8 @@ def test_removing_a_language_removes_its_texts_and_adding_one_asks_for_them(clie
     send(client, section(row, "about"), languages="en")
     assert list(publishing.problems(stored())) == []
     send(client, section(row, "about"), languages="en, fr")
-    assert "fr" in [
-        e.attributes.get("lang") for e in read(client.get(section(row, "steps", 0))).all("textarea")
-    ]
+    page = read(client.get(section(row, "steps", 0)))
+    assert "fr" in [e.attributes.get("lang") for e in page.all("textarea")]
     assert any("has no text in fr" in text for text in sentences(publishing.problems(stored())))
 
 
@@ -598,9 +590,8 @@ def test_of_two_simultaneous_edits_the_second_sees_both(client, study):
 
 
 def test_a_list_that_someone_else_has_changed_is_not_changed(client, study):
-    answer = client.post(
-        section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True
-    )
+    stale = {"do": "remove:0", "sha256": "of before"}
+    answer = client.post(section(study, "steps"), stale, follow=True)
     assert "someone else changed this draft" in read(answer).text
     assert stored() == small_study()
 
@@ -657,10 +648,8 @@ def test_the_course_is_checked_with_the_doors_of_each_condition(client, study):
     row.save()
     found = check(client, study).json()
     assert found["checkpoints"] == [2]
-    assert (
-        "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
-        in found["problems"]
-    )
+    unreachable = "checkpoint 2 cannot be reached from the charging station with door closed."
+    assert f"Condition shut: {unreachable}" in found["problems"]
 
 
 def test_moved_checkpoints_are_renumbered_and_the_photo_keeps_its_checkpoint(client, study):
@@ -676,7 +665,7 @@ def test_a_zone_is_added_where_the_map_was_clicked(client, study):
     assert stored().courses[0].zones[0].polygon == ((1.5, 2.5), (2.5, 2.5), (2.5, 3.5), (1.5, 3.5))
 
 
-def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, boss):
+def test_course_without_a_floor_plan_has_a_note_and_can_be_edited(client, boss):
     row = publishing.store(small_study(), NOW)
     assert "This site has no floor plan" in read(client.get(section(row, "courses", 0))).text
     assert send(client, section(row, "courses", 0), checkpoints__1__x="2.5").status_code == 302
@@ -695,8 +684,8 @@ def test_check_of_a_course_needs_a_role_in_the_study(client, study):
 
 def test_every_page_of_the_small_study_is_reached_from_the_others(client, study):
     for name in SECTIONS:
-        links = {e.attributes["href"] for e in read(client.get(section(study, name))).all("a")}
-        assert {section(study, other) for other in SECTIONS} <= links
+        links = hrefs(read(client.get(section(study, name))))
+        assert {section(study, other) for other in SECTIONS} <= set(links)
     assert len(STUDY["steps"]) == len(stored().steps)
 
 
@@ -714,21 +703,21 @@ def test_questionnaire_editor_links_back_to_the_step(client, study):
     n = next(n for n, step in enumerate(steps) if getattr(step, "questionnaire", ""))
     step = section(study, "steps", n)
     write = reverse("admin:surveys_questionnaire_write")
-    assert write in [a.attributes["href"] for a in read(client.get(step)).all("a")]
+    assert write in hrefs(read(client.get(step)))
 
-    def ways_back(answer):
+    def links_back(answer):
         links = [a for a in read(answer).all("a") if a.text == f"Back to the study “{study.title}”"]
         return [a.attributes["href"] for a in links]
 
-    assert ways_back(client.get(write)) == [step]
+    assert links_back(client.get(write)) == [step]
     begun = client.post(write, {"title": "Doors", "languages": ["en"]})
-    assert ways_back(client.get(begun.url)) == [step]
+    assert links_back(client.get(begun.url)) == [step]
     row = Questionnaire.objects.get(slug="doors")
     about = reverse("admin:surveys_questionnaire_section", args=[row.pk, "about"])
     saved = send(client, about, title__en="All doors")
-    assert ways_back(client.get(saved.url)) == [step]
+    assert links_back(client.get(saved.url)) == [step]
     client.get(reverse("admin:surveys_questionnaire_changelist"))
-    assert ways_back(client.get(about)) == [], "the list led there"
+    assert links_back(client.get(about)) == [], "opened from the list"
 
 
 def test_page_of_a_study_starts_with_tasks_before_publishing(client, boss):
@@ -745,7 +734,7 @@ def test_consent_of_a_study_with_observers_should_mention_them(client, boss):
     assert stored().observers_allowed
     page = read(client.get(consent))
     assert advised in page.text
-    assert section(study, "about") in [a.attributes["href"] for a in page.all("a")]
+    assert section(study, "about") in hrefs(page)
 
 
 EXACT = (0.1 + 0.2, 0.9000000000000001, 0.7853981633974483, 1 / 3, 0.5)
@@ -757,10 +746,9 @@ def test_speeds_of_turning_are_shown_in_degrees_and_stay_the_same_number(client,
     speed = {"linear": angular / 2, "angular": angular}
     path = [[0.1 + 0.2, 12.3456789], [1.0, 2.0]]
     first, *others = STUDY["conditions"]
-    courses = [{**STUDY["courses"][0], "path": path}, *STUDY["courses"][1:]]
-    document = small_study(
-        conditions=[{**first, "speed": speed}, *others], start={"heading": 3.2}, courses=courses
-    )
+    courses = [{**STUDY["courses"][0], "path": path}]
+    conditions = [{**first, "speed": speed}, *others]
+    document = small_study(conditions=conditions, start={"heading": 3.2}, courses=courses)
     study = publishing.store(document, NOW)
     page = client.get(section(study, "conditions", 0))
     shown = form_of(page)["speed.angular"]
@@ -778,12 +766,9 @@ def test_invalid_angle_stays_as_typed_and_limits_are_in_degrees(client, study):
     rules = section(study, "rules")
     page = read(send(client, rules, start__heading="fast"))
     assert "This is not a number." in page.text
-    (typed,) = [
-        one.attributes["value"]
-        for one in page.all("input")
-        if one.attributes.get("name") == "start.heading" and one.attributes.get("type") != "hidden"
-    ]
-    assert typed == "fast"
+    inputs = [e.attributes for e in page.all("input") if e.attributes.get("type") != "hidden"]
+    values = [one["value"] for one in inputs if one.get("name") == "start.heading"]
+    assert values == ["fast"]
     refused = send(client, rules, start__heading="200")
     assert "Write a number of at most 183.3." in read(refused).text
 
@@ -819,8 +804,7 @@ def test_questionnaire_asked_once_is_no_measure_of_a_within_study(client, study)
     press(client, study, "analyses", "add:")
     analysis = section(study, "analyses", 0)
     send(client, analysis, title__en="Main", measures=["experience.q1"])
-    asked = section(study, "steps", 1)
-    untick(client, asked, "repeat")
+    untick(client, section(study, "steps", 1), "repeat")
     assert any("experience is asked only once, so it cannot be compared" in one for one in wrong())
 
 

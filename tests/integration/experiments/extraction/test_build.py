@@ -1,5 +1,5 @@
-"""A study in the database becomes the dataset that was put in, by other names, and nothing that
-tells who somebody is.
+"""A study in the database becomes the dataset that was stored, under pseudonyms and without any
+identity.
 """
 
 from dataclasses import replace

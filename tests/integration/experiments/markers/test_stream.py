@@ -30,9 +30,9 @@ SECOND = datetime.timedelta(seconds=1)
 def drive():
     """A drive that began ten seconds ago, with states by a clock that is two seconds ahead."""
     granted = timezone.now() - 10 * SECOND
-    visit = replays.session(replays.cabin_robot(), person("ada"), granted=granted)
-    replays.record(visit, seconds=5)
-    return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
+    session = replays.session(replays.cabin_robot(), person("ada"), granted=granted)
+    replays.record(session, seconds=5)
+    return replays.drive(replays.participant(replays.study(), session.visitor), session)
 
 
 def began(drive) -> float:

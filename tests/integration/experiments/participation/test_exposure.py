@@ -126,7 +126,7 @@ def test_draw_that_was_decided_before_a_process_died_is_applied_and_not_repeated
     assert Draw.objects.count() == 1
 
 
-def test_assignment_is_balanced_by_an_answer_and_the_draw_says_so(robot):
+def test_assignment_is_balanced_by_an_answer_stored_with_the_draw(robot):
     steps = [
         {
             "kind": "form",

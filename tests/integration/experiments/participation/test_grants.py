@@ -20,7 +20,7 @@ from sessions.leases import store, terms
 from sessions.models import Session
 from tests.support.people import person
 from tests.support.studies import participants as p
-from tests.support.studies.studies import STUDY, cabin, small_study
+from tests.support.studies.studies import PRACTICE, STUDY, cabin, small_study
 from tests.support.studies.study_site import cabin_with_giraff, robot_at
 from tests.support.studies.task_drives import track
 
@@ -62,14 +62,24 @@ def take(robot: Robot, user, **more) -> store.Taken:
     )
 
 
-def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -> Drive:
+def leave(session: str) -> None:
+    """End a session, and make the robot ready for the next one."""
+    store.end(session, "cancelled", "left", timezone.now())
+    RobotPresence.objects.update(turnaround="ready")
+
+
+def drives(robot: Robot, participant: Participant) -> Drive:
     """The participant gets the robot, and leaves it."""
     RobotPresence.objects.update(turnaround="ready")
     granted = take(robot, participant.user)
     assert isinstance(granted, store.TakeGranted), granted
-    store.end(granted.session, outcome, "left", timezone.now())
-    RobotPresence.objects.update(turnaround="ready")
+    leave(granted.session)
     return Drive.objects.get(session=granted.session)
+
+
+@pytest.fixture
+def ada(study) -> Participant:
+    return p.comer(study, person("ada"))
 
 
 def comers(study: Study, count: int, **more) -> list[Participant]:
@@ -79,72 +89,48 @@ def comers(study: Study, count: int, **more) -> list[Participant]:
     ]
 
 
-def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, study):
-    participant = p.comer(study, person("ada"))
-    granted = take(robot, participant.user)
-    participant.refresh_from_db()
+def test_first_grant_assigns_a_condition_and_fixes_its_terms(robot, ada):
+    granted = take(robot, ada.user)
+    ada.refresh_from_db()
     drive = Drive.objects.get(session=granted.session)
-    assert (participant.stage, participant.cell, participant.conditions) == (
-        "under_way",
-        drive.condition,
-        [drive.condition],
-    )
-    draw = participant.draws.get()
+    assert (ada.stage, ada.cell) == ("under_way", drive.condition)
+    assert ada.conditions == [drive.condition]
+    draw = ada.draws.get()
     assert set(draw.best) == {"all_open", "shut"}
-    assert (draw.cell, draw.reason, draw.counts) == (
-        participant.cell,
-        "first",
-        {"all_open": 0, "shut": 0},
-    )
-    assert (
-        drive.step,
-        drive.visit,
-        drive.round,
-        drive.number,
-        drive.exposed_at,
-        drive.moved,
-        drive.settled_at,
-    ) == ("task", 1, 0, 1, None, False, None)
-    assert (
-        granted.terms
-        == terms.of(Session.objects.get())
-        == msgspec.convert(drive.assigned["terms"], terms.Terms)
-    )
-    assert (granted.terms.assist, granted.terms.controllers, granted.terms.grace_seconds) == (
-        "off",
-        ("keyboard",),
-        120.0,
-    )
-    assert granted.terms.turn_seconds > 5 * 60.0
-    assert granted.terms.doors == {"door": "closed" if drive.condition == "shut" else "open"}
-    assert {"photo", "stop", "cancel"} <= set(granted.terms.actions)
-    assert not {"goto", "dock"} & set(granted.terms.actions)
-    assert granted.terms.leaving_completes is False
-    assert track_of(drive) == msgspec.convert(
-        msgspec.to_builtins(track(drive.condition)), CourseTrack
-    )
+    assert (draw.cell, draw.reason) == (ada.cell, "first")
+    assert draw.counts == {"all_open": 0, "shut": 0}
+    assert (drive.step, drive.visit, drive.round, drive.number) == ("task", 1, 0, 1)
+    assert (drive.exposed_at, drive.moved, drive.settled_at) == (None, False, None)
+    fixed = granted.terms
+    assert fixed == terms.of(Session.objects.get())
+    assert fixed == msgspec.convert(drive.assigned["terms"], terms.Terms)
+    assert (fixed.assist, fixed.controllers, fixed.grace_seconds) == ("off", ("keyboard",), 120.0)
+    assert fixed.turn_seconds > 5 * 60.0
+    assert fixed.doors == {"door": "closed" if drive.condition == "shut" else "open"}
+    assert {"photo", "stop", "cancel"} <= set(fixed.actions)
+    assert not {"goto", "dock"} & set(fixed.actions)
+    assert fixed.leaving_completes is False
+    course = msgspec.to_builtins(track(drive.condition))
+    assert track_of(drive) == msgspec.convert(course, CourseTrack)
 
 
-def test_presence_is_asked_only_where_the_condition_says_so(robot, study):
-    pending = grants.pending_drive(p.comer(study, person("ada")).user, robot)
+def test_presence_is_asked_only_in_conditions_that_require_it(robot, ada):
+    pending = grants.pending_drive(ada.user, robot)
     condition = pending.definition.conditions[0]
     asked = msgspec.structs.replace(condition, idle_seconds=45.0)
-    assert [grants.terms_of(pending, one, robot, 1).idle_seconds for one in (condition, asked)] == [
-        0.0,
-        45.0,
-    ]
+    both = [grants.terms_of(pending, one, robot, 1).idle_seconds for one in (condition, asked)]
+    assert both == [0.0, 45.0]
 
 
-def test_a_reload_changes_nothing(robot, study):
-    participant = p.comer(study, person("ada"))
-    first = take(robot, participant.user)
-    participant.refresh_from_db()
-    again = store.take(robot, participant.user, "peer-2", takeover=True, now=timezone.now())
+def test_a_reload_changes_nothing(robot, ada):
+    first = take(robot, ada.user)
+    ada.refresh_from_db()
+    again = store.take(robot, ada.user, "peer-2", takeover=True, now=timezone.now())
     assert (again.session, again.terms) == (first.session, first.terms)
     assert StudyTerms().granted(Session.objects.get(), timezone.now()) == first.terms
     assert Drive.objects.count() == 1
     seen = Participant.objects.get()
-    assert (seen.cell, seen.draws_applied) == (participant.cell, 1)
+    assert (seen.cell, seen.draws_applied) == (ada.cell, 1)
     assert Draw.objects.count() == 1
 
 
@@ -162,20 +148,17 @@ def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
         for participant in comers(study, 2, kind=kind):
             drives(robot, participant)
     for kind in ParticipantKind:
-        assert sorted(Participant.objects.filter(kind=kind).values_list("cell", flat=True)) == [
-            "all_open",
-            "shut",
-        ]
+        cells = Participant.objects.filter(kind=kind).values_list("cell", flat=True)
+        assert sorted(cells) == ["all_open", "shut"]
 
 
-def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(robot, study):
-    participant = p.comer(study, person("ada"))
-    first = drives(robot, participant)
+def test_a_participant_on_a_second_visit_keeps_the_cell(robot, ada):
+    first = drives(robot, ada)
     Participant.objects.update(stage="filled", status="finished")
-    participant.refresh_from_db()
-    assert advance.begin_next_visit(participant, timezone.now())
+    ada.refresh_from_db()
+    assert advance.begin_next_visit(ada, timezone.now())
     Participant.objects.update(step="task")
-    second = drives(robot, participant)
+    second = drives(robot, ada)
     assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)
     assert Participant.objects.get().stage == "filled"
 
@@ -207,10 +190,7 @@ def test_within_participants_each_round_has_the_next_condition(robot):
 
 
 def test_a_practice_drive_has_no_course_and_is_completed_by_leaving(robot):
-    steps = [
-        {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2},
-        *STUDY["steps"],
-    ]
+    steps = [PRACTICE, *STUDY["steps"]]
     participant = p.comer(p.published(small_study(steps=steps)), person("ada"))
     granted = take(robot, participant.user)
     drive = Drive.objects.get()
@@ -220,50 +200,34 @@ def test_a_practice_drive_has_no_course_and_is_completed_by_leaving(robot):
 # --- who may not ----------------------------------------------------------------------------------
 
 
-def test_when_every_place_is_taken_nobody_new_may_ask(robot):
+def test_full_study_refuses_new_participants_also_in_a_race(robot, monkeypatch):
     study = p.published(small_study(allocation={"quota": 1}))
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
     assert take(robot, cem.user) == store.Refused(reason="full")
     assert not Session.objects.filter(visitor=cem.user).exists()
-
-
-def test_the_last_place_that_went_while_somebody_asked_ends_their_visit(robot, monkeypatch):
-    study = p.published(small_study(allocation={"quota": 1}))
-    ada, ben, cem = comers(study, 3)
-    drives(robot, ada)
-    drives(robot, ben)
+    # the last place was taken while this participant asked
     monkeypatch.setattr(grants.PendingDrive, "why_not", lambda *_: "")
     refused = take(robot, cem.user)
-    assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == (
-        "full",
-        "cancelled",
-    )
+    assert refused.reason == "full"
+    assert Session.objects.get(pk=refused.session).outcome == "cancelled"
     assert not Drive.objects.filter(participant=cem).exists()
 
 
-def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
-    yesterday = (timezone.now().weekday() + 3) % 7
-    hours = [{"days": [yesterday], "start": "09:00", "end": "09:01"}]
-    participant = p.comer(p.published(small_study(), opening_hours=hours), person("ada"))
-    assert take(robot, participant.user) == store.Refused(reason="closed")
+@pytest.mark.parametrize("closed", [{"opening_hours": p.in_two_days()}, {"status": "closed"}])
+def test_no_drive_begins_in_a_closed_study(robot, ada, closed):
+    Study.objects.update(**closed)
+    assert take(robot, ada.user) == store.Refused(reason="closed")
 
 
-def test_no_drive_begins_in_a_study_that_is_over(robot, study):
-    (participant,) = comers(study, 1)
-    Study.objects.filter(pk=study.pk).update(status=Study.Status.CLOSED)
-    assert take(robot, participant.user) == store.Refused(reason="closed")
-
-
-def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
+def test_an_exclusive_study_reserves_its_robot(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
     RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
     assert take(robot, stranger) == store.Refused(reason="reserved")
     assert isinstance(take(robot, operator), store.TakeGranted)
-    store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
-    RobotPresence.objects.update(turnaround="ready")
+    leave(str(Session.objects.get().pk))
     assert isinstance(take(robot, participant.user), store.TakeGranted)
 
 
@@ -283,7 +247,7 @@ def test_study_drives_are_private_unless_the_study_allows_observers(robot):
     assert private == queries.PrivateDrive(granted.session, may_watch=False)
 
 
-def test_a_study_lets_others_watch_if_it_says_so_and_no_older_study_changes_by_that(robot):
+def test_studies_can_allow_observers_and_older_studies_keep_their_digest(robot):
     was_frozen_as = digest(from_stored(small_study()))
     assert digest(from_stored(small_study(observers_allowed=False))) == was_frozen_as
     participant = p.comer(p.published(small_study(observers_allowed=True)), person("ada"))
@@ -292,14 +256,13 @@ def test_a_study_lets_others_watch_if_it_says_so_and_no_older_study_changes_by_t
     assert queries.private_drive(person("ben"), robot) is None
 
 
-def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_watched_by_nobody(
-    robot,
-):
+BY_INVITATION = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
+
+
+def test_invited_participants_drive_a_robot_by_invitation_only_at_their_task(robot):
     Robot.objects.update(access="invitation")
     robot.refresh_from_db()
-    study = p.published(
-        small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]])
-    )
+    study = p.published(small_study(conditions=BY_INVITATION))
     invited, stranger = p.comer(study, person("ada"), access="invitation"), person("ben")
     assert may_drive(invited.user, robot)
     assert not may_observe(invited.user, robot)
@@ -310,10 +273,9 @@ def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_wa
 
 
 def test_a_visitor_without_an_invitation_costs_one_query(robot, django_assert_num_queries):
-    by_invitation = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
     invited, comer = person("ada"), person("ben")
     for slug in ("first", "second", "third"):
-        study = p.published(small_study(slug=slug, conditions=by_invitation))
+        study = p.published(small_study(slug=slug, conditions=BY_INVITATION))
         p.comer(study, invited, access="invitation")
         p.comer(study, comer)
     Participant.objects.filter(user=invited).exclude(study__slug="first").update(step="experience")
@@ -324,59 +286,51 @@ def test_a_visitor_without_an_invitation_costs_one_query(robot, django_assert_nu
         assert grants.invited_to(invited, [robot]) == [robot]
 
 
-def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study):
+def test_other_visitors_drive_freely_if_the_study_is_not_exclusive(robot, study):
     granted = take(robot, person("ben"))
     assert granted.terms == terms.FREE
     assert not Drive.objects.exists()
 
 
-def test_a_participant_whose_step_is_no_drive_gets_no_terms(robot, study):
-    participant = p.comer(study, person("ada"))
+def test_a_participant_whose_step_is_no_drive_gets_no_terms(robot, ada):
     Participant.objects.update(step="experience")
-    assert take(robot, participant.user).terms == terms.FREE
+    assert take(robot, ada.user).terms == terms.FREE
 
 
-def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
-    participant = p.comer(study, person("ada"))
-    drive = drives(robot, participant)
-    Drive.objects.filter(pk=drive.pk).update(moved=True)
-    assert take(robot, participant.user) == store.Refused(reason="not_allowed")
+def test_a_drive_that_was_driven_is_not_driven_again(robot, ada):
+    drives(robot, ada)
+    Drive.objects.update(moved=True)
+    assert take(robot, ada.user) == store.Refused(reason="not_allowed")
 
 
-def test_a_draft_is_for_pilots_and_bots(robot, study):
+def test_a_draft_is_for_pilots_and_bots(robot, study, ada):
     Study.objects.update(status="draft")
-    visitor, pilot = (
-        p.comer(study, person("ada")),
-        p.comer(study, person("ben"), kind=ParticipantKind.PILOT),
-    )
-    assert take(robot, visitor.user).terms == terms.FREE
-    store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
-    RobotPresence.objects.update(turnaround="ready")
+    pilot = p.comer(study, person("ben"), kind=ParticipantKind.PILOT)
+    assert take(robot, ada.user).terms == terms.FREE
+    leave(str(Session.objects.get().pk))
     assert take(robot, pilot.user).terms.study["slug"] == "cabin-study"
 
 
-def test_another_series_of_robots_is_none_of_the_studys(robot, study):
+def test_robots_of_another_series_are_not_in_the_study(robot, ada):
     rhodon = robot_at(robot.floor_plan, "rhodon", "rhodon")
     keep_online()
-    participant = p.comer(study, person("ada"))
-    assert take(rhodon, participant.user).terms == terms.FREE
+    assert take(rhodon, ada.user).terms == terms.FREE
 
 
-def test_a_site_whose_plan_has_changed_under_the_study_ends_the_visit(robot, study):
-    plan = {**robot.floor_plan.plan, "docks": []}
-    robot.floor_plan.plan = plan
+def remove_dock(robot: Robot) -> None:
+    robot.floor_plan.plan = {**robot.floor_plan.plan, "docks": []}
     robot.floor_plan.save()
-    participant = p.comer(study, person("ada"))
-    assert take(robot, participant.user).reason == "not_allowed"
+
+
+def test_a_floor_plan_that_no_longer_fits_the_study_ends_the_session(robot, ada):
+    remove_dock(robot)
+    assert take(robot, ada.user).reason == "not_allowed"
     assert Session.objects.get().state == "ended"
 
 
-def test_the_course_of_a_drive_stays_when_the_plan_is_drawn_anew(robot, study):
-    participant = p.comer(study, person("ada"))
-    drive = drives(robot, participant)
-    before = track_of(drive)
-    robot.floor_plan.plan = {**robot.floor_plan.plan, "docks": []}
-    robot.floor_plan.save()
+def test_the_course_of_a_drive_stays_when_the_floor_plan_changes(robot, ada):
+    before = track_of(drives(robot, ada))
+    remove_dock(robot)
     assert track_of(Drive.objects.get()) == before
     assert before.dock.x == cabin().docks[0].x
 
@@ -390,12 +344,8 @@ def test_a_visitor_who_then_takes_part_begins_again_from_the_station(robot, stud
     assert isinstance(queued, store.Queued)
     assert queued.reason.startswith("returning")
     before = Session.objects.get(pk=free)
-    assert (before.state, before.outcome, before.outcome_reason, before.terms) == (
-        "ended",
-        "completed",
-        "begins_anew",
-        {},
-    )
+    assert (before.state, before.outcome) == ("ended", "completed")
+    assert (before.outcome_reason, before.terms) == ("begins_anew", {})
     RobotPresence.objects.update(turnaround="ready")
     granted = take(robot, user)
     assert granted.session == queued.session

@@ -69,12 +69,6 @@ def test_pressing_the_button_again_goes_on_and_shows_no_code(client, study):
     assert not CODE.search(read(client.get(FRONT)).text)
 
 
-def test_the_recruiting_sites_parameters_are_kept(client, study):
-    client.get(FRONT, {"PROLIFIC_PID": "5f"})
-    assert client.post(FRONT).url == STEP
-    assert Participant.objects.get().recruitment == {"PROLIFIC_PID": "5f"}
-
-
 def test_a_wrong_code_is_answered_clearly_and_not_for_ever(client, study):
     for _ in range(WRONG_CODES.limit):
         answer = enter(client, "2222-2222")
@@ -113,7 +107,7 @@ def test_the_home_page_leads_to_a_study_without_an_account(client, study):
     assert FRONT in [e.attributes.get("href") for e in read(client.get("/")).all("a")]
 
 
-def test_the_next_person_at_a_shared_computer_begins_anew(client, study):
+def test_next_participant_at_a_shared_computer_starts_as_a_new_one(client, study):
     take_part(client)
     page = read(client.get(FRONT))
     assert "Does someone else want to take part on this device?" in page.text
@@ -155,7 +149,7 @@ def test_a_second_person_at_the_same_computer_opens_their_own_link(client, study
     assert User.objects.count() == 2
 
 
-def test_a_link_that_a_guest_used_takes_nobody_with_an_account(client, study):
+def test_link_used_by_a_guest_refuses_accounts(client, study):
     address = link_to(study)
     Client().post(address)
     client.force_login(person())
@@ -236,7 +230,7 @@ def test_a_guest_drives_no_practice_robot_and_none_by_a_permit(client, study):
     assert not may_drive(guest, asked)
 
 
-def test_a_guest_of_one_study_begins_anew_in_another(client, study):
+def test_a_guest_of_one_study_is_a_new_guest_in_another(client, study):
     take_part(client)
     p.published(p.of("assistance"), entry="code")
     answer = client.post("/studies/assistance/")
@@ -283,11 +277,11 @@ def test_a_guest_downloads_and_deletes_everything(client, study):
     assert Participant.objects.get().status == "withdrawn"
 
 
-@pytest.mark.parametrize("way", ["decline", "withdraw"])
-def test_the_account_of_a_guest_who_leaves_goes_with_the_study(client, study, way):
+@pytest.mark.parametrize("action", ["decline", "withdraw"])
+def test_account_of_a_guest_who_leaves_the_study_is_deleted(client, study, action):
     code = take_part(client)
     own = Participant.objects.get()
-    if way == "decline":
+    if action == "decline":
         answer = client.post(STEP, {"place": "1.0.consent", "go": "decline"})
     else:
         answer = client.post(reverse("study_withdraw", args=[own.code]))

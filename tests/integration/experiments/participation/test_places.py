@@ -75,7 +75,7 @@ def test_how_long_the_study_waits_is_its_own_to_say(robot):
     assert stages(study, p.later(201 * 3600)) == [("alone-assisted", "left")]
 
 
-def test_between_participants_nobody_leaves_a_place_that_they_drove_in(robot):
+def test_participant_who_drove_keeps_the_place_after_months(robot):
     study = p.published(p.of("exploration"))
     participant_of(study, robot, "ada", ("giraff_open",), 1)
     assert stages(study, p.later(90 * 86400)) == [("giraff_open", "filled")]

@@ -48,7 +48,7 @@ def test_a_robot_without_an_owner_is_every_studys():
     assert may_use("any", replays.cabin_robot())
 
 
-def test_a_study_that_names_somebody_elses_robot_invites_nobody_onto_it(robot, mallory):
+def test_a_study_cannot_invite_onto_a_robot_of_another_owner(robot, mallory):
     guest = p.comer(by(mallory), person("guest"), access="invitation")
     assert may_drive(guest.user, robot).reason == "not_invited"
     permit = RobotPermit.objects.create(robot=robot, user=mallory, kind="operator")
@@ -63,7 +63,7 @@ def test_to_make_its_owner_a_member_of_the_study_lends_no_robot(robot, mallory):
     assert may_drive(guest.user, robot).reason == "not_invited"
 
 
-def test_an_exclusive_study_keeps_nobody_from_a_robot_that_is_not_lent_to_it(robot, mallory):
+def test_an_exclusive_study_does_not_reserve_a_robot_of_another_owner(robot, mallory):
     from experiments.participation.grants import StudyTerms
 
     Robot.objects.update(access="open")
@@ -73,7 +73,7 @@ def test_an_exclusive_study_keeps_nobody_from_a_robot_that_is_not_lent_to_it(rob
     assert StudyTerms().why_not(stranger, robot, timezone.now()) == "reserved"
 
 
-def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot, mallory):
+def test_a_researcher_neither_sees_nor_holds_a_robot_of_another_owner(client, robot, mallory):
     by(mallory)
     client.force_login(mallory)
     assert client.get(reverse("study_live_data", args=["cabin-study"])).json()["robots"] == []
@@ -87,7 +87,7 @@ def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot,
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 200
 
 
-def test_a_draft_has_nobodys_robots_at_its_disposal(robot, mallory):
+def test_a_draft_cannot_use_robots(robot, mallory):
     by(robot.owner)
     Study.objects.update(status="draft")
     assert not may_use("cabin-study", robot)

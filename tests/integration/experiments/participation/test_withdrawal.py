@@ -224,7 +224,7 @@ def sessions_in(values) -> set[str]:
 
 
 @pytest.mark.parametrize("kind", ["full", "guest"])
-def test_the_audit_log_tells_what_staff_did_that_day_and_to_nobody(kind):
+def test_audit_log_keeps_acts_of_staff_without_the_participant(kind):
     walker = walked(kind)
     looked_at(walker)
     boss = User.objects.get(username="boss").pk

@@ -46,7 +46,7 @@ def facts(page: Page) -> dict[str, str]:
     return dict(zip(names, values, strict=True))
 
 
-def test_it_counts_what_was_deleted_and_says_what_stays(walker):
+def test_receipt_counts_deleted_data_and_lists_what_is_kept(walker):
     walker.drive()
     page = left(walker)
     assert facts(page)["Drives"] == "1"
@@ -96,7 +96,7 @@ def test_participant_who_finished_keeps_the_completion_code(walker):
     assert row.withdrawn_stage == "answered"
 
 
-def test_an_export_by_the_command_is_told_as_well(walker, tmp_path):
+def test_receipt_lists_an_export_by_the_command(walker, tmp_path):
     call_command("export_study", "exploration", out=tmp_path / "out", free_text=True)
     assert (
         "dataset by participant code, with free text; the operators of the site"
@@ -104,7 +104,7 @@ def test_an_export_by_the_command_is_told_as_well(walker, tmp_path):
     )
 
 
-def test_a_drive_in_progress_is_said_to_go_when_its_record_is_complete(walker):
+def test_receipt_announces_the_later_deletion_of_a_drive_in_progress(walker):
     p.drive_of(walker.robot, walker.participant, moved=True)
     assert "Your drive in progress has been ended." in left(walker).text
 

@@ -92,7 +92,7 @@ def test_the_robot_itself_is_granted_only_at_the_appointment(walk, robot):
     assert why_not(walker.user, robot, timezone.now()) == "closed"
 
 
-def test_an_optional_appointment_keeps_nobody_from_driving(walk):
+def test_an_optional_appointment_is_not_needed_to_drive(walk):
     walker = walk(required=False)
     page = walker.look()
     assert "Choose a time" in page.text

@@ -13,7 +13,7 @@ from experiments.participation import completion, progress
 from experiments.recruitment import recognition
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
-from tests.support.people import PASSWORD, person
+from tests.support.people import person
 from tests.support.studies import participants as p
 from tests.support.studies.study_walk import Walker
 
@@ -101,6 +101,24 @@ def recruit(publish, robot):
     return make
 
 
+@pytest.fixture
+def joined(recruit):
+    """A participant who has joined a study and is at a step of it."""
+
+    def make(study: Study | None = None, step: str = "consent", **came: str) -> Recruit:
+        one = recruit(study, **came)
+        one.join()
+        one.go_to(step)
+        return one
+
+    return make
+
+
+@pytest.fixture
+def ada(joined) -> Recruit:
+    return joined()
+
+
 # --- arriving -------------------------------------------------------------------------------------
 
 
@@ -116,9 +134,7 @@ def test_a_recruited_participant_is_shown_no_code_to_write_down(recruit):
     assert "open the study again from the site that sent you" in read(ada.client.get(STEP)).text
 
 
-def test_the_same_id_on_another_device_continues_the_same_participation(recruit):
-    ada = recruit()
-    ada.join()
+def test_the_same_id_on_another_device_continues_the_same_participation(recruit, ada):
     ada.go_to("instructions")
     phone = recruit(ada.study)
     page = phone.arrive()
@@ -143,9 +159,7 @@ def test_two_browsers_that_join_at_once_become_one_participant(recruit, monkeypa
     assert other.client.get(STEP).status_code == ada.client.get(STEP).status_code == 200
 
 
-def test_the_next_person_at_the_same_computer_is_somebody_else(recruit):
-    ada = recruit()
-    ada.join()
+def test_another_id_at_the_same_computer_is_another_participant(recruit, ada):
     bob = recruit(ada.study, PROLIFIC_PID="b0b", SESSION_ID="other")
     bob.client = ada.client
     assert "Take part" in bob.arrive().text
@@ -155,9 +169,7 @@ def test_the_next_person_at_the_same_computer_is_somebody_else(recruit):
     assert bob.participant.user != ada.participant.user
 
 
-def test_the_id_continues_the_version_in_which_it_took_part(recruit, publish):
-    ada = recruit()
-    ada.join()
+def test_the_id_continues_the_version_in_which_it_took_part(recruit, ada, publish):
     ada.finish()
     Study.objects.update(status="closed")
     publish(version=2)
@@ -182,17 +194,7 @@ def test_an_id_that_joined_with_an_account_is_not_let_in_without_its_password(re
     assert Participant.objects.count() == 1
 
 
-def test_parameters_survive_the_sign_up_and_recognize_the_participant(client):
-    p.published(p.of("exploration"), entry="open")
-    client.get(FRONT, CAME)
-    client.post("/accounts/signup/", {"username": "ada", "password1": PASSWORD, "next": FRONT})
-    client.post(FRONT)
-    assert Participant.objects.get().recruitment_id == "5f0c"
-
-
-def test_an_id_alone_shows_nobody_the_participants_data(recruit):
-    ada = recruit()
-    ada.join()
+def test_an_id_alone_does_not_show_the_participants_data(recruit, ada):
     code = ada.participant.code
     pages = ("/profile/data/", "/profile/data.json", f"/taking-part/{code}/consent/consent.txt")
     thief = recruit(ada.study, SESSION_ID="")
@@ -254,9 +256,7 @@ def leads_back(one: Recruit, ending: str) -> None:
     assert code in page.text
 
 
-def test_a_finished_participant_returns_with_the_code_of_completion(recruit):
-    ada = recruit()
-    ada.join()
+def test_a_finished_participant_returns_with_the_code_of_completion(ada):
     page = ada.finish()
     leads_back(ada, "done")
     assert "Take part again" not in page.text
@@ -265,25 +265,20 @@ def test_a_finished_participant_returns_with_the_code_of_completion(recruit):
     assert ada.participant.visit == 1, "paid once, taken part once"
 
 
-def test_a_timed_out_participant_returns_with_another_code(recruit, publish):
-    ada = recruit(publish(recruiting={"site": "prolific"}))
-    ada.join()
+def test_a_timed_out_participant_returns_with_another_code(joined, publish):
+    ada = joined(publish(recruiting={"site": "prolific"}))
     assert "Your driving time ran out" in ada.finish("timed_out").text
     leads_back(ada, "timed_out")
     assert completion.code(ada.study, "timed_out") != completion.code(ada.study, "done")
 
 
-def test_a_study_without_a_site_gives_one_code_to_all_who_drove(recruit):
-    ada = recruit()
-    ada.join()
+def test_a_study_without_a_site_gives_one_code_to_all_who_drove(ada):
     ada.finish("timed_out")
     assert completion.code(ada.study, "timed_out") == completion.code(ada.study, "done")
     leads_back(ada, "timed_out")
 
 
-def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(recruit):
-    ada = recruit()
-    ada.join()
+def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(ada):
     page = ada.finish("cancelled", moved=False, reason="left")
     assert "You left before the robot moved" in page.text
     assert "technical failure" not in page.text
@@ -294,27 +289,21 @@ def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(recrui
     leads_back(ada, "done")
 
 
-def test_a_participant_idle_until_the_page_gave_up_has_left(recruit):
-    ada = recruit()
-    ada.join()
+def test_a_participant_idle_until_the_page_gave_up_has_left(ada):
     ada.finish("timed_out", moved=False, reason="idle")
     leads_back(ada, "left")
 
 
 @pytest.mark.parametrize("outcome", ["connection_refused", "robot_fault", "stopped_by_operator"])
 @pytest.mark.parametrize("moved", [False, True])
-def test_a_failure_that_is_not_the_participants_is_technical(recruit, outcome, moved):
-    ada = recruit()
-    ada.join()
+def test_a_failure_that_is_not_the_participants_is_technical(ada, outcome, moved):
     page = ada.finish(outcome, moved=moved)
     assert "It was not your fault" in page.text
     assert "Try the drive again" in page.text
     leads_back(ada, "technical_failure")
 
 
-def test_a_participant_who_stopped_waiting_has_left(recruit):
-    ada = recruit()
-    ada.join()
+def test_a_participant_who_stopped_waiting_has_left(ada):
     ada.go_to("task")
     p.session_of(ada.robot, ada.participant, outcome="cancelled", granted=False, reason="left")
     ada.walker.send(go="without")
@@ -322,9 +311,7 @@ def test_a_participant_who_stopped_waiting_has_left(recruit):
     leads_back(ada, "left")
 
 
-def test_an_unavailable_robot_is_a_technical_failure(recruit):
-    ada = recruit()
-    ada.join()
+def test_an_unavailable_robot_is_a_technical_failure(ada):
     ada.go_to("task")
     Study.objects.update(status="closed")
     ada.walker.send(go="without")
@@ -332,9 +319,7 @@ def test_an_unavailable_robot_is_a_technical_failure(recruit):
     leads_back(ada, "technical_failure")
 
 
-def test_a_withdrawal_after_the_end_keeps_the_completion_code(recruit):
-    ada = recruit()
-    ada.join()
+def test_a_withdrawal_after_the_end_keeps_the_completion_code(ada):
     ada.finish()
     code = ada.participant.completion_code
     page = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
@@ -346,9 +331,7 @@ def test_a_withdrawal_after_the_end_keeps_the_completion_code(recruit):
     assert "5f0c" not in left.recruited_as
 
 
-def test_declining_the_consent_returns_the_code_of_leaving(recruit):
-    ada = recruit()
-    ada.join()
+def test_declining_the_consent_returns_the_code_of_leaving(recruit, ada):
     page = read(ada.walker.send(go="decline"))
     code = completion.code(ada.study, "left")
     assert COMPLETE + code in [one.attributes.get("href") for one in page.all("a")]
@@ -388,20 +371,12 @@ def test_codes_stay_the_same_in_a_new_version_unless_entered(publish):
 
 
 def answered(one: Recruit, item: str, value: Any) -> None:
-    """Finish the questionnaire of the present step with one answer."""
+    """Finish the questionnaire of the current step with one answer."""
     one.walker.look()
-    response = Response.objects.filter(user=one.participant.user, finished_at=None).get()
+    response = Response.objects.get(user=one.participant.user, finished_at=None)
     now = timezone.now()
-    Answer.objects.create(
-        response=response,
-        item=item,
-        value=value,
-        language="en",
-        text_version="x",
-        position=1,
-        first_at=now,
-        answered_at=now,
-    )
+    asked = {"language": "en", "text_version": "x", "position": 1, "first_at": now}
+    Answer.objects.create(response=response, item=item, value=value, answered_at=now, **asked)
     Response.objects.filter(pk=response.pk).update(finished_at=now)
 
 
@@ -409,10 +384,8 @@ RULE = {"questionnaire": "ict", "item": "age", "at_least": 18}
 
 
 @pytest.mark.parametrize(("value", "goes_on"), [(18, True), (17, False), (None, False)])
-def test_an_answer_that_a_rule_excludes_turns_away_with_a_code(recruit, publish, value, goes_on):
-    ada = recruit(publish(screening=[RULE], turned_away_code=True))
-    ada.join()
-    ada.go_to("about_you")
+def test_an_answer_that_a_rule_excludes_turns_away_with_a_code(joined, publish, value, goes_on):
+    ada = joined(publish(screening=[RULE], turned_away_code=True), "about_you")
     answered(ada, "age", value)
     page = read(ada.client.get(STEP, follow=True))
     if goes_on:
@@ -422,10 +395,8 @@ def test_an_answer_that_a_rule_excludes_turns_away_with_a_code(recruit, publish,
     leads_back(ada, "screened_out")
 
 
-def test_a_screened_out_participant_without_a_code_gets_no_return_button(recruit, publish):
-    ada = recruit(publish(screening=[RULE]))
-    ada.join()
-    ada.go_to("about_you")
+def test_a_screened_out_participant_without_a_code_gets_no_return_button(joined, publish):
+    ada = joined(publish(screening=[RULE]), "about_you")
     answered(ada, "age", 3)
     page = read(ada.client.get(STEP))
     assert faults(page) == []
@@ -473,13 +444,11 @@ def test_a_participant_without_the_device_is_screened_out_with_a_code(recruit, p
 # --- answers in later texts -----------------------------------------------------------------------
 
 
-def test_an_answer_is_shown_on_a_later_page_as_text(recruit, publish):
+def test_an_answer_is_shown_on_a_later_page_as_text(joined, publish):
     whole = p.msgspec.to_builtins(p.of("exploration"))["steps"]
     keys = [step["key"] for step in whole]
     whole[keys.index("instructions")]["leaves"][0]["text"]["en"] = "Hello {{ict.nickname|you}}!"
-    ada = recruit(publish(steps=whole))
-    ada.join()
-    ada.go_to("about_you")
+    ada = joined(publish(steps=whole), "about_you")
     answered(ada, "nickname", "<b>Ada</b>")
     body = ada.client.get(STEP, follow=True).content.decode()
     assert "Hello you!" in body, "an item that the questionnaire does not have is no answer"
@@ -492,9 +461,7 @@ def test_an_answer_is_shown_on_a_later_page_as_text(recruit, publish):
 # --- guardians ------------------------------------------------------------------------------------
 
 
-def test_only_a_minor_is_asked_for_a_guardian(recruit):
-    ada = recruit()
-    ada.join()
+def test_only_a_minor_is_asked_for_a_guardian(ada):
     assert "guardian" not in read(ada.client.get(STEP)).text
     page = read(ada.walker.send(age="17", agree="on"))
     assert "Name of the parent or guardian" in page.text

@@ -106,7 +106,7 @@ def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client,
     assert "'=HYPERLINK" in text
 
 
-def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study):
+def test_screening_by_an_unknown_item_or_answer_is_a_problem(study):
     for rule, words in (
         ({"item": "gendre", "answers": ["woman"]}, "no such item"),
         ({"item": "gender", "answers": ["female"]}, "its answers are man, other, woman"),
@@ -178,7 +178,7 @@ def test_program_reads_how_many_participants_a_study_has_by_outcome(client, stud
 
 
 @pytest.mark.parametrize("header", ["", "Bearer x", "Bearer 00000000000000000000000000000000.x"])
-def test_without_a_key_of_the_study_nothing_is_told(client, study, key, header):
+def test_requests_without_a_key_of_the_study_are_refused(client, study, key, header):
     answer = client.get(API, headers={"authorization": header} if header else {})
     assert answer.status_code == 401
     assert set(answer.json()) == {"apiVersion", "error", "detail"}

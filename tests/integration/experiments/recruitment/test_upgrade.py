@@ -13,7 +13,7 @@ from tests.support.studies import participants as p
 pytestmark = pytest.mark.django_db
 
 
-def test_of_those_who_came_with_one_id_before_the_first_is_recognized_and_all_are_flagged():
+def test_earlier_participants_with_one_id_are_flagged_and_the_first_is_recognized():
     study = p.published(p.of("exploration"))
     came = ("5f0c", "5f0c", "b0b", "", "%PID%")
     people = [p.comer(study, person(f"p{n}")) for n in range(len(came))]

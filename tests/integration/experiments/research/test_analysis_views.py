@@ -261,7 +261,7 @@ def test_an_unknown_version_is_not_found(stored, member, client, query):
     assert client.get(f"{PAGE}?{query}").status_code == 404
 
 
-def test_the_page_of_a_study_without_drives_says_so(member, client, stored):
+def test_page_states_that_a_study_has_no_drives(member, client, stored):
     Drive.objects.all().delete()
     Participant.objects.all().delete()
     computed(stored.study)
@@ -323,7 +323,7 @@ def test_report_is_computed_once_by_another_process_while_the_page_shows_progres
         ('{"measured":8,"sessions":8,"files":70,"seconds":9}', "figures: 70 files so far · 9 s"),
     ],
 )
-def test_progress_page_says_what_is_being_computed(
+def test_progress_page_names_the_current_computation(
     stored, member, client, monkeypatch, tmp_path, printed, said
 ):
     go = tmp_path / "go"

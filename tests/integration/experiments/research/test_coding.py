@@ -42,13 +42,13 @@ SCHEME = {
 @pytest.fixture
 def drive():
     """A minute that was driven in a study with a coding scheme."""
-    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
-    replays.record(visit, seconds=60)
+    session = replays.session(replays.cabin_robot(), person("ada"), seconds=60)
+    replays.record(session, seconds=60)
     study = replays.study()
     store.store_scheme(study, store.scheme_from(SCHEME), timezone.now())
-    found = replays.drive(replays.participant(study, visit.visitor), visit)
-    replays.told(visit, 5.0, "door_changed", detail="hall closed")
-    replays.told(visit, 6.0, "collision", detail="ahead")
+    found = replays.drive(replays.participant(study, session.visitor), session)
+    replays.told(session, 5.0, "door_changed", detail="hall closed")
+    replays.told(session, 6.0, "collision", detail="ahead")
     return found
 
 
@@ -103,8 +103,8 @@ def test_the_later_change_of_two_tabs_counts_and_both_stay_in_the_history(client
         assert save(client, drive, change).json()["conflicts"] == conflicts
     assert events(client, drive) == [("help", 3.0, None, "two")]
     assert CodingEdit.objects.count() == 3
-    gone = {**first, "id": str(uuid.uuid4()), "base": 3, "is_deleted": True}
-    save(client, drive, gone)
+    deleted = {**first, "id": str(uuid.uuid4()), "base": 3, "is_deleted": True}
+    save(client, drive, deleted)
     assert events(client, drive) == []
 
 

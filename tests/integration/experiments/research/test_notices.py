@@ -36,9 +36,9 @@ def study():
 def pauses(return_to_dock: ReturnToDock, seq: int) -> None:
     """The robot's emergency stop is on while it should go home."""
     RobotPresence.objects.update(turnaround="returning", turnaround_reason="dock")
-    heard = RobotLiveness()
-    heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
-    list(return_to_dock.tick({"giraff": heard}, NOW, NOW.timestamp()))
+    liveness = RobotLiveness()
+    liveness.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
+    list(return_to_dock.tick({"giraff": liveness}, NOW, NOW.timestamp()))
 
 
 def test_owners_and_researchers_get_one_mail_for_each_pause(study):

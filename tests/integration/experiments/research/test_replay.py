@@ -31,13 +31,13 @@ def drive():
     """A minute that was driven in a study."""
     # a name of three hexadecimal digits might occur in an address by chance
     ada = person("ada", display_name="Ada L.")
-    visit = replays.session(replays.cabin_robot(), ada, seconds=60)
-    replays.record(visit)
-    return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
+    session = replays.session(replays.cabin_robot(), ada, seconds=60)
+    replays.record(session)
+    return replays.drive(replays.participant(replays.study(), session.visitor), session)
 
 
-def data_of(client, visit, **headers):
-    return client.get(reverse("replay_data", args=[visit.pk]), headers=headers)
+def data_of(client, session, **headers):
+    return client.get(reverse("replay_data", args=[session.pk]), headers=headers)
 
 
 def test_states_have_seconds_since_the_grant_by_the_servers_clock(drive):
@@ -98,8 +98,8 @@ def test_unknown_values_of_the_network_stay_unknown(drive):
 
 
 def test_an_empty_session_has_an_empty_record():
-    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=0, granted_at=None)
-    record = replay(visit, None)
+    session = replays.session(replays.cabin_robot(), person("ada"), seconds=0, granted_at=None)
+    record = replay(session, None)
     assert record["duration"] == 0.0
     assert all(
         column == []
@@ -198,7 +198,7 @@ def test_other_users_find_no_replay(client, drive):
 
 
 def test_staff_who_may_see_sessions_see_one_without_a_study(client):
-    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=1)
+    session = replays.session(replays.cabin_robot(), person("ada"), seconds=1)
     staff = person("staff", is_staff=True)
     staff.user_permissions.add(
         Permission.objects.get(
@@ -206,8 +206,8 @@ def test_staff_who_may_see_sessions_see_one_without_a_study(client):
         )
     )
     client.force_login(staff)
-    assert client.get(reverse("replay", args=[visit.pk])).status_code == 200
-    assert data_of(client, visit).json()["states"]["t"] == []
+    assert client.get(reverse("replay", args=[session.pk])).status_code == 200
+    assert data_of(client, session).json()["states"]["t"] == []
 
 
 def test_a_session_that_does_not_exist_is_not_found(client, admin_client):

@@ -22,37 +22,17 @@ PEOPLE, DRIVES = "admin:experiments_participant_changelist", "admin:experiments_
 
 @pytest.fixture
 def drive():
-    study, robot, user = (
-        publishing.store(small_study(), NOW),
-        Robot.objects.create(name="giraff", title="Giraff"),
-        person("anna-b", display_name=NAME),
-    )
-    participant = Participant.objects.create(
-        study=study,
-        user=user,
-        slot="a",
-        created_at=NOW,
-        seen_at=NOW,
-        cell="shut",
-        conditions=["shut"],
-        recruitment={"PROLIFIC_PID": PID},
-    )
+    study = publishing.store(small_study(), NOW)
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    user = person("anna-b", display_name=NAME)
+    arrival = {"slot": "a", "created_at": NOW, "seen_at": NOW, "recruitment": {"PROLIFIC_PID": PID}}
+    cell = {"cell": "shut", "conditions": ["shut"]}
+    participant = Participant.objects.create(study=study, user=user, **arrival, **cell)
     session = Session.objects.create(robot=robot, visitor=user, live_key="s", queued_at=NOW)
-    return Drive.objects.create(
-        participant=participant,
-        session=session,
-        step="task",
-        visit=1,
-        round=0,
-        number=1,
-        condition="shut",
-        seed=1,
-        granted_at=NOW,
-        outcome="completed",
-        exposed_at=NOW,
-        moved=True,
-        mismatches=["assist"],
-    )
+    place = {"step": "task", "visit": 1, "round": 0, "number": 1, "condition": "shut", "seed": 1}
+    found = {"outcome": "completed", "exposed_at": NOW, "moved": True, "mismatches": ["assist"]}
+    about = {"participant": participant, "session": session, "granted_at": NOW}
+    return Drive.objects.create(**about, **place, **found)
 
 
 def change(row) -> str:
@@ -84,10 +64,8 @@ def test_rows_of_other_studies_are_not_listed_shown_or_excluded(client, drive):
         assert drive.participant.code not in client.get(address).content.decode()
         assert client.get(address, {"study": str(drive.participant.study_id)}).status_code == 200
     assert {client.get(change(row)).status_code for row in (drive, drive.participant)} == {302}
-    assert (
-        client.get(exclude(drive)).status_code,
-        client.post(exclude(drive), {"reason": "Because."}).status_code,
-    ) == (404, 404)
+    assert client.get(exclude(drive)).status_code == 404
+    assert client.post(exclude(drive), {"reason": "Because."}).status_code == 404
 
 
 def withdrawal(row) -> str:
@@ -97,9 +75,8 @@ def withdrawal(row) -> str:
 def test_researcher_withdraws_a_participant_by_their_code_and_gets_the_receipt(client, drive):
     signed_in(client, "researcher")
     person_row = drive.participant
-    assert withdrawal(person_row) in [
-        e.attributes.get("href") for e in read(client.get(change(person_row))).all("a")
-    ]
+    links = read(client.get(change(person_row))).all("a")
+    assert withdrawal(person_row) in [one.attributes.get("href") for one in links]
     answer = client.post(withdrawal(person_row), {"code": "WRONG"})
     assert (answer.status_code, Drive.objects.count()) == (422, 1)
     assert "This is not the participant's code." in read(answer).text
@@ -121,11 +98,10 @@ def test_withdrawing_is_for_researchers_and_owners_alone(client, drive):
 def test_participants_page_shows_every_draw(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study
-    about = {"study": study, "participant": drive.participant, "kind": "participant"}
-    Draw.objects.create(
-        **about, number=1, nth=1, reason="first", cell="all_open", counts={"shut": 2}, at=NOW
-    )
-    Draw.objects.create(**about, number=2, nth=2, reason="again", cell="shut", seed=77, at=NOW)
+    about = {"study": study, "participant": drive.participant, "kind": "participant", "at": NOW}
+    first = {"reason": "first", "cell": "all_open", "counts": {"shut": 2}}
+    Draw.objects.create(**about, number=1, nth=1, **first)
+    Draw.objects.create(**about, number=2, nth=2, reason="again", cell="shut", seed=77)
     text = read(client.get(change(drive.participant))).text
     assert "all_open: first assignment; places taken: shut 2" in text
     assert "shut: assigned again" in text
@@ -178,64 +154,42 @@ def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(clien
 def test_a_rehearsal_shows_whether_it_is_of_the_current_definition(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study
-    row = Rehearsal.objects.create(
-        study=study,
-        sha256=study.sha256,
-        began_at=NOW,
-        finished_at=NOW,
-        status=Rehearsal.Status.DONE,
-        passed=True,
-        report={"passed": True},
-    )
+    passed = {"status": Rehearsal.Status.DONE, "passed": True, "report": {"passed": True}}
+    times = {"began_at": NOW, "finished_at": NOW}
+    row = study.rehearsals.create(sha256=study.sha256, **times, **passed)
     assert "of the study as it is now" in read(client.get(change(row))).text
-    assert (
-        'alt="True"'
-        in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
-    )
+    rehearsals = reverse("admin:experiments_rehearsal_changelist")
+    assert 'alt="True"' in client.get(rehearsals).content.decode()
     publishing.save_draft(study, small_study(title={"en": "Hut"}))
-    assert (
-        'alt="False"'
-        in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
-    )
+    assert 'alt="False"' in client.get(rehearsals).content.decode()
 
 
-def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
+def test_participants_and_drives_cannot_be_edited(client, drive):
     client.force_login(person("boss", is_staff=True, is_superuser=True))
     for model in ("participant", "drive"):
         assert client.get(reverse(f"admin:experiments_{model}_add")).status_code == 403
     for row in (drive, drive.participant):
         assert client.post(change(row), {"code": "X"}).status_code == 403
-        assert (
-            client.post(
-                reverse(f"admin:experiments_{row._meta.model_name}_delete", args=[row.pk]),
-                {"post": "yes"},
-            ).status_code
-            == 403
-        )
+        delete = reverse(f"admin:experiments_{row._meta.model_name}_delete", args=[row.pk])
+        assert client.post(delete, {"post": "yes"}).status_code == 403
 
 
 @pytest.mark.parametrize(
-    ("query", "is_listed"),
+    ("name", "listed", "empty"),
     [
-        ({"condition": "shut"}, True),
-        ({"condition": "all_open"}, False),
-        ({"outcome": "completed"}, True),
-        ({"outcome": "timed_out"}, False),
-        ({"applied": "no"}, True),
-        ({"applied": "yes"}, False),
-        ({"excluded": "no"}, True),
-        ({"excluded": "yes"}, False),
-        ({"participant__kind__exact": "participant"}, True),
-        ({"participant__kind__exact": "bot"}, False),
-        ({"moved__exact": "1"}, True),
-        ({"study": "nonsense"}, False),
+        ("condition", "shut", "all_open"),
+        ("outcome", "completed", "timed_out"),
+        ("applied", "no", "yes"),
+        ("excluded", "no", "yes"),
+        ("participant__kind__exact", "participant", "bot"),
+        ("moved__exact", "1", "0"),
     ],
 )
-def test_drives_are_filtered(client, drive, query, is_listed):
+def test_drives_are_filtered(client, drive, name, listed, empty):
     signed_in(client, "viewer")
-    assert (
-        drive.participant.code in client.get(reverse(DRIVES), query).content.decode()
-    ) == is_listed
+    for value, is_listed in ((listed, True), (empty, False)):
+        page = client.get(reverse(DRIVES), {name: value}).content.decode()
+        assert (drive.participant.code in page) == is_listed
 
 
 @pytest.mark.parametrize(
@@ -274,14 +228,12 @@ def test_participants_and_studies_are_filtered(client, drive):
         ("participant", {"kind__exact": "bot"}, 0),
         ("participant", {"created_at__year": NOW.year}, 1),
         ("study", {"status__exact": "draft"}, 1),
+        ("drive", {"study": study}, 1),
+        ("drive", {"study": "nonsense"}, 0),
         ("rehearsal", {"study": study}, 0),
     ):
-        assert (
-            client.get(reverse(f"admin:experiments_{page}_changelist"), query)
-            .context["cl"]
-            .result_count
-            == count
-        ), query
+        answer = client.get(reverse(f"admin:experiments_{page}_changelist"), query)
+        assert answer.context["cl"].result_count == count, query
 
 
 def test_a_drive_is_excluded_and_included_again_with_reasons_on_record(client, drive):
@@ -291,17 +243,13 @@ def test_a_drive_is_excluded_and_included_again_with_reasons_on_record(client, d
     row = Drive.objects.get()
     assert (row.excluded_reason, row.excluded_by) == ("The camera was covered.", user)
     assert "The camera was covered." in read(client.get(change(drive))).text
-    assert (
-        drive.participant.code in client.get(reverse(DRIVES), {"excluded": "yes"}).content.decode()
-    )
+    excluded = client.get(reverse(DRIVES), {"excluded": "yes"}).content.decode()
+    assert drive.participant.code in excluded
     client.post(exclude(drive), {"include": "1", "reason": "It was not."})
     row = Drive.objects.get()
     assert (row.excluded_reason, row.excluded_by, row.excluded_at) == ("", None, None)
-    notes = [
-        entry.change_message
-        for entry in LogEntry.objects.filter(user=user).order_by("action_time", "pk")
-    ]
-    assert notes == [
+    entries = LogEntry.objects.filter(user=user).order_by("action_time", "pk")
+    assert [entry.change_message for entry in entries] == [
         "Excluded: The camera was covered.",
         "Not excluded any more: It was not. (was: The camera was covered.)",
     ]

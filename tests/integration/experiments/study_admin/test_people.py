@@ -37,6 +37,11 @@ def at(name: str, row: Study) -> str:
     return reverse(f"admin:experiments_study_{name}", args=[row.pk])
 
 
+def text_after(client, page: str, **fields: str) -> str:
+    """Send a form, and return the text of the page that follows."""
+    return read(client.post(page, fields, follow=True)).text
+
+
 def roles() -> dict[str, str]:
     return {one.user.username: one.role for one in StudyMember.objects.select_related("user")}
 
@@ -49,9 +54,8 @@ def test_an_owner_adds_researchers_changes_their_role_and_removes_them(client, s
     client.post(at("members", study), {"add": "1", "person": "ROSA@example.org", "role": "viewer"})
     client.post(at("members", study), {"add": "1", "person": "rosa", "role": "researcher"})
     assert roles() == {"olga": "owner", "rosa": "researcher"}
-    client.post(
-        at("members", study), {"remove": str(StudyMember.objects.get(user__username="rosa").pk)}
-    )
+    rosa = StudyMember.objects.get(user__username="rosa")
+    client.post(at("members", study), {"remove": str(rosa.pk)})
     assert roles() == {"olga": "owner"}
     assert LogEntry.objects.filter(user=owner, change_message__contains="rosa").count() == 3
 
@@ -73,10 +77,7 @@ def test_only_staff_can_belong_to_a_study(client, study, owner, name, told):
 
 def test_the_last_owner_stays(client, study, owner):
     mine = str(StudyMember.objects.get().pk)
-    assert (
-        "needs at least one owner"
-        in read(client.post(at("members", study), {"remove": mine}, follow=True)).text
-    )
+    assert "needs at least one owner" in text_after(client, at("members", study), remove=mine)
     client.post(at("members", study), {"add": "1", "person": "olga", "role": "viewer"})
     assert roles() == {"olga": "owner"}
 
@@ -84,10 +85,8 @@ def test_the_last_owner_stays(client, study, owner):
 @pytest.mark.parametrize("forged", ["nonsense", "00000000-0000-0000-0000-000000000000", ""])
 def test_a_member_of_another_study_is_not_removed_from_here(client, study, owner, forged):
     other = StudyMember.objects.create(slug="another", user=person("eve"), role="owner")
-    assert {
-        client.post(at("members", study), {"remove": pk}).status_code
-        for pk in (forged, str(other.pk))
-    } == {404}
+    for pk in (forged, str(other.pk)):
+        assert client.post(at("members", study), {"remove": pk}).status_code == 404
     assert StudyMember.objects.filter(pk=other.pk).exists()
 
 
@@ -95,10 +94,8 @@ def test_a_member_of_another_study_is_not_removed_from_here(client, study, owner
 
 
 def made(client, study, **fields) -> list[dict[str, str]]:
-    answer = client.post(
-        at("links", study),
-        {"make": "1", "count": "3", "label": "Class A", "access": "open", **fields},
-    )
+    form = {"make": "1", "count": "3", "label": "Class A", "access": "open"}
+    answer = client.post(at("links", study), form | fields)
     assert "no-store" in answer["Cache-Control"]
     (link,) = [one for one in read(answer).all("a") if "download" in one.attributes]
     assert "shown again" in read(answer).text
@@ -108,16 +105,13 @@ def made(client, study, **fields) -> list[dict[str, str]]:
 
 def test_links_are_in_the_file_once_and_enrol_participants(client, study, owner):
     rows = made(client, study, days="7")
-    assert [row["label"] for row in rows] == ["Class A 1", "Class A 2", "Class A 3"]
-    assert all(
-        row["link"].startswith("http://testserver/studies/link/") and row["expires"] for row in rows
-    )
+    labels = ["Class A 1", "Class A 2", "Class A 3"]
+    assert [row["label"] for row in rows] == labels
+    for row in rows:
+        assert row["link"].startswith("http://testserver/studies/link/")
+        assert row["expires"]
     tokens = [row["link"].rstrip("/").rsplit("/", 1)[1] for row in rows]
-    assert [links.find(token, owner, NOW).label for token in tokens] == [
-        "Class A 1",
-        "Class A 2",
-        "Class A 3",
-    ]
+    assert [links.find(token, owner, NOW).label for token in tokens] == labels
     shown = client.get(at("links", study)).content.decode()
     assert "Class A 2" in shown
     assert not any(token in shown for token in tokens)
@@ -132,9 +126,8 @@ def test_a_label_is_no_formula_of_a_spreadsheet(client, study, owner):
     [("count", "0"), ("count", "501"), ("count", "many"), ("days", "-1"), ("access", "everything")],
 )
 def test_links_with_invalid_values_are_not_made(client, study, owner, field, value):
-    answer = client.post(
-        at("links", study), {"make": "1", "count": "3", "access": "open", field: value}
-    )
+    form = {"make": "1", "count": "3", "access": "open"}
+    answer = client.post(at("links", study), form | {field: value})
     assert read(answer).all("ul")
     assert answer["Content-Type"].startswith("text/html")
     assert not PersonalLink.objects.exists()
@@ -143,20 +136,13 @@ def test_links_with_invalid_values_are_not_made(client, study, owner, field, val
 def test_a_link_is_revoked_once_and_never_one_of_another_study(client, study, owner):
     made(client, study, count="1")
     link = PersonalLink.objects.get()
-    assert (
-        "Link revoked. It no longer works."
-        in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
-    )
+    page, revoke = at("links", study), {"revoke": str(link.pk)}
+    assert "Link revoked. It no longer works." in text_after(client, page, **revoke)
     assert PersonalLink.objects.get().revoked_at is not None
-    assert (
-        "already been used or revoked"
-        in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
-    )
+    assert "already been used or revoked" in text_after(client, page, **revoke)
     other, _token = links.make(publishing.store(small_study(slug="another"), NOW), now=NOW)
-    assert {
-        client.post(at("links", study), {"revoke": pk}).status_code
-        for pk in (str(other.pk), "nonsense")
-    } == {404}
+    for pk in (str(other.pk), "nonsense"):
+        assert client.post(page, {"revoke": pk}).status_code == 404
 
 
 def test_links_lead_to_conditions_that_the_study_has(client, study, owner):
@@ -170,10 +156,8 @@ def test_links_lead_to_conditions_that_the_study_has(client, study, owner):
 
 def test_a_closed_study_makes_no_links(client, study, owner):
     Study.objects.update(status=Study.Status.CLOSED)
-    assert (
-        client.post(at("links", study), {"make": "1", "count": "1", "access": "open"}).status_code
-        == 404
-    )
+    form = {"make": "1", "count": "1", "access": "open"}
+    assert client.post(at("links", study), form).status_code == 404
 
 
 # --- hours ----------------------------------------------------------------------------------------
@@ -181,11 +165,8 @@ def test_a_closed_study_makes_no_links(client, study, owner):
 
 def test_hours_are_written_by_day_and_read_as_a_sentence(client, study, owner):
     week = {f"day_{n}": "9-13, 15:00-17:30" for n in range(5)}
-    answer = client.post(
-        at("hours", study),
-        {"time_zone": "Europe/Madrid", **week, "day_5": "10:00-24:00"},
-        follow=True,
-    )
+    form = {"time_zone": "Europe/Madrid", **week, "day_5": "10:00-24:00"}
+    answer = client.post(at("hours", study), form, follow=True)
     row = Study.objects.get()
     assert row.time_zone == "Europe/Madrid"
     assert row.opening_hours == [
@@ -196,11 +177,8 @@ def test_hours_are_written_by_day_and_read_as_a_sentence(client, study, owner):
     page = read(answer)
     assert "Mon-Fri 09:00-13:00; Mon-Fri 15:00-17:30; Sat 10:00-00:00 (Europe/Madrid)" in page.text
     shown = {e.attributes.get("name"): e.attributes.get("value") for e in page.all("input")}
-    assert (shown["day_0"], shown["day_5"], shown.get("day_6")) == (
-        "09:00-13:00, 15:00-17:30",
-        "10:00-00:00",
-        None,
-    )
+    assert shown["day_0"] == "09:00-13:00, 15:00-17:30"
+    assert (shown["day_5"], shown.get("day_6")) == ("10:00-00:00", None)
 
 
 def test_all_days_empty_means_always_open(client, study, owner):
@@ -236,7 +214,7 @@ def test_hours_survive_writing_and_reading():
 
 
 def invited(client, study, email="nora@example.org", role="researcher") -> str:
-    """Invite somebody, and return the path of the link in the e-mail."""
+    """Send an invitation, and return the path of its link."""
     client.post(at("members", study), {"add": "1", "person": email, "role": role})
     (mail,) = mail_box.outbox
     assert mail.to == [email]

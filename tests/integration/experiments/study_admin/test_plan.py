@@ -67,7 +67,7 @@ def test_a_version_knows_whether_it_was_frozen_before_its_data(study):
     assert not freeze_of(second).before_data
 
 
-def test_the_page_says_in_its_language_whether_there_were_data(client, study):
+def test_page_states_in_its_language_whether_data_existed(client, study):
     signed_in(client, "viewer")
     frozen = published(study)
     joined(frozen, NOW + DAY)
@@ -84,13 +84,13 @@ def test_the_page_says_in_its_language_whether_there_were_data(client, study):
 def test_owners_state_deviations_after_publishing_and_others_do_not(client, study):
     signed_in(client, "owner")
     frozen = published(study)
-    told = {"deviations": "We stopped a week early."}
-    assert client.post(page(study, "deviations"), told).status_code == 302
-    assert freeze_of(Study.objects.get()).deviations == told["deviations"]
+    reported = {"deviations": "We stopped a week early."}
+    assert client.post(page(study, "deviations"), reported).status_code == 302
+    assert freeze_of(Study.objects.get()).deviations == reported["deviations"]
     assert Study.objects.get().sha256 == frozen.sha256
     assert AuditEntry.objects.filter(act="study_changed", detail="deviations").exists()
     StudyMember.objects.update(role="researcher")
-    assert client.post(page(study, "deviations"), told).status_code == 404
+    assert client.post(page(study, "deviations"), reported).status_code == 404
 
 
 def test_numbers_of_participants_are_checked(client, study):
@@ -129,7 +129,7 @@ def test_a_number_that_is_simulated_twice_has_one_column_and_they_ascend():
     assert [power for power, _ in cells] == ["0.1", "0.8", "0.9"]
 
 
-def test_the_command_prints_the_power_and_says_what_it_cannot_do(study, capsys):
+def test_command_prints_the_power_and_its_limits(study, capsys):
     call_command("power", study.slug, participants=[20], studies=20)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split()[:4] == ["Participants", "Analysis", "Measure", "Test"]

@@ -1,4 +1,4 @@
-"""The publication details of a study: written by owners, also after it was published, and told by
+"""The publication details of a study: written by owners, also after it was published, and shown by
 every export.
 """
 
@@ -57,9 +57,9 @@ def test_publication_details_of_an_owner_are_in_the_export(client, study, page, 
     assert kept(study).keywords == ("robots", "telepresence")
     assert kept(study).doi == "10.5281/zenodo.1234567"
     assert 'value="Carberry, Josiah"' in client.get(page).content.decode()
-    told = io.StringIO()
-    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
-    assert told.getvalue() == ""
+    shown = io.StringIO()
+    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=shown)
+    assert shown.getvalue() == ""
     book = json.loads((tmp_path / "e" / "dataset_description.json").read_text())
     assert book["author"][0]["identifier"] == "https://orcid.org/0000-0002-1825-0097"
     assert publishing.new_version(Study.objects.get(pk=study.pk), NOW).publication["license"]
@@ -78,15 +78,15 @@ def test_publication_details_of_an_owner_are_in_the_export(client, study, page, 
 def test_an_error_is_shown_at_its_field_and_nothing_is_stored(
     client, study, page, field, value, problem
 ):
-    told = read(client.post(page, FILLED | {field: value}))
-    assert problem in told.text
+    shown = read(client.post(page, FILLED | {field: value}))
+    assert problem in shown.text
     assert kept(study).authors == ()
 
 
 def test_an_export_lists_missing_publication_details(client, study, page, tmp_path):
-    told = io.StringIO()
-    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
-    assert "authors, license, funder" in told.getvalue()
+    shown = io.StringIO()
+    call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=shown)
+    assert "authors, license, funder" in shown.getvalue()
     assert "Not filled in by its owners: authors" in (tmp_path / "e" / "README.md").read_text()
     shown = client.get(reverse("analysis_export", args=[study.slug])).content.decode()
     assert "Licence" in shown

@@ -94,10 +94,12 @@ def test_the_page_shows_the_progress_of_a_rehearsal(client, owner, study):
     assert "Preparing a copy of the site on lab." in page_text(client, row)
     progress = {"drives": 5, "conditions": 1, "of_conditions": 2, "bots": 3, "of_bots": 8}
     runs.sign(row.pk, timezone.now(), progress=progress)
-    told = client.get(at("rehearsal_state", row)).json()
-    said = "Running on lab: 5 drives have ended, in 1 of 2 conditions; 3 of 8 bots have finished."
-    assert told == {"text": said, "live": True, "progress": progress}
-    assert said in page_text(client, row)
+    state = client.get(at("rehearsal_state", row)).json()
+    sentence = (
+        "Running on lab: 5 drives have ended, in 1 of 2 conditions; 3 of 8 bots have finished."
+    )
+    assert state == {"text": sentence, "live": True, "progress": progress}
+    assert sentence in page_text(client, row)
     runs.sign(row.pk, timezone.now(), progress={**progress, "bots": 8})
     assert "Evaluating" in client.get(at("rehearsal_state", row)).json()["text"]
 
@@ -110,25 +112,25 @@ def test_a_user_ends_a_rehearsal_and_is_named(client, owner, study):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "sentence"),
     [
         ({"seen_at": datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)}, "no sign of life"),
         ({"status": "failed", "reason": "Its process ended: it was ended by SIGKILL."}, "SIGKILL"),
     ],
 )
 def test_a_failed_rehearsal_shows_its_reason_and_another_can_be_started(
-    client, owner, study, changes, said
+    client, owner, study, changes, sentence
 ):
     row = running(study, **changes)
     text = page_text(client, row)
     assert "Failed: " in text
-    assert said in text
+    assert sentence in text
     Rehearsal.objects.exclude(status="running").update(live_key="ended")
     client.post(at("rehearsal_start", study))
     assert Rehearsal.objects.filter(status=runs.Status.WAITING).count() == 1
 
 
-def test_where_nothing_runs_rehearsals_the_page_says_so(client, owner, study):
+def test_page_reports_that_no_process_runs_rehearsals(client, owner, study):
     row = runs.request(study, timezone.now() - 2 * runs.NOT_TAKEN)
     assert "this site has no process that runs rehearsals" in page_text(client, row)
     running(publishing.store(small_study(slug="other"), timezone.now()))
@@ -164,7 +166,7 @@ def test_an_old_report_without_issues_is_readable(client, owner, study):
     assert "Hm." in text
 
 
-def test_a_rehearsal_of_an_older_draft_says_that_it_does_not_count(client, owner, study):
+def test_page_states_that_a_rehearsal_of_an_older_draft_does_not_count(client, owner, study):
     row = running(study)
     publishing.save_draft(study, small_study(title={"en": "Hut"}))
     runs.finish(row.pk, RehearsalReport(6, passed=True))
@@ -174,7 +176,7 @@ def test_a_rehearsal_of_an_older_draft_says_that_it_does_not_count(client, owner
     assert "Passed. The study has changed since that rehearsal started" in text
 
 
-def test_a_study_that_bots_cannot_play_says_why_and_is_not_started(client, owner, study):
+def test_page_explains_why_bots_cannot_play_a_study(client, owner, study):
     with_operator = publishing.store(
         small_study(**wizard_document(study={"slug": "cabin-study", "version": 2})), timezone.now()
     )

@@ -42,9 +42,9 @@ def test_every_step_is_seen_in_every_language_and_nothing_is_saved(client, name,
     study = publishing.store(p.of(name), timezone.now())
     signed_in(client, "viewer", study.slug)
     definition = study.as_definition()
-    way = journey.route(definition, journey.rounds(definition, "open"), 1)
+    route = journey.route(definition, journey.rounds(definition, "open"), 1)
     before = rows()
-    for number, place in enumerate(way, start=1):
+    for number, place in enumerate(route, start=1):
         answer = client.get(step(study, number, language))
         assert answer.status_code == 200
         page = read(answer)
@@ -54,7 +54,7 @@ def test_every_step_is_seen_in_every_language_and_nothing_is_saved(client, name,
         assert page.all("html")[0].attributes["lang"] == language
         assert definition.title[language] in page.all("main")[0].text
         sent = client.post(step(study, number, language), {"age": "3", "agree": ""})
-        assert sent.url == step(study, min(number + 1, len(way)), language)
+        assert sent.url == step(study, min(number + 1, len(route)), language)
     assert rows() == before
 
 
@@ -80,8 +80,12 @@ def test_the_builder_links_to_the_walk_through(client):
     whole = reverse("admin:experiments_study_walk_through", args=[study.pk])
     built = reverse("admin:experiments_study_part", args=[study.pk, "steps", 2])
     overview = reverse("admin:experiments_study_change", args=[study.pk])
-    for address, way in ((built, f"{whole}?step=instructions"), (built, whole), (overview, whole)):
-        assert way in [e.attributes.get("href") for e in read(client.get(address)).all("a")]
+    for address, route in (
+        (built, f"{whole}?step=instructions"),
+        (built, whole),
+        (overview, whole),
+    ):
+        assert route in [e.attributes.get("href") for e in read(client.get(address)).all("a")]
     current = [e.text for e in read(client.get(whole)).all("a") if "aria-current" in e.attributes]
     assert current[:2] == ["Builder", "Walk through"]
 

@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from experiments.models import Drive, TaskEvent
 from experiments.tasks.finalization import settle
-from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
+from experiments.tasks.records import FirstFrame, Record, Seen
 from experiments.tasks.runner import PATIENCE, Runner
 from robots.models import RobotPresence
 from sessions import protocol
@@ -20,7 +20,7 @@ from sessions.leases import store
 from sessions.manager import notices
 from sessions.models import Session
 from tests.support.studies import task_drives
-from tests.support.studies.studies import STUDY
+from tests.support.studies.studies import PRACTICE, STUDY
 from tests.support.studies.task_drives import BACK, FIRST, THERE
 from tests.support.studies.task_session import (
     AHEAD,
@@ -28,6 +28,7 @@ from tests.support.studies.task_session import (
     cabin_robot,
     close,
     message_of,
+    photographed,
     say,
     state_of,
     write,
@@ -48,6 +49,15 @@ def shown() -> list[protocol.Task]:
     return notices.drain()
 
 
+def ended() -> tuple[str, str]:
+    session = Session.objects.get()
+    return session.outcome, session.outcome_reason
+
+
+def stored_events() -> list[tuple]:
+    return list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
+
+
 def at(seconds: float) -> datetime.datetime:
     return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
 
@@ -62,48 +72,32 @@ def hear(runner: Runner, drive: Drive, records: list[Record], **more) -> None:
         say(runner, drive, record, **more)
 
 
-def whole(start: float) -> list[Record]:
-    drive = started_drive(start).go(*THERE)
-    drive.say(PhotoFailed(drive.at, "a1")).see()
-    drive.say(PhotoTaken(drive.at, "a2")).see()
-    drive.say(PhotoAnswer(drive.at, repr(drive.at), "keep")).see()
-    return drive.go(*BACK).dock().records
-
-
 def test_the_page_is_shown_how_the_task_goes_and_docking_ends_the_session(robot):
     drive, runner = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     hear(runner, drive, records)
     frames = shown()
     assert [frames[0].cue, frames[-1].cue] == ["wait_for_picture", "completed"]
     assert "photo_review" in [one.cue for one in frames]
-    assert [one.photo for one in frames if one.window == "review"] == ["a2"]
-    assert (frames[-1].passed, frames[-1].outcome, frames[-1].doors) == (
-        (1, 2),
-        "completed",
-        ("door",),
-    )
-    assert any(
-        (one.cue, one.number, one.x, one.y) == ("go_to_checkpoint", 1, *FIRST) for one in frames
-    )
-    session = Session.objects.get()
-    assert (session.state, session.outcome, session.outcome_reason) == (
-        "ended",
-        "completed",
-        "task",
-    )
+    assert [one.photo for one in frames if one.window == "review"] == ["a2", "a3"]
+    last = frames[-1]
+    assert (last.passed, last.outcome, last.doors) == ((1, 2), "completed", ("door",))
+    targets = [(one.cue, one.number, one.x, one.y) for one in frames]
+    assert ("go_to_checkpoint", 1, *FIRST) in targets
+    assert ended() == ("completed", "task")
+    assert Session.objects.get().state == "ended"
     assert Drive.objects.get().shown["outcome"] == "completed"
     assert Drive.objects.get().clock_offset == AHEAD
 
 
 def test_events_of_a_live_task_equal_those_of_the_record(robot):
     drive, runner = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     hear(runner, drive, records)
-    live = list(TaskEvent.objects.order_by("number").values_list("stamp", "type", "data"))
+    live = stored_events()
     write(drive, records)
     settle(close(drive, at=records[-1].at + 1.0), timezone.now())
-    assert list(TaskEvent.objects.order_by("number").values_list("stamp", "type", "data")) == live
+    assert stored_events() == live
     assert Drive.objects.get().outcome == "completed"
 
 
@@ -112,14 +106,10 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
     start = timezone.now().timestamp()
     hear(runner, drive, started_drive(start).records)
     count = len(shown())
-    hear(
-        runner,
-        drive,
-        [
-            Seen(start + 1.0 + n / 4, "boot", 2 + n, 0.5, 2.0, 3.1, docked=True, contact=True)
-            for n in range(20)
-        ],
-    )
+    docked = {"docked": True, "contact": True}
+    times = [start + 1.0 + n / 4 for n in range(20)]
+    still = [Seen(t, "boot", 2 + n, 0.5, 2.0, 3.1, **docked) for n, t in enumerate(times)]
+    hear(runner, drive, still)
     runner.tick(now=at(start + 7.0))
     assert count > 0
     assert shown() == []
@@ -128,7 +118,7 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
 @pytest.mark.parametrize("refuses", ["bulk_create", "update"])
 def test_refused_writes_are_repeated_and_published_at_the_next_tick(robot, monkeypatch, refuses):
     drive, runner = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     half = len(records) // 2
     hear(runner, drive, records[:half])
     before = [frame.cue for frame in shown()]
@@ -148,12 +138,9 @@ def test_refused_writes_are_repeated_and_published_at_the_next_tick(robot, monke
     hear(runner, drive, records[-1:])
     assert shown()[-1].cue == "completed"
     write(drive, records)
-    live = list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
+    live = stored_events()
     settle(close(drive, at=records[-1].at + 1.0), timezone.now())
-    assert (
-        list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
-        == live
-    )
+    assert stored_events() == live
 
 
 def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
@@ -164,8 +151,7 @@ def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
     runner.tick(now=at(limit + PATIENCE - 0.2))
     assert Session.objects.get().state == "driving"
     runner.tick(now=at(limit + PATIENCE + 0.1))
-    session = Session.objects.get()
-    assert (session.outcome, session.outcome_reason) == ("timed_out", "task")
+    assert ended() == ("timed_out", "task")
     last = shown()[-1]
     assert (last.cue, last.outcome) == ("timed_out", "timed_out")
 
@@ -183,13 +169,10 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
     late = Seen(limit - 0.1, "boot", 5000, 0.5, 2.0, 3.1, docked=True, contact=True)
     about = {"session": str(drive.session_id), "received_at": limit + 0.6, "clock_offset": AHEAD}
     runner.on_state(robot="giraff", state=state_of(late, drive), **about)
-    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == (
-        "completed",
-        "task",
-    )
+    assert ended() == ("completed", "task")
 
 
-def test_a_page_that_has_missed_a_notice_is_told_again_within_ten_seconds(robot):
+def test_missed_notice_is_repeated_within_ten_seconds(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
     hear(runner, drive, started_drive(start).records)
@@ -215,8 +198,8 @@ def test_the_time_left_is_published_in_the_last_minutes_and_repeated(robot):
 
 def test_another_session_manager_continues_the_task_of_a_killed_one(robot):
     drive, first = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
-    half = len(records) // 2 - 4  # on the way to the second checkpoint
+    records = photographed(timezone.now().timestamp())
+    half = len(records) // 2 - 6  # on the way to the second checkpoint
     hear(first, drive, records[:half])
     before = len(shown())
     write(drive, records[: half - 3])  # the last second had not reached the database
@@ -231,12 +214,10 @@ def test_another_session_manager_continues_the_task_of_a_killed_one(robot):
     assert types.count("task_started") == types.count("docked") == 1
 
 
-def test_messages_that_a_killed_process_lost_count_when_they_are_sent_again(
-    robot,
-):
+def test_messages_that_a_killed_process_lost_count_when_they_are_sent_again(robot):
     """Without the states around the first checkpoint the visitor would be sent back to it."""
     drive, first = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     half = len(records) // 2
     hear(first, drive, records[:half])
     write(drive, records[:5])
@@ -259,7 +240,7 @@ def test_a_time_limit_that_passed_without_a_session_manager_is_applied_later(rob
 
 def test_another_robot_and_another_session_have_no_say(robot):
     drive, runner = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     for record in records:
         if isinstance(record, Seen):
             say(runner, drive, record, robot="rhodon")
@@ -280,17 +261,11 @@ def test_a_drive_that_never_sees_a_picture_ends_when_its_turn_would_be_over(robo
     runner.tick(now=at(granted + 470.0))
     assert Session.objects.get().state == "driving"
     runner.tick(now=at(granted + 481.0))
-    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == (
-        "timed_out",
-        "no_picture",
-    )
+    assert ended() == ("timed_out", "no_picture")
 
 
 def test_a_practice_drive_ends_after_its_minutes(robot):
-    steps = [
-        {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2},
-        *STUDY["steps"],
-    ]
+    steps = [PRACTICE, *STUDY["steps"]]
     drive, runner = begin(robot, steps=steps), Runner()
     start = timezone.now().timestamp()
     hear(runner, drive, started_drive(start).go(FIRST).records)
@@ -298,9 +273,8 @@ def test_a_practice_drive_ends_after_its_minutes(robot):
     runner.tick(now=at(start + 80.0))
     assert [one.remaining for one in shown()] == [pytest.approx(40.2, abs=0.2)]
     runner.tick(now=at(start + 121.0))
-    session = Session.objects.get()
-    assert (session.outcome, session.outcome_reason) == ("completed", "time_over")
-    runner.on_end(session=session)
+    assert ended() == ("completed", "time_over")
+    runner.on_end(session=Session.objects.get())
     assert Drive.objects.get().outcome == "completed"
 
 
@@ -338,7 +312,7 @@ def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothi
 
 def test_the_runner_settles_what_is_over_beside_what_lives(robot):
     drive, runner = begin(robot), Runner()
-    records = whole(timezone.now().timestamp())
+    records = photographed(timezone.now().timestamp())
     hear(runner, drive, records)
     write(drive, records)
     close(drive, at=records[-1].at + 1.0)

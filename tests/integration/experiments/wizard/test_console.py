@@ -1,5 +1,5 @@
 """A hidden operator's page and socket, with a bridge in memory and a real database: who gets in,
-what is driven, recorded and told, and what is never told.
+what is driven, recorded and published, and what is kept secret.
 """
 
 import asyncio
@@ -94,7 +94,7 @@ def velocity(seq=1, **fields):
     return m.VelocityCommand(session="x", epoch=0, seq=seq, stamp=1.0, **values)
 
 
-def told_to_robot(bridge, kind):
+def sent_to_robot(bridge, kind):
     return [message for _, _, message in bridge.sent if isinstance(message, kind)]
 
 
@@ -129,10 +129,10 @@ async def test_the_operator_drives_and_speaks_and_the_participant_does_not_drive
         step = protocol.BeginStep(step="hello", action_id="a1", stamp=2.0)
         await console.say("wizard/step", step)
         assert (await console.expect("wizard/begun")).reason == ""
-        (moved,) = told_to_robot(bridge, m.VelocityCommand)
-        (said,) = told_to_robot(bridge, m.Say)
+        (moved,) = sent_to_robot(bridge, m.VelocityCommand)
+        (spoken,) = sent_to_robot(bridge, m.Say)
         assert (moved.session, moved.epoch) == (granted.session, wheel.epoch)
-        assert (said.text, said.role, said.epoch) == (
+        assert (spoken.text, spoken.role, spoken.epoch) == (
             "Hello, I am the robot.",
             "driver",
             wheel.epoch,
@@ -170,8 +170,8 @@ async def test_the_operator_is_recorded_with_every_step_deviation_and_latency(
 def _leaves_as_a_pseudonym(operator):
     drive = Drive.objects.get()
     study = drive.participant.study
-    told = events_of([drive], release_of(study, Selection()))
-    rows = [row for row in told if row.type.startswith("wizard_")]
+    events = events_of([drive], release_of(study, Selection()))
+    rows = [row for row in events if row.type.startswith("wizard_")]
     assert {row.data["by"] for row in rows} != {str(operator.pk)}
     assert len({row.data["by"] for row in rows}) == 1
     assert str(operator.pk) not in repr(rows)
@@ -180,7 +180,7 @@ def _leaves_as_a_pseudonym(operator):
 
 
 @sockets
-async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
+async def test_a_lost_console_stops_the_robot_and_is_shown_to_researchers(
     bridge, operator, participant, study
 ):
     async with Page("giraff", participant.user) as page:
@@ -188,7 +188,7 @@ async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
         async with Console("giraff", operator) as console:
             await console.operate()
             await console.say("command/velocity", velocity(seq=7))
-            await until(lambda: told_to_robot(bridge, m.VelocityCommand))
+            await until(lambda: sent_to_robot(bridge, m.VelocityCommand))
         stop = bridge.stops[-1][1]
         assert (stop.role, stop.session, stop.seq) == ("driver", granted.session, 7)
         await until(lambda: bridge.leases[-1][1].driver is None)
@@ -224,8 +224,8 @@ async def test_of_two_operators_one_drives(bridge, operator, participant, study)
         await first.say("command/velocity", velocity())
         await first.expect("denied", lambda denied: denied.suffix == "command/velocity")
         await second.say("command/velocity", velocity())
-        await until(lambda: told_to_robot(bridge, m.VelocityCommand))
-        assert {one.epoch for one in told_to_robot(bridge, m.VelocityCommand)} == {wheel.epoch}
+        await until(lambda: sent_to_robot(bridge, m.VelocityCommand))
+        assert {one.epoch for one in sent_to_robot(bridge, m.VelocityCommand)} == {wheel.epoch}
 
 
 @sockets
@@ -237,12 +237,12 @@ async def test_a_blind_operator_cannot_see_the_condition(bridge, operator, parti
         lab = m.LabReport(lab=m.NetworkLab(delay=0.123))
         bridge.say("giraff", "state", msgspec.structs.replace(state, control_network=lab))
         await console.expect("wizard/state")
-        told = "\n".join(console.frames)
+        frames = "\n".join(console.frames)
     await sync_to_async(client.force_login)(operator)
     html = (await sync_to_async(client.get)("/studies/cabin-study/wizard/")).content.decode()
     assert (await sync_to_async(Drive.objects.get)()).condition.startswith("zeta_")
     for word in ("zeta", "Zeta", "steer", "assisted", "0.123"):
-        assert word not in told
+        assert word not in frames
         assert word not in html
     for address in ("live/", "live.json", "live/act/"):
         answer = await sync_to_async(client.get)(f"/studies/cabin-study/{address}")
@@ -300,12 +300,12 @@ def test_own_data_names_the_operator_role_after_the_debriefing_and_never_the_per
     session = p.drive_of(robot, p.assign(participant, "zeta_all_open")).session
     note(str(session.pk), "wizard_took", operator, timezone.now(), blind=True)
 
-    def told():
+    def own_events():
         return [one["type"] for one in gather(participant.user)["drives"][0]["events"]]
 
-    assert "wizard_took" not in told()
+    assert "wizard_took" not in own_events()
     Participant.objects.update(completion="done")
-    assert "wizard_took" in told()
+    assert "wizard_took" in own_events()
     assert str(operator.pk) not in repr(gather(participant.user))
 
 
@@ -318,7 +318,7 @@ def test_a_lease_that_moves_to_another_session_forgets_its_operator(robot):
     assert (lease.wizard_peer, lease.wizard_epoch) == ("", 5)
 
 
-def test_page_of_a_study_without_hidden_operator_says_so(client):
+def test_page_states_that_a_study_has_no_hidden_operator(client):
     plain = publishing.store(small_study(slug="plain"), NOW)
     owner = person("olga", is_staff=True)
     StudyMember.objects.create(slug=plain.slug, user=owner, role=StudyMember.Role.OWNER)

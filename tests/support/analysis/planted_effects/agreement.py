@@ -16,8 +16,8 @@ SCRIPT = ROOT / "tests" / "support" / "analysis" / "planted_effects" / "stranger
 PACKAGES = (
     "r-base-core r-cran-lme4 r-cran-survival r-cran-clubsandwich r-cran-jsonlite"  # of Debian
 )
-# How many of its first columns say what a row is about, in each table that R computes. The others
-# of the report count what is there (participants, pages, rules) or list what was measured.
+# How many of the first columns label a row, in each table that R computes. The other tables of the
+# report are counts (participants, pages, rules) or lists of measures.
 LABELS = {
     "conditions": 1,
     "answers": 1,

@@ -64,11 +64,11 @@ def planted_dataset(participants: int = 24, seed: int = SEED) -> Dataset:
             condition = study.condition(key)
             assert condition is not None
             seen = circumstances(condition, place)
-            session, driven, told = _drive(study, condition, who, place, persona.pace(seen), rng)
+            session, record, reached = _drive(study, condition, who, place, persona.pace(seen), rng)
             sessions.append(session)
-            events += told
-            states[session.id] = driven.states
-            network[session.id] = link(driven.end, rng)
+            events += reached
+            states[session.id] = record.states
+            network[session.id] = link(record.end, rng)
             responses += [_answers(asked[slug], persona, seen, who, session) for slug in ASKED]
     return Dataset(
         study,
@@ -101,7 +101,7 @@ def _drive(
 ) -> tuple[SessionRecord, Any, list[EventRecord]]:
     course = study.course_of(condition)
     assert course is not None
-    driven = drive(course, rng, speed=FASTEST * pace + rng.normal(0.0, 0.02))
+    record = drive(course, rng, speed=FASTEST * pace + rng.normal(0.0, 0.02))
     session = SessionRecord(
         f"{who}-{place}",
         who,
@@ -118,13 +118,13 @@ def _drive(
         network=f"n{who}",
         first_frame=0.4,
         first_motion=5.2,
-        ended=driven.end + 2.0,
+        ended=record.end + 2.0,
     )
-    passed = driven.checkpoints.items()
+    passed = record.checkpoints.items()
     events = [EventRecord(session.id, at, "task", "checkpoint", {"number": n}) for n, at in passed]
-    ends = EventRecord(session.id, driven.end, "task", "task_ended", {"name": "completed"})
-    docked = EventRecord(session.id, driven.end - 2.5, "task", "docked", {})
-    return session, driven, [*events, docked, ends]
+    ends = EventRecord(session.id, record.end, "task", "task_ended", {"name": "completed"})
+    docked = EventRecord(session.id, record.end - 2.5, "task", "docked", {})
+    return session, record, [*events, docked, ends]
 
 
 def _answers(

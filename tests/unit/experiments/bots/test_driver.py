@@ -34,9 +34,8 @@ class Rig:
         self.engine = TaskEngine(lay_out(STUDY, condition, self.plan))
         track = self.engine.track
         stops = {stop.number: (stop.x, stop.y) for stop in track.stops}
-        guide = Guide(
-            track.dock, stops, track.photo.stop.number if track.photo is not None else None
-        )
+        photo = track.photo.stop.number if track.photo is not None else None
+        guide = Guide(track.dock, stops, photo)
         fastest = SpeedSetting(0.9 * self.model.limits.linear, 0.9 * self.model.limits.angular)
         self.driver = Driver(self.plan, guide, fastest, skips_photo=skips, docks_early=early)
         self.view = View(localized=True, laser=Pose2D(self.model.laser.x, 0.0, 0.0))
@@ -62,26 +61,11 @@ class Rig:
     def feed_state(self):
         pose, motion, contact = self.sim.pose, self.sim.motion, self.sim.docked
         released = self.sim.commanded == STILL
-        self.dock = follow(
-            DOCKED,
-            self.dock,
-            DockReading(at=self.now, contact=contact, linear=motion.linear, released=released),
-        )
-        self.engine.feed(
-            Seen(
-                self.now,
-                "boot",
-                self.steps,
-                pose.x,
-                pose.y,
-                pose.theta,
-                docked=self.dock.docked,
-                contact=contact,
-                linear=motion.linear,
-                angular=motion.angular,
-                released=released,
-            )
-        )
+        rest = {"contact": contact, "linear": motion.linear, "released": released}
+        self.dock = follow(DOCKED, self.dock, DockReading(at=self.now, **rest))
+        place = (pose.x, pose.y, pose.theta)
+        more = {"docked": self.dock.docked, "angular": motion.angular}
+        self.engine.feed(Seen(self.now, "boot", self.steps, *place, **more, **rest))
 
     def look(self):
         laser = self.model.laser
@@ -99,11 +83,8 @@ class Rig:
         cue = self.engine.progress.cue
         x, y = cue.target or (None, None)
         self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
-        self.view.pose, self.view.docked, self.view.contact = (
-            self.sim.pose,
-            self.dock.docked,
-            self.sim.docked,
-        )
+        self.view.pose = self.sim.pose
+        self.view.docked, self.view.contact = self.dock.docked, self.sim.docked
         intent = self.driver.decide(self.view, self.now)
         self.sim.command(intent.speed.linear, intent.speed.angular)
         if intent.take:
@@ -120,13 +101,8 @@ def test_bot_completes_each_condition_of_the_papers_study_without_a_collision(ke
     condition = STUDY.condition(key)
     rig = Rig(condition)
     result = rig.run(600.0)
-    assert result.outcome == "completed", (
-        rig.now,
-        rig.view.pose,
-        rig.engine.progress.cue,
-        rig.driver.closed,
-        rig.driver.no_route,
-    )
+    stuck = (rig.now, rig.view.pose, rig.engine.progress.cue, rig.driver.closed, rig.driver.no_route)
+    assert result.outcome == "completed", stuck
     assert len(result.checkpoints) == 4
     assert not result.doors_missed
     assert rig.sim.contacts == 0
@@ -146,21 +122,14 @@ def test_bot_that_docks_too_early_then_drives_the_course():
     rig = Rig(STUDY.condition("giraff_open"), early=True)
     result = rig.run(600.0)
     assert (result.outcome, len(result.checkpoints)) == ("completed", 4)
-    assert any(event.type == "docked_early" for event in rig.engine.events), {
-        event.type for event in rig.engine.events
-    }
+    assert "docked_early" in {event.type for event in rig.engine.events}
 
 
 def test_bot_does_not_move_without_a_cue_or_a_localized_pose():
     rig = Rig(STUDY.condition("giraff_open"))
-    lost = dataclasses.replace(
-        rig.view,
-        localized=False,
-        pose=rig.sim.pose,
-        task=Task(session="s", stamp=0.0, cue="leave_station", number=1, x=2.0, y=1.0),
-    )
-    assert rig.driver.decide(lost, 0.0).speed.is_zero
-    waiting = dataclasses.replace(
-        rig.view, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="wait_for_picture")
-    )
-    assert rig.driver.decide(waiting, 0.0).speed.is_zero
+    rig.view.pose = rig.sim.pose
+    leave = Task(session="s", stamp=0.0, cue="leave_station", number=1, x=2.0, y=1.0)
+    wait = Task(session="s", stamp=0.0, cue="wait_for_picture")
+    for changes in ({"localized": False, "task": leave}, {"task": wait}):
+        view = dataclasses.replace(rig.view, **changes)
+        assert rig.driver.decide(view, 0.0).speed.is_zero

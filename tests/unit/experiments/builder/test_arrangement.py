@@ -10,26 +10,19 @@ from experiments.definition.schema import StudyDefinition
 from surveys.document_forms.problem_text import sentences
 from tests.support.studies.studies import STUDY, small_study
 
-DELAY = {
-    "key": "delay",
-    "title": {"en": "Delay"},
-    "design": "within",
-    "changes": ["video_delay"],
-    "levels": [
-        {"key": "d0", "title": {"en": "0 ms"}, "sets": {"video_delay": 0.0}},
-        {"key": "d300", "title": {"en": "300 ms"}, "sets": {"video_delay": 0.3}},
-    ],
-}
-HELP = {
-    "key": "help",
-    "title": {"en": "Help"},
-    "design": "within",
-    "changes": ["assist"],
-    "levels": [
-        {"key": "alone", "title": {"en": "None"}, "sets": {"assist": "off"}},
-        {"key": "long", "title": {"en": "Long"}, "sets": {"assist": "steer"}},
-    ],
-}
+
+def factor(key: str, setting: str, *levels: tuple[str, str, object]) -> dict:
+    """A factor within participants; a level is (key, title, value of the setting)."""
+    written = [
+        {"key": level, "title": {"en": title}, "sets": {setting: value}}
+        for level, title, value in levels
+    ]
+    about = {"key": key, "title": {"en": key.title()}, "design": "within"}
+    return {**about, "changes": [setting], "levels": written}
+
+
+DELAY = factor("delay", "video_delay", ("d0", "0 ms", 0.0), ("d300", "300 ms", 0.3))
+HELP = factor("help", "assist", ("alone", "None", "off"), ("long", "Long", "steer"))
 BLANK = small_study().conditions[0]
 
 
@@ -114,11 +107,9 @@ def test_questionnaires_after_the_task_are_repeated_with_it():
     study = with_factors(small_study(), DELAY)
     assert [step.repeat for step in study.steps] == [True, True]
     assert list(doubts(study)) == []
-    once = [
-        msgspec.structs.replace(study.steps[0]),
-        msgspec.structs.replace(study.steps[1], repeat=False),
-    ]
-    unsure = msgspec.structs.replace(study, steps=tuple(once))
+    task, questionnaire = study.steps
+    steps = (task, msgspec.structs.replace(questionnaire, repeat=False))
+    unsure = msgspec.structs.replace(study, steps=steps)
     assert arranged(unsure, unsure, BLANK).steps == unsure.steps, "what was unticked stays so"
     (sentence,) = sentences(doubts(unsure))
     assert "answer this questionnaire only once" in sentence
@@ -142,9 +133,8 @@ def test_questionnaires_after_the_task_are_repeated_with_it():
     ],
 )
 def test_levels_set_exactly_what_their_factor_changes(factors, sentence):
-    study = msgspec.convert(
-        msgspec.to_builtins(small_study()) | {"factors": factors}, StudyDefinition
-    )
+    study = msgspec.to_builtins(small_study()) | {"factors": factors}
+    study = msgspec.convert(study, StudyDefinition)
     assert any(sentence in text for text in sentences(problems(study)))
 
 
@@ -157,14 +147,8 @@ def test_condition_that_differs_from_its_levels_is_a_problem():
 
 
 def test_more_cells_than_a_study_may_have_are_refused():
-    many = [
-        {
-            "key": f"f{n}",
-            "title": {"en": "F"},
-            "levels": [{"key": f"l{k}", "title": {"en": "L"}} for k in range(3)],
-        }
-        for n in range(3)
-    ]
+    levels = [{"key": f"l{n}", "title": {"en": "L"}} for n in range(3)]
+    many = [{"key": f"f{n}", "title": {"en": "F"}, "levels": levels} for n in range(3)]
     study = with_factors(small_study(), *many)
     assert len(study.conditions) == 2
     assert any("have 27 cells; at most 24" in text for text in sentences(problems(study)))

@@ -75,23 +75,11 @@ def test_every_part_of_the_shipped_studies_goes_through_its_form_unchanged(slug)
 
 def test_the_whole_study_goes_through_its_form_unchanged():
     study = shipped()["exploration"]
-    only = (
-        "title",
-        "intro",
-        "source",
-        "licence",
-        "languages",
-        "allocation",
-        "refill",
-        "quality",
-        "analysis",
-    )
+    only = ("title", "intro", "source", "licence", "languages")
+    only += ("allocation", "refill", "quality", "analysis")
     document = msgspec.to_builtins(study)
-    found = StudyPartForm.read(
-        StudyDefinition,
-        sent(StudyPartForm(StudyDefinition, document, languages=BOTH, only=only)),
-        only=only,
-    )
+    form = StudyPartForm(StudyDefinition, document, languages=BOTH, only=only)
+    found = StudyPartForm.read(StudyDefinition, sent(form), only=only)
     rest = {key: value for key, value in document.items() if key not in only}
     assert msgspec.convert({**rest, **found}, StudyDefinition) == study
 
@@ -117,14 +105,10 @@ def test_numbers_that_are_no_lengths_of_time_are_refused(text):
     assert "minutes" in errors(TaskStep, StudyPartForm.read(TaskStep, task(minutes=text)))
 
 
-def test_an_empty_field_has_the_value_that_the_class_says():
-    assert StudyPartForm.read(TaskStep, task(minutes="")).get("minutes") is None
-    assert (
-        msgspec.convert(
-            {"kind": "task", **StudyPartForm.read(TaskStep, task(minutes=""))}, TaskStep
-        ).minutes
-        == 15.0
-    )
+def test_an_empty_field_has_the_default_of_its_class():
+    found = StudyPartForm.read(TaskStep, task(minutes=""))
+    assert found.get("minutes") is None
+    assert msgspec.convert({"kind": "task", **found}, TaskStep).minutes == 15.0
 
 
 def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
@@ -135,7 +119,7 @@ def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
         assert errors(TaskStep, form)["minutes"].startswith("Use a decimal point and no comma")
 
 
-def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
+def test_texts_in_other_languages_are_shown_until_they_are_emptied():
     document = {"key": "task", "title": {"en": "TaskStep", "fr": "Tâche"}}
     form = StudyPartForm(TaskStep, document, languages=["en"])
     shown = [one.field.language for one in form if one.field.member.key == "title"]
@@ -161,9 +145,8 @@ def test_an_optional_part_is_switched_on_and_off():
         "network.control.on": False,
         "network.video.on": False,
     }
-    on = StudyPartForm.read(
-        Condition, sent(form, network__control__on="on", network__control__delay="0.2")
-    )
+    delay = {"network__control__on": "on", "network__control__delay": "0.2"}
+    on = StudyPartForm.read(Condition, sent(form, **delay))
     assert on["network"]["control"]["delay"] == 0.2
     assert "video" not in on["network"]
 
@@ -175,20 +158,14 @@ def test_errors_inside_lists_say_which_part():
 
 
 def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
-    course = {
-        "checkpoints": [{"number": 0}, {"number": 2}, {"number": 1}],
-        "photo": {"checkpoint": 2},
-    }
-    assert renumber(course) == {
-        "checkpoints": [{"number": 0}, {"number": 1}, {"number": 2}],
-        "photo": {"checkpoint": 1},
-    }
+    course = {"checkpoints": [{"number": n} for n in (0, 2, 1)], "photo": {"checkpoint": 2}}
+    numbered = [{"number": n} for n in (0, 1, 2)]
+    assert renumber(course) == {"checkpoints": numbered, "photo": {"checkpoint": 1}}
 
 
-def test_the_photo_of_a_checkpoint_that_is_gone_is_left_for_the_check_to_tell():
-    assert renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})["photo"] == {
-        "checkpoint": 2
-    }
+def test_the_photo_of_a_removed_checkpoint_is_kept_for_the_check():
+    course = {"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}}
+    assert renumber(course)["photo"] == {"checkpoint": 2}
 
 
 def test_no_number_of_a_checkpoint_is_asked_for():
@@ -197,13 +174,12 @@ def test_no_number_of_a_checkpoint_is_asked_for():
 
 def test_leaving_a_language_takes_its_texts_everywhere():
     study = msgspec.to_builtins(shipped()["exploration"])
-    assert (
-        '"es":'
-        not in msgspec.json.encode(parts.in_languages(StudyDefinition, study, ["en"])).decode()
-    )
-    assert msgspec.json.encode(
-        parts.in_languages(StudyDefinition, study, ["en", "es"])
-    ) == msgspec.json.encode(study)
+
+    def texts(*languages):
+        return msgspec.json.encode(parts.in_languages(StudyDefinition, study, languages)).decode()
+
+    assert '"es":' not in texts("en")
+    assert texts("en", "es") == msgspec.json.encode(study).decode()
 
 
 def test_a_click_on_the_map_is_a_point_and_anything_else_is_not():

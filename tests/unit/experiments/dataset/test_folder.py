@@ -4,6 +4,7 @@ import json
 import math
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,11 @@ from experiments.dataset.states import STATES
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 from tests.support.studies.questionnaires import defined, item
+
+STUDY = shipped()["exploration"]
+SESSION = SessionRecord("s", "a", "giraff")
+PEOPLE, EVENTS = (f"data/description-{name}_data.csv" for name in ("participants", "events"))
+PEOPLE_HEAD = "id,kind,age,cell,reached,left,finished,withdrawn\n"
 
 
 @pytest.fixture(scope="module")
@@ -43,30 +49,24 @@ def plain(record):
     }
 
 
+def descriptions(folder):
+    """The descriptions of the code book by the names of columns."""
+    book = json.loads((folder / "dataset_description.json").read_text())
+    return {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+
+
 def test_a_dataset_that_was_written_and_read_is_the_same(tmp_path):
     dataset = made_up(np.random.default_rng(1), 13)
     write(dataset, tmp_path)
     again = read(tmp_path)
-    assert [plain(one) for one in again.sessions] == [plain(one) for one in dataset.sessions]
-    assert [plain(one) for one in again.participants] == [
-        plain(one) for one in dataset.participants
-    ]
-    assert [plain(one) for one in again.pages] == [plain(one) for one in dataset.pages]
-    assert again.events == dataset.events
-    assert again.responses == dataset.responses
-    assert (again.study, again.robots, again.questionnaires, again.plans) == (
-        dataset.study,
-        dataset.robots,
-        dataset.questionnaires,
-        dataset.plans,
-    )
+    for name in ("sessions", "participants", "pages"):
+        assert [*map(plain, getattr(again, name))] == [*map(plain, getattr(dataset, name))]
+    for name in ("events", "responses", "study", "robots", "questionnaires", "plans"):
+        assert getattr(again, name) == getattr(dataset, name)
     for session in dataset.sessions:
-        np.testing.assert_array_equal(
-            matrix_of(again.states(session.id)), matrix_of(dataset.states(session.id))
-        )
-        np.testing.assert_array_equal(
-            matrix_of(again.network(session.id)), matrix_of(dataset.network(session.id))
-        )
+        for name in ("states", "network"):
+            one, other = (matrix_of(getattr(which, name)(session.id)) for which in (again, dataset))
+            np.testing.assert_array_equal(one, other)
 
 
 def test_writing_what_was_read_gives_the_same_bytes(folder, tmp_path_factory):
@@ -87,44 +87,34 @@ def test_every_column_of_every_file_is_in_the_code_book(folder):
 
 def test_the_code_book_names_the_option_of_a_column_with_its_place(tmp_path):
     asked = (defined([item("ranking", "r"), item("text", "t")]),)
-    write(Dataset(shipped()["exploration"], questionnaires=asked), tmp_path)
-    book = json.loads((tmp_path / "dataset_description.json").read_text())
-    described = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
-    assert {name: described[name] for name in ("r.a", "r.c", "r_missing", "t")} == {
+    write(Dataset(STUDY, questionnaires=asked), tmp_path)
+    expected = {
         "r.a": "test: Text of r – A",
         "r.c": "test: Text of r – C",
         "r_missing": "test: why there is no answer to: Text of r",
         "t": "test: Text of t",
     }
+    found = descriptions(tmp_path)
+    assert found | expected == found
 
 
 def test_formulas_of_spreadsheets_are_guarded_and_read_unchanged(tmp_path):
     formulas = '=HYPERLINK("x")\nsecond "line", with comma\r=1+1;-cmd\t@x'
+    doors = ("lab-door", "lounge-door")
+    values = {"words": "=1+1", "several": ["x", "y"], "n": -2}
     dataset = Dataset(
-        shipped()["exploration"],
+        STUDY,
         participants=(ParticipantRecord("a", left="'quoted"),),
-        sessions=(
-            SessionRecord(
-                "s", "a", "giraff", reason=formulas, doors_closed=("lab-door", "lounge-door")
-            ),
-        ),
+        sessions=(replace(SESSION, reason=formulas, doors_closed=doors),),
         events=(EventRecord("s", -1.5, "page", "cue", {"ä": [1, "|"]}),),
-        responses=(
-            ResponseRecord(
-                "r",
-                "ict",
-                "a",
-                {"words": "=1+1", "several": ["x", "y"], "n": -2},
-                missing={"gender": "skipped"},
-            ),
-        ),
+        responses=(ResponseRecord("r", "ict", "a", values, missing={"gender": "skipped"}),),
     )
     write(dataset, tmp_path)
     written = (tmp_path / "data" / "description-sessions_data.csv").read_bytes().decode()
     assert not re.search(r"[;\t\r\n]\"*[=@-]", written)
     again = read(tmp_path)
     assert again.sessions[0].reason == formulas
-    assert again.sessions[0].doors_closed == ("lab-door", "lounge-door")
+    assert again.sessions[0].doors_closed == doors
     assert again.participants[0].left == "'quoted"
     assert (again.events, again.responses) == (dataset.events, dataset.responses)
 
@@ -133,20 +123,15 @@ def test_numbers_are_read_with_all_their_digits(tmp_path):
     values = [0.1, 1e-17, 1.0 / 3.0, 123456789.123456789, -0.0, 1e300, 5.0]
     for file in numbers("states", "s", columns_of(STATES, x=values)):
         put(file, tmp_path)
-    dataset = Dataset(shipped()["exploration"], sessions=(SessionRecord("s", "a", "giraff"),))
-    write(dataset, tmp_path)
+    write(Dataset(STUDY, sessions=(SESSION,)), tmp_path)
     found = read(tmp_path).states("s")
     np.testing.assert_array_equal(found["x"], values)
     assert np.isnan(found["y"]).all()
 
 
 def test_states_that_were_written_before_a_column_was_added_lack_it(tmp_path):
-    dataset = Dataset(
-        shipped()["exploration"],
-        sessions=(SessionRecord("s", "a", "giraff"),),
-        states=lambda _: columns_of(STATES, x=[1.0, 2.0], distance_by_position=[1.0, 1.0]),
-    )
-    write(dataset, tmp_path)
+    states = columns_of(STATES, x=[1.0, 2.0], distance_by_position=[1.0, 1.0])
+    write(Dataset(STUDY, sessions=(SESSION,), states=lambda _: states), tmp_path)
     path = next((tmp_path / "data" / "states").glob("*.csv"))
     late = {column.name for column in STATES if column.late}
     head, *lines = path.read_text().splitlines()
@@ -161,7 +146,7 @@ def test_states_that_were_written_before_a_column_was_added_lack_it(tmp_path):
 def test_columns_are_read_by_their_names_also_the_names_of_earlier_releases(tmp_path):
     states = columns_of(STATES, x=[1.0, 2.0], y=[3.0, 4.0], visitor_silence=[0.1, 0.2])
     one = SessionRecord("s", "a", "giraff", outcome="completed", number=2)
-    write(Dataset(shipped()["exploration"], sessions=(one,), states=lambda _: states), tmp_path)
+    write(Dataset(STUDY, sessions=(one,), states=lambda _: states), tmp_path)
     for path in (tmp_path / "data").rglob("*.csv"):
         rows = [line.split(",")[::-1] for line in path.read_text().splitlines()]
         path.write_text("".join(",".join(row) + "\n" for row in rows))
@@ -176,7 +161,7 @@ def test_columns_are_read_by_their_names_also_the_names_of_earlier_releases(tmp_
 
 
 def test_an_empty_study_can_be_written_and_read(tmp_path):
-    write(Dataset(shipped()["exploration"]), tmp_path)
+    write(Dataset(STUDY), tmp_path)
     assert read(tmp_path).sessions == ()
     assert len(read(tmp_path).states("nobody")) == 0
 
@@ -187,21 +172,9 @@ def test_an_empty_study_can_be_written_and_read(tmp_path):
         ("study.json", "{", "study.json"),
         ("study.json", "{}", "study.json"),
         ("data/description-sessions_data.csv", "id,participant\ns,a\n", "lacks the columns"),
-        (
-            "data/description-participants_data.csv",
-            "id,kind,age,cell,reached,left,finished,withdrawn\na,participant,old,,,,0,0\n",
-            "old",
-        ),
-        (
-            "data/description-participants_data.csv",
-            "id,kind,age,cell,reached,left,finished,withdrawn\na,participant\n",
-            "too few",
-        ),
-        (
-            "data/description-events_data.csv",
-            "session,stamp,source,type,data\ns,1,page,cue,{\n",
-            "description-events",
-        ),
+        (PEOPLE, f"{PEOPLE_HEAD}a,participant,old,,,,0,0\n", "old"),
+        (PEOPLE, f"{PEOPLE_HEAD}a,participant\n", "too few"),
+        (EVENTS, "session,stamp,source,type,data\ns,1,page,cue,{\n", "description-events"),
         ("data/description-answers_data.csv", None, "description-answers"),
         ("robots.json", "[{}]", "robots.json"),
         ("plans/office.json", "{}", "office.json"),
@@ -234,21 +207,15 @@ def test_a_broken_file_of_states_is_named_when_it_is_read(folder, change):
 
 @pytest.mark.parametrize("code", ["../../etc/passwd", "", "a/b", "x" * 65])
 def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
+    states = columns_of(STATES, x=[1.0])
+    dataset = Dataset(STUDY, sessions=(replace(SESSION, id=code),), states=lambda _: states)
     with pytest.raises(DatasetError):
-        write(
-            Dataset(
-                shipped()["exploration"],
-                sessions=(SessionRecord(code, "a", "giraff"),),
-                states=lambda _: columns_of(STATES, x=[1.0]),
-            ),
-            tmp_path,
-        )
+        write(dataset, tmp_path)
 
 
 def test_code_book_marks_items_that_are_scored_in_reverse(tmp_path):
     asked = defined([item("likert", "a"), item("likert", "b", reverse=True)], scoring="likert")
-    write(Dataset(shipped()["exploration"], questionnaires=(asked,)), tmp_path)
-    book = json.loads((tmp_path / "dataset_description.json").read_text())
-    described = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+    write(Dataset(STUDY, questionnaires=(asked,)), tmp_path)
+    described = descriptions(tmp_path)
     assert described["a"] == "test: Text of a"
     assert described["b"].startswith("test: Text of b (reverse-coded: stored as answered")

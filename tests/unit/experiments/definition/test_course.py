@@ -11,7 +11,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan
 from tests.support.examples import examples
 from tests.support.studies.studies import cabin, small_study
-from tests.support.studies.task_drives import START, Drive, cues, run, told
+from tests.support.studies.task_drives import START, Drive, cues, milestones, run
 
 metres = st.floats(-5.0, 5.0)
 points = st.tuples(metres, metres)
@@ -31,7 +31,7 @@ def test_suggested_path_of_the_paper_completes_its_task(series, doors):
     drive.see(docked=True)
     drive.records.extend(record for record in Drive().records if not hasattr(record, "seq"))
     engine = run(drive.go(*course.path).dock().records, track)
-    assert [number for event, number in told(engine) if event == "checkpoint"] == [1, 2, 3, 4]
+    assert [number for event, number in milestones(engine) if event == "checkpoint"] == [1, 2, 3, 4]
     assert sorted(engine.result.doors) == sorted(doors)
     assert (engine.result.outcome, engine.result.doors_missed) == ("completed", ())
     assert any(key.startswith("photo_") for key in cues(engine)) is (series == "giraff")
@@ -55,7 +55,7 @@ def test_a_course_that_does_not_fit_the_plan_is_an_error():
 
 @examples(50, thorough=1000)
 @given(start=points, end=points, x=metres, y=metres, theta=st.floats(-3.1, 3.1))
-def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
+def test_distance_to_the_mirror_is_half_that_to_the_reflection(start, end, x, y, theta):
     assume(math.dist(start, end) > 0.5)
     sight = PhotoSpot(CourseStop(1, 0.0, 0.0, 1.0), 1.0, 0.6, start, end).sight(Pose2D(x, y, theta))
     # The reflection of the point, by complex numbers: z' = a + conj((z - a) / d) d with d along the

@@ -159,11 +159,11 @@ APART = (
         ),
     ],
 )
-def test_cells_that_are_missing_doubled_or_unknown_are_told(document, told):
+def test_missing_doubled_and_unknown_cells_are_problems(document, told):
     assert sentences(problems(study_of(document))) == told
 
 
-def test_a_condition_without_a_level_and_a_factor_of_one_level_are_told():
+def test_condition_without_a_level_and_factor_of_one_level_are_problems():
     one = crossed(factor("delay", "between", "none"))
     one["conditions"] = [*one["conditions"], {**STUDY["conditions"][1]}]
     assert sentences(problems(study_of(one))) == [

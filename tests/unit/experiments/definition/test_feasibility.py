@@ -63,7 +63,7 @@ def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_o
     assert speed_problems(linear=0.7, angular=1.2) == []
 
 
-def test_video_may_be_delayed_as_far_as_the_sentence_says_and_no_farther():
+def test_video_delay_is_limited_to_the_bound_in_the_sentence():
     assert found({"video": {"delay": 0.44}}, NETWORK_LAB) == []
     assert found({"video": {"delay": 0.3, "jitter": 0.05, "loss": 0.02}}, NETWORK_LAB) == []
     (sentence,) = found({"video": {"delay": 0.6}}, NETWORK_LAB)

@@ -76,7 +76,7 @@ def test_stored_definition_is_read_back_unchanged():
     assert digest(from_stored(COMPLETE["definition"])) == COMPLETE["sha256"]
 
 
-def test_anybody_can_check_the_digest_with_the_exported_file():
+def test_digest_can_be_checked_with_the_exported_file():
     study = from_stored(COMPLETE["definition"])
     found = json.loads(schema.to_json(study))
     text = json.dumps(found, sort_keys=True, separators=(",", ":"), ensure_ascii=False)

@@ -44,7 +44,7 @@ def test_participants_of_several_conditions_read_it_in_each_round():
     assert sentences(problems(study_with(allocation=within, repeat=True))) == []
 
 
-def test_the_preregistration_says_who_reads_what_and_when_they_are_assigned():
+def test_preregistration_names_the_readers_of_pages_and_the_time_of_assignment():
     text = preregistration(study_with(), None)
     assert "pages 2 of the instructions `read`, for some conditions only" in text
     assert "Before reading instructions that depend on the condition, a participant" in text

@@ -41,7 +41,7 @@ def test_the_study_s_zone_decides_not_the_visitor_s():
     assert not is_open(OFFICE, MADRID, at("2026-03-06 16:30", "UTC"))
 
 
-def test_a_closed_study_says_when_it_opens_next():
+def test_a_closed_study_has_the_time_when_it_opens_next():
     assert opens_at(OFFICE, MADRID, at("2026-03-06 18:00")) == at("2026-03-09 09:00")
     assert opens_at(OFFICE, MADRID, at("2026-03-06 08:00")) == at("2026-03-06 09:00")
     assert opens_at(OFFICE, MADRID, at("2026-03-06 12:00")) is None
@@ -82,7 +82,7 @@ def test_nine_o_clock_stays_nine_o_clock_when_the_clocks_change():
     st.sampled_from(["UTC", MADRID, "America/New_York", "Australia/Lord_Howe"]),
     st.integers(1_767_225_600, 1_798_761_600),  # the year 2026
 )
-def test_a_study_is_open_when_it_says_it_opens_and_shut_until_then(hours, zone, moment):
+def test_study_opens_at_the_announced_time_and_not_before(hours, zone, moment):
     now = datetime.datetime.fromtimestamp(moment, datetime.UTC)
     assert list(problems(hours, zone)) == []
     opens = opens_at(hours, zone, now)
@@ -110,5 +110,5 @@ def test_a_study_is_open_when_it_says_it_opens_and_shut_until_then(hours, zone, 
         (OFFICE * 51, "UTC"),
     ],
 )
-def test_hours_that_cannot_be_meant_are_told(hours, zone):
+def test_impossible_hours_are_problems(hours, zone):
     assert list(problems(hours, zone))

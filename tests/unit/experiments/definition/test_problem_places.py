@@ -74,7 +74,7 @@ def test_a_missing_text_is_found_by_its_path_and_language():
     assert str(one) == "study.courses[0].zones[0].title has no text in en."
 
 
-def test_problems_are_told_in_the_language_of_whoever_reads_them():
+def test_problems_are_in_the_language_of_their_reader():
     found = list(problems(small_study(factors=[DOORS])))
     with override("es"):
         assert "Condición shut: elige su nivel del factor doors." in sentences(found)

@@ -1,4 +1,5 @@
 import json
+import re
 
 import msgspec
 import pytest
@@ -33,6 +34,11 @@ def changed(part: str, index: int, **fields) -> dict:
     return {part: items}
 
 
+def written(**changes) -> bytes:
+    """The file of the small study, with some of it replaced."""
+    return json.dumps({**STUDY, **changes}).encode()
+
+
 def test_a_study_is_the_same_after_export_and_import():
     study = small_study()
     assert parse(to_json(study)) == study
@@ -44,11 +50,9 @@ def test_the_digest_changes_with_any_field_and_with_no_other_spelling():
     study = small_study()
     assert digest(study) == digest(parse(to_json(study).replace(b"\n", b"\n\n")))
     written_out = {"speed": {}, "assist": "off", "network": {"control": None}, "doors_closed": []}
-    assert digest(study) == digest(
-        small_study(
-            **changed("conditions", 0, **written_out), allocation={"design": "between"}, intro={}
-        )
-    )
+    spelt = changed("conditions", 0, **written_out)
+    same = small_study(**spelt, allocation={"design": "between"}, intro={})
+    assert digest(study) == digest(same)
     others = [
         small_study(**changed("conditions", 0, assist="slow")),
         small_study(version=2),
@@ -58,9 +62,8 @@ def test_the_digest_changes_with_any_field_and_with_no_other_spelling():
 
 
 def test_the_shipped_studies_can_be_run_in_the_office():
-    questionnaires = frozenset(
-        (d.slug, d.version) for d in shipped_questionnaires().values() if not d.template
-    )
+    asked = [one for one in shipped_questionnaires().values() if not one.template]
+    questionnaires = frozenset((one.slug, one.version) for one in asked)
     robots = {name: RobotFacts(ALL, model.limits.linear) for name, model in MODELS.items()}
     sites = {"office": load_plan("office")[0]}
     assert set(shipped()) == {"exploration", "assistance"}
@@ -79,48 +82,48 @@ def test_the_shipped_courses_are_the_sites_own_routes():
             assert course.path == route.path
 
 
-def test_the_papers_study_has_no_assistance_or_autonomy_and_asks_only_giraffs_drivers_for_a_photo():
+def test_papers_study_has_no_assistance_and_asks_only_giraffs_drivers_for_a_photo():
     study = shipped()["exploration"]
     assert {condition.assist for condition in study.conditions} == {"off"}
     assert {action for condition in study.conditions for action in condition.actions} == {"tilt"}
-    assert {condition.access for condition in study.conditions if condition.robot == "rhodon"} == {
-        "invitation"
-    }
-    assert [(course.robot, course.photo is not None) for course in study.courses] == [
-        ("giraff", True),
-        ("rhodon", False),
-    ]
+    rhodons = [condition for condition in study.conditions if condition.robot == "rhodon"]
+    assert {condition.access for condition in rhodons} == {"invitation"}
+    photos = {course.robot: course.photo is not None for course in study.courses}
+    assert photos == {"giraff": True, "rhodon": False}
     assert study.task.minutes == 15.0
     assert study.analysis.interval == "normal"
 
 
-def test_the_second_study_has_everybody_drive_with_and_without_assistance():
+def test_participants_of_the_second_study_drive_with_and_without_assistance():
     study = shipped()["assistance"]
     assert study.allocation.design == "within"
-    assert {condition.key: condition.assist for condition in study.conditions} == {
-        "alone": "off",
-        "assisted": "steer",
-    }
+    found = {condition.key: condition.assist for condition in study.conditions}
+    assert found == {"alone": "off", "assisted": "steer"}
+
+
+TASK, ASKED = STUDY["steps"]
+STOPS = STUDY["courses"][0]["checkpoints"]
+
+
+def step(kind: str, **fields) -> dict:
+    return {"kind": kind, "key": "own", "title": {"en": "Own"}, **fields}
+
+
+def network(**ways) -> dict:
+    return changed("conditions", 0, network=ways)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "sentence"),
     [
-        ({"courses": [{**STUDY["courses"][0], "checkpoints": []}]}, "there is no checkpoint; add"),
+        (changed("courses", 0, checkpoints=[]), "there is no checkpoint; add"),
         (
-            {
-                "courses": [
-                    {**STUDY["courses"][0], "checkpoints": STUDY["courses"][0]["checkpoints"][:1]}
-                ]
-            },
+            changed("courses", 0, checkpoints=STOPS[:1]),
             "no checkpoint besides the charging station",
         ),
         ({"courses": []}, "there is no course for giraff at cabin"),
         ({"courses": STUDY["courses"] * 2}, "Course “giraff, cabin” appears 2 times"),
-        (
-            changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]),
-            "numbered [2, 1, 0]",
-        ),
+        (changed("courses", 0, checkpoints=STOPS[::-1]), "numbered [2, 1, 0]"),
         (
             changed("courses", 0, photo={"checkpoint": 7, "mirror": "mirror"}),
             "checkpoint 7, which does not exist",
@@ -133,55 +136,34 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
             "takes longer than the task's 5 minutes",
         ),
         (
-            changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}),
+            network(control={"delay": 0.1, "jitter": 0.2}),
             "towards the robot: the jitter varies the delay both ways, so it cannot be greater",
         ),
         (
-            changed("conditions", 0, network={"video": {"loss": 0.6}}),
+            network(video={"loss": 0.6}),
             "back from the camera: more than 50% of the packets would be lost",
         ),
         (
-            changed("conditions", 0, network={"control": {"bitrate": 9000}}),
+            network(control={"bitrate": 9000}),
             "towards the robot: the bit rate is below 50 kbit/s",
         ),
         (
-            changed("conditions", 0, network={"video": {"bitrate": 100_000}}),
+            network(video={"bitrate": 100_000}),
             "back from the camera: the bit rate is below 150 kbit/s",
         ),
         ({"conditions": []}, "There is no condition"),
-        ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
-        ({"steps": [STUDY["steps"][0], *STUDY["steps"]]}, "There are 2 task steps"),
+        ({"steps": [ASKED]}, "There are 0 task steps"),
+        ({"steps": [TASK, TASK, ASKED]}, "There are 2 task steps"),
         (
-            {"steps": STUDY["steps"][:1]},
+            {"steps": [TASK]},
             "“Questionnaire in the tables” is experience, which this study does not ask",
         ),
         (
-            {
-                "steps": [
-                    *STUDY["steps"],
-                    {"kind": "consent", "key": "c", "title": {"en": "C"}, "text": {"en": "yes?"}},
-                ]
-            },
+            {"steps": [TASK, ASKED, step("consent", text={"en": "yes?"})]},
             "must be the first step",
         ),
-        (
-            {
-                "steps": [
-                    {"kind": "debrief", "key": "d", "title": {"en": "D"}, "text": {"en": "bye"}},
-                    *STUDY["steps"],
-                ]
-            },
-            "must be the last step",
-        ),
-        (
-            {
-                "steps": [
-                    *STUDY["steps"],
-                    {"kind": "instructions", "key": "i", "title": {"en": "I"}, "leaves": []},
-                ]
-            },
-            "there is no page to read",
-        ),
+        ({"steps": [step("debrief", text={"en": "bye"}), TASK, ASKED]}, "must be the last step"),
+        ({"steps": [TASK, ASKED, step("instructions", leaves=[])]}, "there is no page to read"),
         ({"allocation": {"design": "within"}}, "the task must be repeated"),
         ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
         (
@@ -195,60 +177,40 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"slug": "link"}, "reserved for other addresses of the site"),
     ],
 )
-def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):
+def test_contradictions_in_a_study_are_named_with_their_place(changes, sentence):
     found = sentences(problems(small_study(**changes)))
-    assert any(said in problem for problem in found), found
+    assert any(sentence in problem for problem in found), found
 
 
 @pytest.mark.parametrize(("order", "most"), [("all", 4), ("balanced", 9), ("fixed", 9)])
 def test_one_condition_more_than_can_be_ordered_is_too_many_for_one_participant(order, most):
     conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(most + 1)]
     steps = [{**STUDY["steps"][0], "repeat": True}, STUDY["steps"][1]]
-    found = sentences(
-        problems(
-            small_study(
-                conditions=conditions,
-                steps=steps,
-                allocation={"design": "within", "order": order},
-            )
-        )
-    )
+    allocation = {"design": "within", "order": order}
+    study = small_study(conditions=conditions, steps=steps, allocation=allocation)
+    found = sentences(problems(study))
     assert found == [f"{most + 1} conditions for each participant; at most {most} can be ordered."]
 
 
 @pytest.mark.parametrize(
-    ("document", "said"),
+    ("document", "message"),
     [
         (b"", "This is not valid JSON"),
         (b"\xff\xfe", "This is not valid JSON"),
         (b"[" * 100_000, "Expected `object`"),
         (b"{}", "missing required field"),
-        (json.dumps({**STUDY, "stepz": []}).encode(), "unknown field `stepz`"),
-        (json.dumps({**STUDY, "format": 2}).encode(), "$.format"),
-        (
-            json.dumps({**STUDY, **changed("conditions", 0, assist="much")}).encode(),
-            "$.conditions[0].assist",
-        ),
-        (
-            json.dumps(
-                {**STUDY, **changed("conditions", 0, network={"control": {"dealy": 1}})}
-            ).encode(),
-            "unknown field `dealy`",
-        ),
-        (
-            json.dumps(
-                {**STUDY, **changed("conditions", 0, network={"control": {"loss": 2}})}
-            ).encode(),
-            "network.control.loss",
-        ),
-        (json.dumps({**STUDY, **changed("steps", 0, minutes=-1)}).encode(), "$.steps[0].minutes"),
+        (written(stepz=[]), "unknown field `stepz`"),
+        (written(format=2), "$.format"),
+        (written(**changed("conditions", 0, assist="much")), "$.conditions[0].assist"),
+        (written(**network(control={"dealy": 1})), "unknown field `dealy`"),
+        (written(**network(control={"loss": 2})), "network.control.loss"),
+        (written(**changed("steps", 0, minutes=-1)), "$.steps[0].minutes"),
         (b" " * (MAX_BYTES + 1), "larger than 1024 kB"),
     ],
 )
-def test_a_broken_file_is_refused_with_the_place_in_it(document, said):
-    with pytest.raises(BadDefinitionError) as error:
+def test_a_broken_file_is_refused_with_the_place_in_it(document, message):
+    with pytest.raises(BadDefinitionError, match=re.escape(message)):
         parse(document)
-    assert said in str(error.value)
 
 
 def plan_with(**changes) -> FloorPlan:
@@ -256,7 +218,7 @@ def plan_with(**changes) -> FloorPlan:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "sentence"),
     [
         (changed("courses", 0, dock="nowhere"), "no charging station nowhere"),
         (changed("courses", 0, doors=["gate"]), "there is no door gate"),
@@ -269,51 +231,46 @@ def plan_with(**changes) -> FloorPlan:
         (changed("steps", 1, questionnaire="sus"), "no usable questionnaire sus, version 1"),
     ],
 )
-def test_a_study_about_things_that_are_not_there_is_impossible(changes, said):
-    assert any(said in problem for problem in here(small_study(**changes)))
+def test_study_with_things_that_its_site_lacks_is_impossible(changes, sentence):
+    assert any(sentence in problem for problem in here(small_study(**changes)))
 
 
-def test_two_charging_stations_for_one_robot_are_one_too_many_until_the_course_names_its_own():
-    second = {**PLAN["docks"][0], "name": "second", "y": 3.2}
-    plan = plan_with(docks=[*PLAN["docks"], second])
-    assert any(
-        "there are 2 charging stations for giraff" in problem
-        for problem in here(small_study(), plan=plan)
-    )
+DOCK = PLAN["docks"][0]
+
+
+@pytest.mark.parametrize(
+    ("docks", "sentence"),
+    [
+        ([DOCK, {**DOCK, "name": "second", "y": 3.2}], "there are 2 charging stations for giraff"),
+        ([{**DOCK, "type": "rhodon"}], "no charging station of the course fits giraff"),
+        ([{**DOCK, "y": 3.2}], "checkpoint 0 is not at the charging station home"),
+    ],
+)
+def test_charging_station_of_a_course_must_be_unique_fit_and_be_its_start(docks, sentence):
+    plan = plan_with(docks=docks)
+    assert any(sentence in problem for problem in here(small_study(), plan=plan))
+
+
+def test_course_can_name_its_charging_station():
+    plan = plan_with(docks=[DOCK, {**DOCK, "name": "second", "y": 3.2}])
     assert not here(small_study(**changed("courses", 0, dock="home")), plan=plan)
 
 
-def test_a_station_of_another_robot_and_a_start_elsewhere_are_told():
-    other = plan_with(docks=[{**PLAN["docks"][0], "type": "rhodon"}])
-    assert any(
-        "no charging station of the course fits giraff" in problem
-        for problem in here(small_study(), plan=other)
-    )
-    far = plan_with(docks=[{**PLAN["docks"][0], "y": 3.2}])
-    assert any(
-        "checkpoint 0 is not at the charging station home" in problem
-        for problem in here(small_study(), plan=far)
-    )
-
-
 def test_a_checkpoint_behind_the_only_door_cannot_be_reached_when_that_is_closed():
-    # With the archway walled up the door is the only way.
-    plan = plan_with(
-        walls=[*PLAN["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
-        passages=[],
-    )
+    archway = {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}
+    plan = plan_with(walls=[*PLAN["walls"], archway], passages=[])
     assert here(small_study(), plan=plan) == [
         "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
     ]
 
 
-def test_a_checkpoint_outside_of_the_rooms_is_told():
-    points = [*STUDY["courses"][0]["checkpoints"][:2], {"number": 2, "x": 20, "y": 20}]
+def test_a_checkpoint_outside_of_the_rooms_is_a_problem():
+    points = [*STOPS[:2], {"number": 2, "x": 20, "y": 20}]
     found = here(small_study(**changed("courses", 0, checkpoints=points)))
     assert any("checkpoint 2 is not in a room" in problem for problem in found)
 
 
-def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():
+def test_missing_capabilities_of_a_robot_are_listed():
     study = small_study(**changed("conditions", 0, actions=["map", "dock"], assist="slow"))
     found = here(study, robot=RobotFacts(frozenset({"velocity"}), 0.7))
     assert found == [
@@ -323,14 +280,12 @@ def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():
     ]
 
 
-def test_a_robot_too_slow_for_the_time_limit_is_told():
-    assert any(
-        "the top speed of giraff, the course takes longer" in problem
-        for problem in here(small_study(), robot=RobotFacts(ALL, 0.02))
-    )
+def test_a_robot_too_slow_for_the_time_limit_is_a_problem():
+    found = here(small_study(), robot=RobotFacts(ALL, 0.02))
+    assert any("the top speed of giraff, the course takes longer" in problem for problem in found)
 
 
-def test_a_site_that_is_not_there_is_told_and_does_not_end_the_search():
+def test_missing_site_and_robots_are_listed_together():
     found = sentences(obstacles(small_study(), Known({}, {}, frozenset())))
     assert "Course of giraff at cabin: there is no site cabin." in found
     assert "Condition all_open: there is no robot of the series giraff." in found

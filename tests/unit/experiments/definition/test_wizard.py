@@ -69,7 +69,7 @@ def test_invalid_script_has_problems(wizard, problem):
     assert problem in found[0]
 
 
-def test_a_condition_that_nobody_but_the_operator_drives_needs_no_controller():
+def test_condition_driven_by_the_operator_alone_needs_no_controller():
     alone = [{**STUDY["conditions"][0], "controllers": [], "actions": []}]
     assert any(
         "nobody could drive" in one for one in sentences(problems(small_study(conditions=alone)))

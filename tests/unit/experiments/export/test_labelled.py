@@ -11,19 +11,13 @@ from experiments.dataset.levels import MISSING
 from experiments.export.formats.labelled import labelled, variable_names, written
 from tests.support.analysis.study_dataset import made_up
 
+ENDS = {"-2": "not at all", "2": "very well"}
 LAYOUT = (
     Column("id", "", "code", is_text=True),
     Column("kind", "", "who took part", levels={"participant": "took part", "bot": "a program"}),
     amount_of("seconds", "s", "how long it took"),
     flag("finished", "1 when it was finished"),
-    Column(
-        "q1",
-        "",
-        "I could drive the robot well",
-        least=-2,
-        greatest=2,
-        levels={"-2": "not at all", "2": "very well"},
-    ),
+    Column("q1", "", "I could drive well", least=-2, greatest=2, levels=ENDS),
     Column("q1_missing", "", "why there is no answer", levels=MISSING),
     Column("doors", "", "closed doors", levels={"lab": "", "hall": ""}, divider="|"),
     Column("r.a", "", "place of A"),

@@ -77,10 +77,8 @@ class Month:
         )
 
     def difference(self) -> int:
-        filled = [
-            sum(place.cell == cell.key and place.stage == "filled" for place in self.held)
-            for cell in self.offered
-        ]
+        counts = self.count("filled")
+        filled = [counts[cell.key] for cell in self.offered]
         return max(filled) - min(filled)
 
 
@@ -88,13 +86,9 @@ class Month:
 @pytest.mark.parametrize(
     "leaving", [(0.1, 0.1), (0.1, 0.5), (0.5, 0.1, 0.3), (0.1, 0.2, 0.3, 0.4, 0.5, 0.5)]
 )
-def test_cells_differ_by_no_more_than_are_under_way_whoever_leaves(most, leaving):
-    month = Month(
-        names := [f"c{n}" for n in range(len(leaving))],
-        dict(zip(names, leaving, strict=True)),
-        0.0,
-        seed=most,
-    )
+def test_cells_differ_by_at_most_the_participants_under_way(most, leaving):
+    names = [f"c{n}" for n in range(len(leaving))]
+    month = Month(names, dict(zip(names, leaving, strict=True)), 0.0, seed=most)
     for _ in range(300):
         while len(month.under_way) < most:
             month.admit()
@@ -112,7 +106,7 @@ def test_cells_differ_by_no_more_than_are_under_way_whoever_leaves(most, leaving
     seed=st.integers(0, 2**32 - 1),
     steps=st.lists(st.booleans(), max_size=200),
 )
-def test_whatever_happens_the_cells_stay_even_and_nobody_who_drove_is_lost_from_them(
+def test_cells_stay_even_and_keep_every_participant_who_drove(
     *, leaving, most, failing, refills, seed, steps
 ):
     names = [f"c{n}" for n in range(len(leaving))]
@@ -127,22 +121,15 @@ def test_whatever_happens_the_cells_stay_even_and_nobody_who_drove_is_lost_from_
         greatest = max(greatest, len(month.under_way))
         assert month.difference() <= greatest
         loads = load(month.held)
-        assert sum(loads.values()) == sum(
-            place.stage in {"under_way", "filled"} for place in month.held
-        )
+        taken = [place for place in month.held if place.stage in {"under_way", "filled"}]
+        assert sum(loads.values()) == len(taken)
     assert month.count("filled", "refilled") == +month.exposed
     assert all(number <= refills for number in month.count("refilled").values())
 
 
-def test_a_quota_is_met_exactly_and_then_nobody_is_admitted():
-    month = Month(
-        ["a", "b", "c"],
-        {"a": 0.4, "b": 0.1, "c": 0.5},
-        0.3,
-        seed=3,
-        refill=Refill(outcomes=("robot_fault",), most=5),
-        quota=7,
-    )
+def test_quota_is_met_exactly_and_then_closes_admission():
+    leaving, refill = {"a": 0.4, "b": 0.1, "c": 0.5}, Refill(outcomes=("robot_fault",), most=5)
+    month = Month(["a", "b", "c"], leaving, 0.3, seed=3, refill=refill, quota=7)
     for _ in range(400):
         while len(month.under_way) < 4 and month.admit():
             pass
@@ -152,7 +139,7 @@ def test_a_quota_is_met_exactly_and_then_nobody_is_admitted():
     assert month.count("filled") == {"a": 7, "b": 7, "c": 7}
 
 
-def test_place_is_given_to_another_as_often_as_the_rule_says():
+def test_place_is_refilled_as_often_as_the_rule_allows():
     refill = Refill(outcomes=("connection_lost",), most=1)
     assert stage_at_end("cancelled", refill, 0) == "filled"
     assert stage_at_end("timed_out", refill, 0) == "filled"
@@ -232,42 +219,26 @@ def test_participants_of_another_stratum_do_not_count():
     held += [Held("b", "filled", {"ict.games": "never"})]
     offered = [Cell(name, (name,)) for name in "ab"]
     choice = choose(offered, held, allocation, 1, {"ict.games": "never"})
-    assert (choice.cell.key, choice.counts, choice.scores) == (
-        "a",
-        {"a": 3, "b": 1},
-        {"a": 0, "b": 1},
-    )
+    assert choice.cell.key == "a"
+    assert (choice.counts, choice.scores) == ({"a": 3, "b": 1}, {"a": 0, "b": 1})
 
 
 def test_numbers_are_grouped_by_their_limits():
     age = BalanceFactor(item="age", limits=(30.0, 50.0))
-    assert [level_of(age, value) for value in (29, 30, 49.5, 50, 99, None)] == [
-        "below 30",
-        "from 30",
-        "from 30",
-        "from 50",
-        "from 50",
-        "",
-    ]
+    levels = [level_of(age, value) for value in (29, 30, 49.5, 50, 99, None)]
+    assert levels == ["below 30", "from 30", "from 30", "from 50", "from 50", ""]
 
 
-def test_without_a_cell_nobody_is_assigned():
+def test_there_is_no_assignment_without_a_cell():
     assert choose([], [], SURE, 1) is None
     assert cells(small_study(), "invitation") == ()
 
 
 def test_open_links_lead_to_open_conditions_and_invitations_to_the_others():
-    paper = shipped()["exploration"]
-    assert {cell.key for cell in cells(paper)} == {
-        "giraff_open",
-        "giraff_lab_closed",
-        "giraff_lounge_closed",
-    }
-    assert {cell.key for cell in cells(paper, "invitation")} == {
-        "rhodon_open",
-        "rhodon_lab_closed",
-        "rhodon_lounge_closed",
-    }
+    paper, doors = shipped()["exploration"], ("open", "lab_closed", "lounge_closed")
+    for access, robot in (("open", "giraff"), ("invitation", "rhodon")):
+        found = {cell.key for cell in cells(paper, access)}
+        assert found == {f"{robot}_{door}" for door in doors}
 
 
 def test_participants_who_do_every_condition_get_an_order_of_them():
@@ -284,9 +255,7 @@ def test_all_orders_are_all_and_the_fixed_order_is_as_written(count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
-def test_balanced_orders_balance_the_places_and_successions_of_conditions(
-    count,
-):
+def test_balanced_orders_balance_the_places_and_successions_of_conditions(count):
     rows = balanced([f"c{n}" for n in range(count)])
     assert len(rows) == (count if count % 2 == 0 or count == 1 else 2 * count)
     for place in range(count):

@@ -1,16 +1,19 @@
-import msgspec
 import pytest
 
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.participation import journey
 from experiments.participation.journey import JourneyPlace, NoPlaceError
-from tests.support.studies.studies import STUDY
+from tests.support.studies.studies import small_study
 
 
 def study(*steps: str, within: bool = False) -> StudyDefinition:
     """A study of steps that are written `kind:key`, with `*` where they are repeated."""
+    text = {"text": {"en": "x"}}
     needs = {
+        "consent": text,
+        "debrief": text,
+        "instructions": {"leaves": [text]},
         "task": {"minutes": 5},
         "questionnaire": {"questionnaire": "experience"},
         "form": {"questionnaire": "ict"},
@@ -18,38 +21,13 @@ def study(*steps: str, within: bool = False) -> StudyDefinition:
     written = []
     for step in steps:
         kind, key = step.removesuffix("*").split(":")
-        more = (
-            {"text": {"en": "x"}}
-            if kind in {"consent", "debrief"}
-            else {"leaves": [{"text": {"en": "x"}}]}
-            if kind == "instructions"
-            else {}
-        )
-        written.append(
-            {
-                "kind": kind,
-                "key": key,
-                "title": {"en": key},
-                "repeat": step.endswith("*"),
-                **needs.get(kind, {}),
-                **more,
-            }
-        )
-    return msgspec.convert(
-        {**STUDY, "steps": written, "allocation": {"design": "within" if within else "between"}},
-        StudyDefinition,
-    )
+        about = {"kind": kind, "key": key, "title": {"en": key}, "repeat": step.endswith("*")}
+        written.append(about | needs[kind])
+    return small_study(steps=written, allocation={"design": "within" if within else "between"})
 
 
-TWICE = study(
-    "consent:consent",
-    "form:you",
-    "instructions:read*",
-    "task:task*",
-    "questionnaire:after*",
-    "debrief:thanks",
-    within=True,
-)
+STEPS = "consent:consent form:you instructions:read* task:task* questionnaire:after* debrief:thanks"
+TWICE = study(*STEPS.split(), within=True)
 
 
 def words(places) -> str:
@@ -57,10 +35,9 @@ def words(places) -> str:
 
 
 def test_repeated_steps_are_gone_through_once_for_each_condition():
-    assert (
-        words(journey.route(TWICE, 2, 1))
-        == "1.0.consent 1.0.you 1.0.read 1.0.task 1.0.after 1.1.read 1.1.task 1.1.after 1.1.thanks"
-    )
+    first, second = "1.0.read 1.0.task 1.0.after", "1.1.read 1.1.task 1.1.after"
+    route = f"1.0.consent 1.0.you {first} {second} 1.1.thanks"
+    assert words(journey.route(TWICE, 2, 1)) == route
 
 
 def test_a_study_without_repeats_has_one_round_whatever_is_asked():
@@ -93,14 +70,11 @@ def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
     assert len(set(places)) == len(places)
 
 
-def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
+def test_a_skipped_step_is_passed_over_also_from_itself():
     places = journey.route(TWICE, 2, 1)
-    assert journey.following(places, JourneyPlace(1, 0, "consent"), {"you"})[0] == JourneyPlace(
-        1, 0, "read"
-    )
-    assert journey.following(places, JourneyPlace(1, 0, "you"), {"you"})[0] == JourneyPlace(
-        1, 0, "read"
-    )
+    for step in ("consent", "you"):
+        following = journey.following(places, JourneyPlace(1, 0, step), {"you"})
+        assert following[0] == JourneyPlace(1, 0, "read")
     assert journey.following(places, JourneyPlace(1, 1, "thanks")) == []
 
 
@@ -118,19 +92,8 @@ def test_a_page_sends_back_the_place_that_it_was_shown_at():
 @pytest.mark.parametrize(
     "word",
     [
-        "",
-        "1",
-        "1.0",
-        "1.0.nothing",
-        "3.0.consent",
-        "0.0.consent",
-        "1.9.task",
-        "1.0.thanks",
-        "1.-1.task",
-        "١.0.task",
-        "1.0.task\n",
-        "1.0.task ",
-        "x" * 9999,
+        *("", "1", "1.0", "1.0.nothing", "3.0.consent", "0.0.consent", "1.9.task", "1.0.thanks"),
+        *("1.-1.task", "١.0.task", "1.0.task\n", "1.0.task ", "x" * 9999),
     ],
 )
 def test_a_forged_place_is_refused(word):
@@ -150,7 +113,7 @@ def test_progress_counts_from_one_to_all():
     assert journey.share_done(places, places[-1]) == (9, 9)
 
 
-def test_steps_that_a_visit_skips_are_not_counted_unless_one_stands_on_them():
+def test_skipped_steps_are_not_counted_unless_they_are_current():
     places = journey.route(TWICE, 2, 2)
     first = next(one for one in places if one.step not in {"consent", "you"})
     assert journey.share_done(places, first, {"consent", "you"}) == (1, 7)

@@ -38,7 +38,7 @@ def test_an_unknown_kind_is_an_error_and_no_other_kind():
         page_type("lottery")
 
 
-def test_an_import_says_which_kind_it_does_not_know():
+def test_import_names_an_unknown_kind():
     with pytest.raises(BadDefinitionError) as caught:
         parse(json.dumps({**STUDY, "steps": [{"kind": "lottery", "key": "new"}]}).encode())
     assert "$.steps[0]: there is no kind of step “lottery”; choose one of " in str(caught.value)

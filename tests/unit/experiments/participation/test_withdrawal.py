@@ -41,21 +41,21 @@ def reached(*models: type[Model]) -> set[type[Model]]:
     return found
 
 
-def test_each_field_of_a_participant_is_said_to_stay_with_the_reason_or_to_be_new():
+def test_each_field_of_a_participant_is_listed_as_kept_with_a_reason_or_replaced():
     stays = set().union(*(names(row[0]) for row in ROW.findall(SECTION)))
     new = line("**New**")
     assert stays == set(KEPT)
     assert new == fields(Participant) - stays
 
 
-def test_each_table_about_a_participant_is_said_to_lose_their_rows():
+def test_each_table_about_a_participant_is_listed_as_deleted():
     tables = {model.__name__ for model in reached(Participant, Session, Response)}
     changed = line("**Kept without the person**")
     assert tables - {"Lease"} - changed == line("**Deleted**")  # a robot's forgets the session
     assert changed == {"Draw"}
 
 
-def test_each_field_of_an_audit_entry_is_said_to_stay_or_to_be_emptied():
+def test_each_field_of_an_audit_entry_is_listed_as_kept_or_emptied():
     stays, emptied = line("**Audit log**, stays"), line("**Audit log**, emptied")
     assert stays | emptied == fields(AuditEntry)
     assert emptied == {"person", "thing"}

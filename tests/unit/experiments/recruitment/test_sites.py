@@ -35,11 +35,11 @@ def test_the_parameters_of_each_site_say_who_came(site, parameters, expected):
 @pytest.mark.parametrize(
     "value", ["{{%PROLIFIC_PID%}}", "%SURVEY_CODE%", "${e://Field/id}", "[id]"]
 )
-def test_a_placeholder_that_the_site_did_not_fill_in_is_nobody(value):
+def test_placeholder_that_the_site_did_not_fill_in_is_no_id(value):
     assert arrival(None, {"PROLIFIC_PID": value}) == UNNAMED
 
 
-def test_a_worker_who_only_previews_a_task_is_nobody():
+def test_worker_who_previews_a_task_has_no_id():
     assert arrival(None, {**MTURK, "assignmentId": "ASSIGNMENT_ID_NOT_AVAILABLE"}) == UNNAMED
 
 
@@ -103,7 +103,7 @@ def test_sona_grants_no_credit_to_who_was_turned_away_or_left():
     ]
 
 
-def test_without_a_code_nobody_returns():
+def test_there_is_no_return_address_without_a_code():
     assert return_address(None, PROLIFIC, "screened_out", "") == ""
 
 

@@ -12,13 +12,9 @@ ALL = (1, 2, 3, 4)
 
 
 def diary(number, key, *, seconds=150.0, passed=ALL, outcome="completed", **more):
-    leg = Leg(
-        seconds=seconds,
-        outcome=outcome,
-        passed=passed,
-        session=f"s{number}",
-        closed=STUDY.condition(key).doors_closed,
-    )
+    closed = STUDY.condition(key).doors_closed
+    drive = {"seconds": seconds, "outcome": outcome, "passed": passed}
+    leg = Leg(session=f"s{number}", closed=closed, **drive)
     entries = [
         PageVisit("About you", "/q/", 0.0, 3.0, words=200, questions=6),
         PageVisit("Exploration", "/drive/", 0.0, seconds),
@@ -26,12 +22,15 @@ def diary(number, key, *, seconds=150.0, passed=ALL, outcome="completed", **more
     return Diary(number, "completes", code="ABCD", entries=entries, legs=[leg], **more)
 
 
-def played(*diaries, **more):
+def played(*diaries, first=None, **more):
+    """The report on bots; `first` replaces fields of the record of the first one's drive."""
     records = {
         one.legs[0].session: DriveRecord(KEYS[one.number % len(KEYS)], one.legs[0].outcome)
         for one in diaries
         if one.legs
     }
+    if first:
+        records["s0"] = dataclasses.replace(records["s0"], **first)
     return judge(STUDY, diaries, Findings(records, **more))
 
 
@@ -77,11 +76,8 @@ def test_a_checkpoint_that_no_bot_passes_is_a_problem():
 
 def test_a_condition_without_a_completed_drive_is_a_problem():
     report = played(*one_bot_for_each_condition()[:-1])
-    assert [
-        problem
-        for problem in report.problems
-        if KEYS[-1] in problem and "No bot completed the task" in problem
-    ]
+    (problem,) = (one for one in report.problems if "No bot completed the task" in one)
+    assert KEYS[-1] in problem
 
 
 def test_a_short_time_limit_is_a_problem_with_a_longer_one_proposed():
@@ -92,11 +88,9 @@ def test_a_short_time_limit_is_a_problem_with_a_longer_one_proposed():
 
 
 def test_a_stuck_form_is_a_problem_that_names_the_bot():
-    bots = [
-        *one_bot_for_each_condition(),
-        Diary(9, "completes", stuck="“About you” does not continue"),
-    ]
-    assert any("Bot 9" in problem and "About you" in problem for problem in played(*bots).problems)
+    stuck = Diary(9, "completes", stuck="“About you” does not continue")
+    problems = played(*one_bot_for_each_condition(), stuck).problems
+    assert any("Bot 9" in problem and "About you" in problem for problem in problems)
 
 
 def test_a_bot_that_got_no_code_is_a_problem():
@@ -106,43 +100,26 @@ def test_a_bot_that_got_no_code_is_a_problem():
 
 
 def test_a_setting_that_was_not_applied_as_assigned_is_a_problem():
-    bots = one_bot_for_each_condition()
-    records = {
-        one.legs[0].session: DriveRecord(
-            KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()
-        )
-        for one in bots
-    }
-    assert judge(STUDY, bots, Findings(records)).problems == [
-        f"Condition {KEYS[0]}: A setting was not applied as assigned: assist."
-    ]
+    report = played(*one_bot_for_each_condition(), first={"mismatches": ("assist",)})
+    sentence = f"Condition {KEYS[0]}: A setting was not applied as assigned: assist."
+    assert report.problems == [sentence]
 
 
 def test_empty_columns_are_notes_and_missing_figures_are_problems():
-    report = played(
-        *one_bot_for_each_condition(),
-        empty_columns=("ict.use",),
-        not_drawn=("figure_7, because of an error",),
-    )
+    more = {"empty_columns": ("ict.use",), "not_drawn": ("figure_7, because of an error",)}
+    report = played(*one_bot_for_each_condition(), **more)
     assert "No bot gave a value for ict.use." in report.notes
     assert report.problems == ["Not drawn: figure_7, because of an error."]
 
 
 def test_practice_counts_as_no_drive_of_the_condition():
-    bots = one_bot_for_each_condition()
-    records = {
-        one.legs[0].session: DriveRecord(KEYS[one.number], "completed", practice=one.number == 0)
-        for one in bots
-    }
-    assert judge(STUDY, bots, Findings(records)).conditions[0].drives == 0
+    report = played(*one_bot_for_each_condition(), first={"practice": True})
+    assert report.conditions[0].drives == 0
 
 
 def test_the_report_has_the_participants_that_an_effect_needs():
-    assert [need["effect"] for need in played(*one_bot_for_each_condition()).power] == [
-        0.2,
-        0.5,
-        0.8,
-    ]
+    power = played(*one_bot_for_each_condition()).power
+    assert [need["effect"] for need in power] == [0.2, 0.5, 0.8]
 
 
 def test_a_rehearsal_without_bots_does_not_pass():
@@ -153,8 +130,5 @@ def test_a_rehearsal_without_bots_does_not_pass():
 
 def test_a_drive_whose_replay_differs_from_its_record_is_a_problem():
     sentence = "Session s1: a replay ends as cancelled, but completed is stored."
-    assert (
-        played(*one_bot_for_each_condition(), discrepancies=(sentence,))
-        .problems[-1]
-        .endswith(sentence)
-    )
+    report = played(*one_bot_for_each_condition(), discrepancies=(sentence,))
+    assert report.problems[-1].endswith(sentence)

@@ -1,39 +1,121 @@
-"""LimeSurvey structures as questionnaires: every type of question, languages, conditions."""
+"""LimeSurvey structures: every type of question, remarks, conditions, and malformed files."""
 
 import pytest
 
-from surveys.documents import BadDefinitionError
+from surveys.documents import MAX_TEXT, BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import items, lime, lss, lss_of, outcomes, remarks
+from tests.support.studies.survey_files import (
+    definition_of,
+    items,
+    lime,
+    lss,
+    lss_of,
+    outcomes,
+    points_of,
+    remarks,
+)
 
+LEFT_OUT, IMPORTED = ImportOutcome.LEFT_OUT, ImportOutcome.IMPORTED
 PARTS = [("SQ1", "First"), ("SQ2", "Second")]
 ANSWERS = [("A1", "Rarely"), ("A2", "Sometimes"), ("A3", "Often")]
 
 
-def one(letter: str, **more) -> list[dict]:
-    return items(lss(lime(letter, "Q1", **more)))
+def one(kind: str, **more) -> list[dict]:
+    return items(lss(lime(kind, "Q1", **more)))
 
 
-@pytest.mark.parametrize("letter", ["L", "!"])
-def test_a_list_is_a_single_choice_by_the_codes_of_its_answers(letter):
-    (item,) = one(letter, answers=ANSWERS, mandatory="Y")
-    assert (item["kind"], item["key"], item["required"]) == ("single", "q1", True)
+WHOLE = {"num_value_int_only": "1"}
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        pytest.param(
+            lime(kind, "Q1", (), ANSWERS, mandatory="Y"),
+            {"kind": "single", "key": "q1", "required": True},
+            id=name,
+        )
+        for kind, name in (("L", "list"), ("!", "drop-down list"))
+    ]
+    + [
+        pytest.param(
+            lime("S", "Q1", attributes={"maximum_chars": "20"}),
+            {"kind": "text", "max_length": 20},
+            id="short text",
+        ),
+        pytest.param(lime("T", "Q1"), {"kind": "text", "lines": 5}, id="long text"),
+        pytest.param(lime("U", "Q1"), {"kind": "text"}, id="huge text"),
+        pytest.param(lime("Q", "Q1", PARTS[:1]), {"kind": "text", "key": "q1_sq1"}, id="texts"),
+        pytest.param(
+            lime("D", "Q1", attributes={"date_max": '"now"', "date_min": "2020-01-31"}),
+            {"kind": "date", "earliest": "2020-01-31", "latest": "today"},
+            id="date",
+        ),
+        pytest.param(lime("R", "Q1", (), ANSWERS), {"kind": "ranking"}, id="ranking"),
+        pytest.param(lime("5", "Q1"), {"kind": "likert"}, id="five points"),
+        pytest.param(lime("G", "Q1"), {"kind": "single"}, id="gender"),
+        pytest.param(
+            lime(
+                *("N", "Q1"),
+                attributes=WHOLE
+                | {"min_num_value_n": "18", "max_num_value_n": "99", "suffix": {"en": "years"}},
+            ),
+            {
+                "kind": "number",
+                "minimum": 18,
+                "maximum": 99,
+                "whole": True,
+                "unit": {"en": "years"},
+            },
+            id="number",
+        ),
+        pytest.param(
+            lime("S", "Q1", attributes=WHOLE | {"numbers_only": "1"}),
+            {"kind": "number", "whole": True},
+            id="text of digits",
+        ),
+        pytest.param(
+            lime("M", "Q1", PARTS, attributes={"min_answers": "1", "max_answers": "2"}),
+            {"kind": "multiple", "at_least": 1, "at_most": 2},
+            id="multiple choice",
+        ),
+        pytest.param(
+            lime("L", "Q1", (), ANSWERS, {"random_order": "1"}),
+            {"order": "shuffled"},
+            id="random order",
+        ),
+        pytest.param(
+            lime("L", "Q1", (), ANSWERS, {"answer_order": "random"}),
+            {"order": "shuffled"},
+            id="random order of version 6",
+        ),
+    ],
+)
+def test_question_becomes_one_question_of_its_kind(question, expected):
+    (item,) = items(lss(question))
+    assert item | expected == item
+
+
+def test_options_of_a_list_have_the_codes_of_its_answers():
+    (item,) = one("L", answers=ANSWERS)
     assert [option["value"] for option in item["options"]] == ["a1", "a2", "a3"]
 
 
-def test_other_is_an_option_with_a_text_and_the_words_of_the_file():
-    document = lss(
-        lime(
-            "L", "Q1", answers=ANSWERS, other="Y", attributes={"other_replace_text": {"en": "Else"}}
-        )
-    )
-    single, text = items(document)
-    assert single["options"][-1] == {"value": "other", "label": {"en": "Else"}}
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        (lime("L", "Q1", (), ANSWERS, {"other_replace_text": {"en": "Else"}}, other="Y"), "Else"),
+        (lime("M", "Q1", PARTS, other="Y"), "Other"),
+    ],
+)
+def test_other_is_an_option_with_a_text(question, words):
+    asked, text = items(lss(question))
+    assert asked["options"][-1] == {"value": "other", "label": {"en": words}}
     assert text["show_if"] == {"item": "q1", "is": ["other"]}
 
 
-def test_a_list_with_a_comment_has_a_text_beside_it():
+def test_list_with_a_comment_has_a_text_beside_it():
     assert [item["kind"] for item in one("O", answers=ANSWERS)] == ["single", "text"]
 
 
@@ -44,22 +126,17 @@ def test_yes_and_no_are_written_in_the_languages_of_the_file():
         {"de": "Ja", "en": "Yes"},
         {"de": "Nein", "en": "No"},
     ]
-    assert outcomes(document)["Q1"] is ImportOutcome.IMPORTED
+    assert outcomes(document)["Q1"] is IMPORTED
 
 
-def test_a_language_without_our_words_for_yes_and_no_is_reported():
+def test_language_without_our_words_for_yes_and_no_is_reported():
     document = lss(lime("Y", "Q1"), languages=("fi",))
     assert items(document)[0]["options"][0]["label"] == {"fi": "Yes"}
     assert "fi" in remarks(document, "Q1")
 
 
-def test_multiple_choice_has_its_subquestions_as_options():
-    (item,) = one(
-        "M",
-        parts=[*PARTS, ("NONE", "None")],
-        attributes={"exclude_all_others": "NONE", "min_answers": "1", "max_answers": "2"},
-    )
-    assert (item["kind"], item["at_least"], item["at_most"]) == ("multiple", 1, 2)
+def test_option_of_a_multiple_choice_can_exclude_the_others():
+    (item,) = one("M", parts=[*PARTS, ("NONE", "None")], attributes={"exclude_all_others": "NONE"})
     assert item["options"][2] == {"value": "none", "label": {"en": "None"}, "alone": True}
 
 
@@ -71,35 +148,48 @@ def test_multiple_choice_with_comments_has_a_text_for_each_option():
     ]
 
 
-@pytest.mark.parametrize(("letter", "most"), [("A", 5), ("B", 10)])
-def test_arrays_of_numbers_are_grids(letter, most):
-    definition = read(lss(lime(letter, "Q1", PARTS))).definition("test", 1)
-    (item,) = definition.pages[0].items
-    assert [row.key for row in item.rows] == ["q1_sq1", "q1_sq2"]
-    assert [point.value for point in definition.scales[item.scale]] == list(range(1, most + 1))
-
-
 @pytest.mark.parametrize(
-    ("letter", "labels"),
-    [("C", ["Yes", "Uncertain", "No"]), ("E", ["Increase", "Same", "Decrease"])],
+    ("kind", "labels"),
+    [
+        ("A", [str(n + 1) for n in range(5)]),
+        ("B", [str(n + 1) for n in range(10)]),
+        ("C", ["Yes", "Uncertain", "No"]),
+        ("E", ["Increase", "Same", "Decrease"]),
+        ("F", ["Rarely", "Sometimes", "Often"]),
+        ("H", ["Rarely", "Sometimes", "Often"]),
+    ],
 )
-def test_arrays_of_words_are_grids_and_their_codes_are_reported(letter, labels):
-    document = lss(lime(letter, "Q1", PARTS))
-    (points,) = read(document).definition("test", 1).scales.values()
-    assert [point.label["en"] for point in points] == labels
-    assert "→ 1" in remarks(document, "Q1")
+def test_array_is_a_grid_whose_points_are_numbered_from_1(kind, labels):
+    document = lss(lime(kind, "Q1", PARTS, ANSWERS if kind in "FH" else ()))
+    (grid,) = items(document)
+    assert [row["key"] for row in grid["rows"]] == ["q1_sq1", "q1_sq2"]
+    points = points_of(document)
+    assert [point.value for point in points] == list(range(1, len(labels) + 1))
+    assert [point.label.get("en", str(point.value)) for point in points] == labels
+    if kind in "CE":
+        assert "→ 1" in remarks(document, "Q1")
 
 
-@pytest.mark.parametrize("letter", ["F", "H"])
-def test_an_array_is_a_grid_of_its_answers(letter):
+def test_numeric_codes_of_the_answers_of_an_array_are_kept():
     answers = [("1", "Rarely"), ("2", "Sometimes"), ("5", "Often")]
-    (points,) = read(lss(lime(letter, "Q1", PARTS, answers))).definition("test", 1).scales.values()
+    points = points_of(lss(lime("F", "Q1", PARTS, answers)))
     assert [(point.value, point.label["en"]) for point in points] == [
         *((1, "Rarely"), (2, "Sometimes"), (5, "Often")),
     ]
 
 
-def test_a_dual_scale_is_two_grids_with_the_headings_of_the_scales():
+def test_array_of_more_than_eleven_answers_is_a_list_of_options_for_each_row():
+    document = lss(lime("F", "Q1", PARTS, [(f"A{n}", f"Answer {n}") for n in range(12)]))
+    assert [(one["kind"], len(one["options"])) for one in items(document)] == [("single", 12)] * 2
+    assert "at most 11 points" in remarks(document, "Q1")
+
+
+def test_arrays_with_the_same_answers_share_a_scale():
+    answers = [("1", "Rarely"), ("2", "Often")]
+    assert points_of(lss(*(lime("F", name, PARTS, answers) for name in ("Q1", "Q2"))))
+
+
+def test_dual_scale_is_two_grids_with_the_headings_of_the_scales():
     answers = [("1", "low", 0), ("2", "high", 0), ("1", "never", 1), ("2", "ever", 1)]
     heads = {"dualscale_headerA": {"en": "Trust"}, "dualscale_headerB": {"en": "Use"}}
     first, second = one("1", parts=PARTS, answers=answers, attributes=heads)
@@ -118,56 +208,20 @@ def test_arrays_of_numbers_and_texts_are_a_question_for_each_cell():
     assert [item["kind"] for item in ticks] == ["multiple", "multiple"]
 
 
-def test_numbers_have_bounds_and_a_unit():
-    bounds = {"min_num_value_n": "18", "max_num_value_n": "99", "num_value_int_only": "1"}
-    (item,) = one("N", attributes={**bounds, "suffix": {"en": "years"}})
-    assert (item["minimum"], item["maximum"], item["whole"], item["unit"]) == (
-        *(18, 99, True),
-        {"en": "years"},
-    )
-
-
-def test_a_bound_that_is_an_expression_is_reported():
-    document = lss(lime("N", "Q1", attributes={"max_num_value_n": "Q0.NAOK + 1"}))
-    assert "max_num_value_n" in remarks(document, "Q1")
-
-
 def test_several_numbers_may_be_sliders_with_words_at_the_ends():
     slider = {"slider_layout": "1", "slider_min": "0", "slider_max": "20", "slider_accuracy": "5"}
     first, second = one("K", parts=[("a", "Pace|slow|fast"), ("b", "Ease")], attributes=slider)
     assert (first["kind"], first["maximum"], first["step"]) == ("slider", 20, 5)
-    assert (first["text"]["en"], first["low"]["en"], first["high"]["en"]) == (
-        *("Text of Q1 – Pace", "slow", "fast"),
-    )
+    words = [first[name]["en"] for name in ("text", "low", "high")]
+    assert words == ["Text of Q1 – Pace", "slow", "fast"]
     assert second["low"]["en"] == "0"
     assert [item["kind"] for item in one("K", parts=PARTS)] == ["number", "number"]
 
 
-def test_texts_days_and_rankings():
-    document = lss(
-        lime("S", "Q1", attributes={"maximum_chars": "20"}),
-        lime("T", "Q2"),
-        lime("U", "Q3"),
-        lime("Q", "Q4", PARTS),
-        lime("D", "Q5", attributes={"date_max": '"now"', "date_min": "2020-01-31"}),
-        lime("R", "Q6", (), ANSWERS),
-        lime("5", "Q7"),
-        lime("G", "Q8"),
-    )
-    found = {item["key"]: item for item in items(document)}
-    assert {key: item["kind"] for key, item in found.items()} == {
-        "q1": "text",
-        "q2": "text",
-        "q3": "text",
-        "q4_sq1": "text",
-        "q4_sq2": "text",
-        "q5": "date",
-        "q6": "ranking",
-        "q7": "likert",
-        "q8": "single",
-    }
-    assert (found["q1"]["max_length"], found["q2"]["lines"]) == (20, 5)
-    assert (found["q5"]["earliest"], found["q5"]["latest"]) == ("2020-01-31", "today")
+def test_codes_that_become_alike_are_changed_and_reported():
+    document = lss(lime("L", "Q1", (), [("A 1", "One"), ("A_1", "Two")]))
+    assert [one["value"] for one in items(document)[0]["options"]] == ["a_1", "a_1_2"]
+    assert "A_1 → a_1_2" in remarks(document, "Q1")
 
 
 @pytest.mark.parametrize(
@@ -179,18 +233,60 @@ def test_texts_days_and_rankings():
         (lime("?", "Q1"), "type ?"),
         (lime("S", "Q1", attributes={"hidden": "1"}), "hidden"),
         (lime("L", "Q1"), "no options"),
+        (lime("K", "Q1", PARTS, (), {"slider_layout": "1", "slider_max": "1e300"}), ""),
     ],
 )
-def test_questions_without_counterpart_are_listed(question, message):
+def test_question_without_a_counterpart_is_listed(question, message):
     document = lss(question, lime("S", "Q2"))
-    assert outcomes(document) == {"Q1": ImportOutcome.LEFT_OUT, "Q2": ImportOutcome.IMPORTED}
+    assert outcomes(document) == {"Q1": LEFT_OUT, "Q2": IMPORTED}
     assert message in remarks(document, "Q1")
 
 
-def test_a_soft_mandatory_question_is_reported():
-    document = lss(lime("S", "Q1", mandatory="S"))
+@pytest.mark.parametrize(
+    ("question", "message"),
+    [
+        (lime("S", "Q1", mandatory="S"), "optional"),
+        (lime("N", "Q1", attributes={"max_num_value_n": "Q0.NAOK + 1"}), "max_num_value_n"),
+        (lime("R", "Q1", (), ANSWERS, {"max_answers": "2"}), "rank all options"),
+        (lime("R", "Q1", (), ANSWERS, {"max_subquestions": "2"}), "rank all options"),
+        (lime("N", "Q1", attributes={"prefix": {"en": "about"}}), "before the number"),
+        (lime("K", "Q1", PARTS, (), {"equals_num_value": "100"}), "equals_num_value = 100"),
+        (
+            lime("K", "Q1", PARTS, (), {"slider_layout": "1", "slider_accuracy": "0.5"}),
+            "only whole numbers",
+        ),
+        (lime("D", "Q1", attributes={"date_format": "yyyy-mm-dd HH:MM"}), "not the time"),
+        (lime("D", "Q1", attributes={"date_min": "next week"}), "date_min"),
+        (lime("S", "Q1", texts=" "), "its name is shown"),
+        (lime("L", "Q1", (), ANSWERS, {"answer_order": "alphabetical"}), "(alphabetical)"),
+        (lime("S", "Q1", preg="/x/"), "validation"),
+        (lime("S", "Q1", attributes={"em_validation_q": "x > 1"}), "validation"),
+        (lime("M", "Q1", PARTS, attributes={"array_filter": "Q0"}), "array filter"),
+    ],
+)
+def test_differences_from_the_file_are_reported(question, message):
+    document = lss(question)
     assert "required" not in items(document)[0]
-    assert "optional" in remarks(document, "Q1")
+    assert message in remarks(document, "Q1")
+
+
+@pytest.mark.parametrize("odd", ["nan", "inf", "-inf", "1e999", "9" * 400])
+@pytest.mark.parametrize(
+    ("kind", "attribute"),
+    [
+        ("K", "slider_min"),
+        ("K", "slider_max"),
+        ("K", "slider_accuracy"),
+        ("M", "min_answers"),
+        ("M", "max_answers"),
+        ("N", "max_num_value_n"),
+    ],
+)
+def test_bound_that_is_not_finite_is_reported_and_the_question_is_asked(kind, attribute, odd):
+    attributes = {"slider_layout": "1", attribute: odd}
+    document = lss(lime(kind, "Q1", PARTS, attributes=attributes))
+    assert items(document)
+    assert f"{attribute} = {odd[:20]}" in remarks(document, "Q1")
 
 
 # --- groups, languages, the old shape -------------------------------------------------------------
@@ -198,56 +294,49 @@ def test_a_soft_mandatory_question_is_reported():
 
 def test_groups_are_pages_with_titles_in_their_order():
     document = lss(lime("S", "Q1", gid=2), lime("S", "Q2", gid=1), groups=("Who", "What"))
-    pages = read(document).definition("test", 1).pages
+    pages = definition_of(document).pages
     assert [(page.title["en"], page.items[0].key) for page in pages] == [
         *(("Who", "q2"), ("What", "q1")),
     ]
 
 
-def test_a_survey_that_shows_one_question_at_a_time_has_a_page_for_each():
+def test_survey_that_shows_one_question_at_a_time_has_a_page_for_each():
     document = lss(lime("S", "Q1"), lime("S", "Q2"), settings={"format": "S"})
-    assert len(read(document).definition("test", 1).pages) == 2
+    assert len(definition_of(document).pages) == 2
 
 
-def test_the_first_language_is_that_of_the_survey_and_others_are_kept():
-    document = lss(
-        lime(
-            "L",
-            "Q1",
-            (),
-            [("1", {"es": "Sí", "en": "Yes"}), ("2", {"es": "No", "en": "No"})],
-            texts={"es": "¿Vale?", "en": "OK?"},
-        ),
-        languages=("es", "en"),
+def test_languages_keep_their_texts_and_the_survey_names_the_first():
+    question = lime(
+        *("L", "Q1", (), [("1", {"pt-BR": "Sim", "en": "Yes"})]),
+        attributes={"other_replace_text": {"pt-BR": "Outra coisa", "en": "Else"}},
+        texts={"pt-BR": "Tudo bem?", "en": "OK?"},
+        other="Y",
     )
-    definition = read(document).definition("test", 1)
-    assert definition.languages == ("es", "en")
-    assert definition.title == {"es": "Survey in es", "en": "Survey in en"}
-    (item,) = definition.pages[0].items
-    assert item.text == {"es": "¿Vale?", "en": "OK?"}
-    assert item.options[0].label == {"es": "Sí", "en": "Yes"}
+    definition = definition_of(lss(question, languages=("pt-BR", "en")))
+    assert definition.languages == ("pt-br", "en")
+    assert definition.title == {"pt-br": "Survey in pt-BR", "en": "Survey in en"}
+    single, text = definition.pages[0].items
+    assert single.text == {"pt-br": "Tudo bem?", "en": "OK?"}
+    assert single.options[0].label == {"pt-br": "Sim", "en": "Yes"}
+    assert text.text == {"pt-br": "Outra coisa", "en": "Else"}
 
 
-def test_a_structure_of_version_3_has_its_texts_in_a_row_for_each_language():
-    def rows(**texts: str) -> list[dict]:
-        common = {"qid": 1, "parent_qid": 0, "gid": 1, "type": "L", "title": "Q1"}
-        return [
-            {**common, "question": text, "help": "", "mandatory": "Y", "language": lang}
-            for lang, text in texts.items()
-        ]
-
+def test_structure_of_version_3_has_its_texts_in_a_row_for_each_language():
+    question = {"qid": 1, "parent_qid": 0, "gid": 1, "type": "L", "title": "Q1", "mandatory": "Y"}
+    answers = [("A1", {"en": "Well", "fr": "Bien"}), ("A2", {"en": "Badly", "fr": "Mal"})]
     document = lss_of(
         {
             "groups": [
                 {"gid": 1, "group_name": name, "group_order": 0, "language": lang}
                 for lang, name in (("en", "One"), ("fr", "Un"))
             ],
-            "questions": rows(en="How?", fr="Comment ?"),
+            "questions": [
+                question | {"question": text, "help": "", "language": lang}
+                for lang, text in (("en", "How?"), ("fr", "Comment ?"))
+            ],
             "answers": [
                 {"qid": 1, "code": code, "answer": text, "sortorder": n, "language": lang}
-                for n, (code, words) in enumerate(
-                    [("A1", {"en": "Well", "fr": "Bien"}), ("A2", {"en": "Badly", "fr": "Mal"})]
-                )
+                for n, (code, words) in enumerate(answers)
                 for lang, text in words.items()
             ],
             "surveys": [{"sid": 9, "language": "en", "additional_languages": "fr"}],
@@ -263,9 +352,105 @@ def test_a_structure_of_version_3_has_its_texts_in_a_row_for_each_language():
 
 def test_text_display_introduces_a_page():
     document = lss(lime("X", "Q1"), lime("S", "Q2"), lime("X", "Q3"))
-    (page,) = read(document).definition("test", 1).pages
+    (page,) = definition_of(document).pages
     assert page.intro["en"] == "Text of Q1"
-    assert outcomes(document)["Q3"] is ImportOutcome.LEFT_OUT
+    assert outcomes(document)["Q3"] is LEFT_OUT
+
+
+def test_text_display_that_does_not_fit_on_its_page_is_shortened():
+    displays = [lime("X", f"Q{n}", texts="x" * 3000) for n in (1, 2)]
+    document = lss(*displays, lime("S", "Q3"))
+    (page,) = definition_of(document).pages
+    assert len(page.intro["en"]) == MAX_TEXT
+    assert "shortened" in remarks(document, "Q2")
+
+
+# --- the survey and its groups --------------------------------------------------------------------
+
+FIRST = {"qid": 1, "parent_qid": 0, "gid": 1, "type": "S", "title": "Q1", "question_order": 2}
+
+
+def tables(**texts: str) -> dict[str, list[dict]]:
+    """Return the tables of a survey with one question and these texts of its own."""
+    return {
+        "groups": [{"gid": 1, "group_order": 0}],
+        "group_l10ns": [{"gid": 1, "group_name": "One", "language": "en"}],
+        "questions": [FIRST],
+        "question_l10ns": [{"qid": 1, "question": "How?", "language": "en"}],
+        "surveys": [{"sid": 9, "language": "en"}],
+        "surveys_languagesettings": [{"surveyls_language": "en", **texts}],
+    }
+
+
+def test_description_and_welcome_text_that_are_too_long_together_are_shortened():
+    texts = {"surveyls_description": "d" * 3000, "surveyls_welcometext": "w" * 3000}
+    document = lss_of(tables(**texts, surveyls_title="t" * 300))
+    definition = definition_of(document)
+    intro = definition.intro["en"]
+    assert (len(intro), intro[:1], intro[-1:]) == (MAX_TEXT, "d", "w")
+    assert "shortened" in remarks(document, "Welcome text")
+    assert definition.title["en"] == "t" * 200
+
+
+def test_end_texts_are_reported_unless_they_are_empty():
+    document = lss_of(tables(surveyls_endtext="Thank you", surveyls_policy_notice=" "))
+    assert outcomes(document) == {"Q1": IMPORTED, "surveyls_endtext": LEFT_OUT}
+
+
+def test_quotas_and_default_answers_are_reported():
+    quota = "<quota><rows><row><id>1</id></row></rows></quota>"
+    defaults = {"defaultvalues": [{"qid": 1, "defaultvalue": "x"}]}
+    document = lss_of(tables() | defaults, more=quota)
+    assert outcomes(document)["quotas"] is LEFT_OUT
+    assert "preselected" in remarks(document, "default values")
+
+
+def test_group_with_a_condition_and_a_random_order_is_a_page_with_that_condition():
+    group = {"gid": 2, "randomization_group": "r", "grelevance": 'Q1 == "a"'}
+    document = lss_of(
+        tables()
+        | {
+            "groups": [{"gid": 1, "group_order": 0}, group | {"group_order": 1}],
+            "group_l10ns": [
+                {"gid": gid, "group_name": name, "language": "en"}
+                for gid, name in ((1, "One"), (2, "Two"))
+            ],
+            "questions": [FIRST | {"type": "L"}, FIRST | {"qid": 2, "gid": 2, "title": "Q2"}],
+            "answers": [{"qid": 1, "code": "a", "answer": "A", "language": "en", "sortorder": "x"}],
+        }
+    )
+    first, second = definition_of(document).pages
+    assert [page.items[0].key for page in (first, second)] == ["q1", "q2"]
+    assert (second.show_if.item, second.show_if.one_of) == ("q1", ("a",))
+    assert "random order of groups" in remarks(document, "Group: Two")
+
+
+def test_orphan_rows_are_left_out_and_an_order_without_a_number_is_first():
+    rows = {
+        "questions": [FIRST, {**FIRST, "qid": 2, "title": "Q2", "question_order": "first"}],
+        "question_attributes": [{"qid": 99, "attribute": "hidden", "value": "1"}],
+        "answers": [{"qid": 99, "code": "a", "answer": "A", "language": "en"}],
+        "question_l10ns": [
+            {"qid": qid, "question": "How?", "language": "en"} for qid in (1, 2, 99)
+        ],
+    }
+    assert [item["key"] for item in items(lss_of(tables() | rows))] == ["q2", "q1"]
+
+
+def test_conditions_of_single_options_and_scores_are_reported():
+    part = {**FIRST, "qid": 5, "parent_qid": 1, "title": "a", "relevance": "Q0 == 1"}
+    rows = {
+        "questions": [FIRST | {"type": "L"}],
+        "subquestions": [part],
+        "answers": [
+            {"qid": 1, "code": code, "answer": code, "language": "en", "assessment_value": score}
+            for code, score in (("a", "0"), ("b", "3"))
+        ],
+        "surveys": [{"sid": 9, "language": "en", "assessments": "Y"}],
+    }
+    found = remarks(lss_of(tables() | rows), "Q1")
+    assert "Conditions of single options" in found
+    assert "scores are not imported" in found
 
 
 # --- conditions -----------------------------------------------------------------------------------
@@ -280,7 +465,7 @@ def test_text_display_introduces_a_page():
         ("Q3_SQ2 == 4", {"item": "q3_sq2", "is": [4]}),
     ],
 )
-def test_a_relevance_that_compares_answers_is_a_condition(relevance, condition):
+def test_relevance_that_compares_answers_is_a_condition(relevance, condition):
     document = lss(
         lime("L", "Q1", (), ANSWERS),
         lime("M", "Q2", PARTS),
@@ -288,7 +473,7 @@ def test_a_relevance_that_compares_answers_is_a_condition(relevance, condition):
         lime("S", "Q4", relevance=relevance),
     )
     assert items(document)[-1]["show_if"] == condition
-    assert outcomes(document)["Q4"] is ImportOutcome.IMPORTED
+    assert outcomes(document)["Q4"] is IMPORTED
 
 
 @pytest.mark.parametrize(
@@ -301,11 +486,34 @@ def test_any_other_relevance_is_reported_as_written(relevance):
     assert relevance in remarks(document, "Q2")
 
 
-def test_quotas_end_texts_and_filters_are_reported():
-    quota = "<quota><rows><row><id>1</id></row></rows></quota>"
-    document = lss(lime("M", "Q1", PARTS, attributes={"array_filter": "Q0"}), more=quota)
-    assert outcomes(document)["quotas"] is ImportOutcome.LEFT_OUT
-    assert "array filter" in remarks(document, "Q1")
+@pytest.mark.parametrize(
+    "questions",
+    [
+        pytest.param(
+            [lime("L", "Q1", (), [*ANSWERS, ("A4", "")]), lime("S", "Q2", relevance="Q1 == 'A4'")],
+            id="on an option without a text",
+        ),
+        pytest.param(
+            [
+                lime("M", "Q1", [("a", "A")], attributes={"min_answers": "3"}),
+                lime("S", "Q2", relevance="Q1_a == 'Y'"),
+            ],
+            id="on a question that is left out",
+        ),
+        pytest.param(
+            [
+                lime("L", "Q1", (), ANSWERS),
+                lime("X", "Q2", relevance='Q1 == "A1"'),
+                lime("S", "Q3"),
+            ],
+            id="of a text display",
+        ),
+    ],
+)
+def test_condition_that_cannot_be_kept_is_reported(questions):
+    document = lss(*questions)
+    assert "show_if" not in items(document)[-1]
+    assert "shown to everybody" in remarks(document, "Q2")
 
 
 # --- malformed and hostile files ------------------------------------------------------------------

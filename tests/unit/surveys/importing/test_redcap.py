@@ -5,46 +5,53 @@ import pytest
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import field, items, outcomes, redcap, remarks
+from tests.support.studies.survey_files import (
+    definition_of,
+    field,
+    items,
+    outcomes,
+    redcap,
+    remarks,
+)
 
 YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
 
 
-def test_every_field_type_that_has_a_counterpart():
-    document = redcap(
-        field("a", "text"),
-        field("b", "notes"),
-        field("c", "radio", choices=YES_NO_MAYBE),
-        field("d", "dropdown", choices=YES_NO_MAYBE),
-        field("e", "checkbox", choices=YES_NO_MAYBE),
-        field("f", "yesno"),
-        field("g", "truefalse"),
-        field("h", "slider", choices="low | middle | high", most="50"),
-        field("i", "text", rule="integer", least="18", most="99"),
-        field("j", "text", rule="number_2dp"),
-        field("k", "text", rule="date_dmy", least="2020-01-31", most="today"),
-    )
-    found = {item["key"]: item for item in items(document)}
-    assert {key: item["kind"] for key, item in found.items()} == {
-        "a": "text",
-        "b": "text",
-        "c": "single",
-        "d": "single",
-        "e": "multiple",
-        "f": "single",
-        "g": "single",
-        "h": "slider",
-        "i": "number",
-        "j": "number",
-        "k": "date",
-    }
-    assert found["c"]["options"][2] == {"value": "3", "label": {"en": "Perhaps, or not"}}
-    assert [one["value"] for one in found["f"]["options"]] == ["1", "0"]
-    assert (found["h"]["low"]["en"], found["h"]["high"]["en"], found["h"]["maximum"]) == (
-        *("low", "high", 50),
-    )
-    assert (found["i"]["minimum"], found["i"]["maximum"], found["i"]["whole"]) == (18, 99, True)
-    assert (found["k"]["earliest"], found["k"]["latest"]) == ("2020-01-31", "today")
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        (field("a", "text"), {"kind": "text"}),
+        (field("a", "notes"), {"kind": "text"}),
+        (field("a", "radio", choices=YES_NO_MAYBE), {"kind": "single"}),
+        (field("a", "dropdown", choices=YES_NO_MAYBE), {"kind": "single"}),
+        (field("a", "checkbox", choices=YES_NO_MAYBE), {"kind": "multiple"}),
+        (field("a", "yesno"), {"kind": "single"}),
+        (field("a", "truefalse"), {"kind": "single"}),
+        (
+            field("a", "slider", choices="low | middle | high", most="50"),
+            {"kind": "slider", "maximum": 50, "low": {"en": "low"}, "high": {"en": "high"}},
+        ),
+        (
+            field("a", "text", rule="integer", least="18", most="99"),
+            {"kind": "number", "minimum": 18, "maximum": 99, "whole": True},
+        ),
+        (field("a", "text", rule="number_2dp"), {"kind": "number"}),
+        (
+            field("a", "text", rule="date_dmy", least="2020-01-31", most="today"),
+            {"kind": "date", "earliest": "2020-01-31", "latest": "today"},
+        ),
+    ],
+    ids=lambda value: value.get("Field Type"),
+)
+def test_field_becomes_a_question_of_its_kind(row, expected):
+    (item,) = items(redcap(row))
+    assert item | expected == item
+
+
+def test_options_have_the_codes_of_the_dictionary():
+    radio, yesno = items(redcap(field("a", "radio", choices=YES_NO_MAYBE), field("b", "yesno")))
+    assert radio["options"][2] == {"value": "3", "label": {"en": "Perhaps, or not"}}
+    assert [one["value"] for one in yesno["options"]] == ["1", "0"]
 
 
 def test_the_field_that_names_the_record_is_listed_and_not_asked():
@@ -112,7 +119,7 @@ def test_fields_of_a_matrix_are_a_grid_under_the_heading_of_the_first():
         field("glad", "radio", **common),
         field("after", "text"),
     )
-    definition = read(document).definition("test", 1)
+    definition = definition_of(document)
     grid, after = definition.pages[0].items
     assert (grid.kind, grid.key, grid.text["en"]) == ("grid", "mood", "How often did you feel")
     assert [row.key for row in grid.rows] == ["sad", "glad"]
@@ -141,6 +148,14 @@ def test_a_matrix_that_is_refused_is_listed_field_by_field():
     assert {note.name for note in read(document).report.notes} == {"record_id", "a", "b"}
 
 
+def branched(logic: str) -> bytes:
+    return redcap(
+        field("a", "radio", choices=YES_NO_MAYBE),
+        field("b", "checkbox", choices=YES_NO_MAYBE),
+        field("c", "text", branching=logic),
+    )
+
+
 @pytest.mark.parametrize(
     ("logic", "condition"),
     [
@@ -150,12 +165,7 @@ def test_a_matrix_that_is_refused_is_listed_field_by_field():
     ],
 )
 def test_branching_on_a_choice_is_a_condition(logic, condition):
-    document = redcap(
-        field("a", "radio", choices=YES_NO_MAYBE),
-        field("b", "checkbox", choices=YES_NO_MAYBE),
-        field("c", "text", branching=logic),
-    )
-    assert items(document)[-1]["show_if"] == condition
+    assert items(branched(logic))[-1]["show_if"] == condition
 
 
 @pytest.mark.parametrize(
@@ -163,11 +173,7 @@ def test_branching_on_a_choice_is_a_condition(logic, condition):
     ["[a] = '1' and [a] = '2'", "[a] > 1", "[event-name] = 'x'", "[b(2)] = '0'", "[z] = '1'"],
 )
 def test_other_branching_is_reported_as_written(logic):
-    document = redcap(
-        field("a", "radio", choices=YES_NO_MAYBE),
-        field("b", "checkbox", choices=YES_NO_MAYBE),
-        field("c", "text", branching=logic),
-    )
+    document = branched(logic)
     assert "show_if" not in items(document)[-1]
     assert logic in remarks(document, "c")
 
@@ -178,7 +184,7 @@ def test_sections_begin_pages_and_forms_have_titles():
         field("b", "text", header="About you"),
         field("c", "text", form="second_form"),
     )
-    pages = read(document).definition("test", 1).pages
+    pages = definition_of(document).pages
     assert [(page.title.get("en", ""), page.items[0].key) for page in pages] == [
         *(("Form one", "a"), ("About you", "b"), ("Second form", "c")),
     ]
@@ -197,7 +203,7 @@ def test_one_form_of_several_can_be_chosen_and_the_others_are_listed():
 
 def test_descriptive_text_keeps_its_lines():
     document = redcap(field("a", "descriptive", label="One\nTwo"), field("b", "text"))
-    assert read(document).definition("test", 1).pages[0].intro == {"en": "One\nTwo"}
+    assert definition_of(document).pages[0].intro == {"en": "One\nTwo"}
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
@@ -271,7 +277,7 @@ def test_a_matrix_of_several_fields_that_is_refused_is_left_out_as_a_whole():
     assert remarks(document, "a") == remarks(document, "b")
 
 
-def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
+def test_matrix_with_some_required_rows_or_a_ranking_is_reported():
     common = {"choices": YES_NO_MAYBE, "matrix": "m"}
     document = redcap(
         field("a", "radio", required="y", ranking="y", header="Rank", **common),
@@ -286,7 +292,7 @@ def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
 
 def test_a_picture_that_a_section_loses_is_reported():
     document = redcap(field("a", "text", header='About you <img src="x.png">'))
-    assert read(document).definition("test", 1).pages[0].title == {"en": "About you"}
+    assert definition_of(document).pages[0].title == {"en": "About you"}
     assert "img" in remarks(document, "Section: a")
 
 

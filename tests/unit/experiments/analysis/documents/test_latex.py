@@ -36,7 +36,7 @@ WIDE = Table(
         ("two\nlines", "two lines"),
     ],
 )
-def test_text_is_printed_as_it_stands(text, printed):
+def test_text_is_printed_unchanged(text, printed):
     assert latex(text) == printed
 
 

@@ -11,14 +11,14 @@ from experiments.analysis.statistics.comparisons import Test as Found
 from experiments.analysis.tables import comparisons as rows
 from experiments.analysis.tables import declared
 from experiments.analysis.tables.comparisons import TESTED, ComparedSide, compared, head_of
-from experiments.analysis.tables.table import Table, words
+from experiments.analysis.tables.table import Table
 
 EFFECT = IntervalEstimate(0.49, 0.06, 0.914)
 FOUND = Found("paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", EFFECT)
 GROUPS = [ComparedSide({"a": 1.0, "b": 3.0}), ComparedSide({"a": 0.5, "b": 1.5})]
 
 
-def said(test, corrected=0.0486, groups=GROUPS):
+def sentence_of(test, corrected=0.0486, groups=GROUPS):
     body = (compared("path", groups, test, corrected),)
     table = Table.of("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
     (sentence,) = sentences_of(table, 0.05)
@@ -26,7 +26,7 @@ def said(test, corrected=0.0486, groups=GROUPS):
 
 
 def test_a_paired_t_test_reads_as_in_a_paper():
-    assert said(FOUND).text == (
+    assert sentence_of(FOUND).text == (
         "path: A paired t test showed a significant difference between slow (M = 2.00, SD = 1.41) "
         "and fast (M = 1.00, SD = 0.71), t(23) = 2.41, p = .024, p_Holm = .049, d_z = 0.49, "
         "95% CI [0.06, 0.91]."
@@ -34,7 +34,7 @@ def test_a_paired_t_test_reads_as_in_a_paper():
 
 
 def test_the_corrected_value_decides_what_is_significant():
-    assert "showed no significant difference" in said(FOUND, 0.0512).text
+    assert "showed no significant difference" in sentence_of(FOUND, 0.0512).text
 
 
 def test_the_alpha_of_the_plan_decides_what_is_significant():
@@ -60,7 +60,7 @@ def test_a_test_of_hypotheses_has_a_sentence_for_each_with_p_in_its_family():
 
 
 def test_symbols_are_in_italics_in_latex():
-    printed = runs_as_latex(said(FOUND).runs)
+    printed = runs_as_latex(sentence_of(FOUND).runs)
     assert r"\textit{t}(23) = 2.41, \textit{p} = .024" in printed
     assert r"\textit{d}\textsubscript{\textit{z}} = 0.49" in printed
     assert r"\textit{p}\textsubscript{Holm}" in printed
@@ -90,22 +90,21 @@ def test_values_that_cannot_exceed_one_have_no_zero_before_the_point():
 def test_degrees_of_freedom_and_n_stand_where_the_apa_wants_them():
     friedman = Found("Friedman χ²", 12, 6.5, (2.0,), 0.0388, effect_name="W (Kendall)",
                      effect=IntervalEstimate(0.27, 0.1, 0.5))  # fmt: skip
-    assert "χ²(2, N = 12) = 6.50, p = .039" in said(friedman).text
-    assert "W = .27, 95% CI [.10, .50]" in said(friedman).text
+    assert "χ²(2, N = 12) = 6.50, p = .039" in sentence_of(friedman).text
+    assert "W = .27, 95% CI [.10, .50]" in sentence_of(friedman).text
     welch = Found("Welch F", 30, 4.1, (2.0, 17.342), 0.035, effect_name="η²p",
                   effect=IntervalEstimate(0.2, 0.0, 0.4))  # fmt: skip
-    assert "F(2, 17.34) = 4.10" in said(welch).text
-    assert "η²p = .20" in said(welch).text
-    assert r"$\eta$\textsuperscript{2}\textsubscript{\textit{p}}" in runs_as_latex(said(welch).runs)
+    assert "F(2, 17.34) = 4.10" in sentence_of(welch).text
+    assert "η²p = .20" in sentence_of(welch).text
+    runs = runs_as_latex(sentence_of(welch).runs)
+    assert r"$\eta$\textsuperscript{2}\textsubscript{\textit{p}}" in runs
 
 
 def test_a_row_without_a_test_has_no_sentence():
-    table = Table.of(
-        "c", "T.", ("Metric", *head_of(("slow", "fast"))),
-        (compared("path", GROUPS, Found("–", 0, remark="too few"), float("nan")),),
-    )  # fmt: skip
+    body = (compared("path", GROUPS, Found("–", 0, remark="too few"), float("nan")),)
+    table = Table.of("c", "T.", ("Metric", *head_of(("slow", "fast"))), body)
     assert list(sentences_of(table, 0.05)) == []
-    assert list(sentences_of(Table("t", "T.", ("a",), ((words("x"),),)), 0.05)) == []
+    assert list(sentences_of(Table.of("t", "T.", ("a",), [("x",)]), 0.05)) == []
 
 
 def test_every_test_of_the_statistics_has_its_sentence():

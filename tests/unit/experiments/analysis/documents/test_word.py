@@ -26,7 +26,7 @@ def text(part: ET.Element) -> str:
     return "".join(one.text or "" for one in part.iter(f"{W}t"))
 
 
-def test_a_document_has_every_cell_whatever_stands_in_it():
+def test_a_document_has_every_cell_with_any_text():
     rows = list(document(table_document(TABLE)).iter(f"{W}tr"))
     cells = [[text(cell) for cell in row.iter(f"{W}tc")] for row in rows]
     assert cells == [["", "slow: M"], [NASTY.replace("\x00", ""), "1.50"], ["=1", "–"]]
@@ -40,7 +40,7 @@ def test_a_head_is_repeated_on_each_page_and_symbols_are_in_italics():
     assert [text(run) for run in italic] == ["M"]
 
 
-def test_a_wide_table_stands_in_several_tables():
+def test_a_wide_table_is_split_into_several():
     wide = Table("w", "W.", tuple("abcdefghijklmn"), (tuple(number(1.0) for _ in range(14)),))
     assert len(list(document(table_document(wide)).iter(f"{W}tbl"))) == 2
 

@@ -1,5 +1,5 @@
-"""Figures for print: files that an editor can change, and colours that survive a grey print and
-whoever sees fewer of them.
+"""Figures for print: files that can be edited, and colours that differ in a grey print and for
+colour-blind readers.
 """
 
 import io
@@ -105,7 +105,7 @@ def test_a_map_has_a_scale_bar_of_a_round_length(dataset):
     assert "2 m" in {text.get_text() for text in axes.texts}
 
 
-def test_error_bars_lie_inside_the_axes_and_a_note_says_what_they_are(dataset):
+def test_error_bars_lie_inside_the_axes_and_are_explained_in_a_note(dataset):
     (drawing, *_) = score_figures(dataset)
     assert any("bars their 95 % confidence intervals" in note for note in drawing.numbers.notes)
     for axes in drawing.figure.axes:

@@ -21,13 +21,18 @@ def dataset():
 
 
 def answering(dataset, value):
-    responses = tuple(
-        replace(one, values=dict.fromkeys(one.values, value))
+    return reanswered(dataset, lambda _: value)
+
+
+def reanswered(dataset, change):
+    """The dataset with other answers about the experience: `change` of each answer."""
+    responses = [
+        replace(one, values={key: change(value) for key, value in one.values.items()})
         if one.questionnaire == "experience"
         else one
         for one in dataset.responses
-    )
-    return replace(dataset, responses=responses)
+    ]
+    return replace(dataset, responses=tuple(responses))
 
 
 def test_each_mean_has_its_place_and_the_interval_of_table_5(dataset):
@@ -45,7 +50,7 @@ def test_each_mean_has_its_place_and_the_interval_of_table_5(dataset):
         assert f"{abs(mean):.2f} ± {half:.2f}" in " ".join(one.get_text() for one in axes.texts)
 
 
-def test_a_disc_is_as_large_as_its_share_and_leads_to_who_said_so(dataset):
+def test_area_of_a_disc_is_its_share_and_it_links_to_the_sessions(dataset):
     drawing = figure_8a(dataset)
     discs = {one.get_gid(): one for one in drawing.figure.axes[0].collections if one.get_gid()}
     assert set(drawing.behind) >= set(discs)
@@ -66,7 +71,7 @@ def test_the_whole_scale_is_shown_wherever_the_mean_is(dataset, value):
     assert low < -2.0 < 2.0 < high
 
 
-def test_points_and_discs_are_told_apart_without_colours(dataset):
+def test_points_and_discs_can_be_distinguished_without_colours(dataset):
     (axes,) = figure_8a(dataset).figure.axes
     point = next(line.get_color() for line in axes.lines if line.get_gid())
     rgb = next(one for one in axes.collections if one.get_gid()).get_facecolor()[0]
@@ -88,18 +93,9 @@ def test_a_balance_leads_to_the_same_sessions_on_a_scale_from_1_to_5(dataset):
         }
         return msgspec.structs.replace(one, scales=scales)
 
-    shifted = replace(
-        dataset,
-        questionnaires=tuple(
-            moved(one) if one.slug == "experience" else one for one in dataset.questionnaires
-        ),
-        responses=tuple(
-            replace(one, values={key: value + 3 for key, value in one.values.items()})
-            if one.questionnaire == "experience"
-            else one
-            for one in dataset.responses
-        ),
-    )
+    asked = [moved(one) if one.slug == "experience" else one for one in dataset.questionnaires]
+    shifted = reanswered(dataset, lambda value: value + 3)
+    shifted = replace(shifted, questionnaires=tuple(asked))
     expected = figure_8b(dataset).behind
     assert any(key.startswith("nonpositive") and ids for key, ids in expected.items())
     assert figure_8b(shifted).behind == expected

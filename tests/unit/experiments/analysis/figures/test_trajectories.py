@@ -1,4 +1,4 @@
-"""Figure 7: a panel a robot and condition, which shows the part of the plan that was driven."""
+"""Figure 7: a panel a robot and condition, which shows the part of the plan that was recorded."""
 
 from dataclasses import replace
 
@@ -28,14 +28,14 @@ def lines_of(axes):
 def test_each_condition_has_a_panel_with_its_own_sessions(dataset, measured):
     drawing = figure_7(dataset, measured)
     titles = {one.key: one.title["en"] for one in dataset.study.conditions}
-    driven = [one for one in measured if len(one.positions)]
-    conditions = {one.session.condition for one in driven}
+    recorded = [one for one in measured if len(one.positions)]
+    conditions = {one.session.condition for one in recorded}
     panels = [axes for axes in drawing.figure.axes if lines_of(axes)]
     assert len(panels) == len(conditions) > 1
     for axes in panels:
         own = {gid.removeprefix("session-") for gid in lines_of(axes)}
-        (condition,) = {one.session.condition for one in driven if one.session.id in own}
-        assert len(own) == sum(one.session.condition == condition for one in driven)
+        (condition,) = {one.session.condition for one in recorded if one.session.id in own}
+        assert len(own) == sum(one.session.condition == condition for one in recorded)
         assert titles[condition] in axes.get_title("left").replace("\n", " ")
         assert axes.get_title("left").count("Giraff") < 2  # the condition begins with the robot
     assert sorted(drawing.behind) == sorted(gid for axes in panels for gid in lines_of(axes))
@@ -62,8 +62,8 @@ def test_lines_are_thin_and_fainter_where_they_are_many(dataset, measured):
 def test_a_view_is_what_was_driven_with_some_room_and_no_more_than_the_plan(dataset):
     plan = dataset.plans["office"]
     whole = whole_of(plan)
-    way = np.array([[3.0, 3.0], [np.nan, np.nan], [4.0, 5.0]])
-    assert view_of(plan, [way]).tolist() == [
+    positions = np.array([[3.0, 3.0], [np.nan, np.nan], [4.0, 5.0]])
+    assert view_of(plan, [positions]).tolist() == [
         [3.0 - AROUND, 3.0 - AROUND],
         [4.0 + AROUND, 5.0 + AROUND],
     ]
@@ -71,7 +71,7 @@ def test_a_view_is_what_was_driven_with_some_room_and_no_more_than_the_plan(data
     assert (view_of(plan, []) == whole).all()
 
 
-def test_a_study_that_nobody_drove_has_the_plan_alone(dataset):
+def test_a_study_without_drives_shows_only_the_plan(dataset):
     drawing = figure_7(replace(dataset, sessions=()), [])
     (axes,) = drawing.figure.axes
     assert axes.get_title("left") == "(a) Giraff\n0 sessions of 0 participants"

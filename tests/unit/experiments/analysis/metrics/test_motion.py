@@ -59,7 +59,7 @@ def test_a_stop_is_a_second_of_standing_after_having_gone():
     assert drive(track(linear=np.array(speed)))["stops"] == 1
 
 
-def test_a_standstill_that_a_gap_interrupts_is_no_stop():
+def test_standstill_interrupted_by_a_gap_is_no_stop():
     seconds = [0.0, 0.25, 0.5, 0.75, 9.0, 9.25, 9.5, 9.75, 10.0]
     speed = np.array([0.3, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert drive(track(seconds[:6], linear=speed[:6]))["stops"] == 0
@@ -71,8 +71,8 @@ def test_a_robot_in_its_station_is_near_no_collision():
     docked = np.array([1.0] * 8 + [0.0] * 10 + [1.0])
     found = drive(track(clearance=clearance, docked=docked))
     assert (found["near_collisions"], found["near_seconds"]) == (1, 0.5)
-    standing = drive(track(clearance=np.full(40, 0.05), docked=np.ones(40)))
-    assert (standing["near_collisions"], standing["near_seconds"]) == (0, 0.0)
+    docked = drive(track(clearance=np.full(40, 0.05), docked=np.ones(40)))
+    assert (docked["near_collisions"], docked["near_seconds"]) == (0, 0.0)
 
 
 def test_a_near_collision_ends_only_when_the_way_is_clear_again():

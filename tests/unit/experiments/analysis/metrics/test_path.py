@@ -26,7 +26,7 @@ def times(seconds):
     return np.arange(0.0, seconds, 1.0 / RATE)
 
 
-def driven(position, odometer=None, at=None, *, seen=None, trusted=None):
+def path_of(position, odometer=None, at=None, *, seen=None, trusted=None):
     n = len(position)
     at = np.arange(n) / RATE if at is None else at
     seen = np.append(np.diff(at) <= 1.0, [False]) if seen is None else seen
@@ -51,36 +51,36 @@ def around(radius=0.8, speed=0.3, seconds=120.0):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("sigma", [0.005, 0.02, 0.05])
-def test_a_robot_that_stands_for_two_minutes_drives_next_to_nothing(sigma, seed):
+def test_path_of_a_robot_at_rest_for_two_minutes_is_almost_zero(sigma, seed):
     stands = noisy(np.zeros((480, 2)), sigma, seed)
     raw = np.hypot(*np.diff(stands, axis=0).T).sum()
     assert raw > 480 * sigma
-    assert driven(stands).length < 0.02 * raw
+    assert path_of(stands).length < 0.02 * raw
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.6])
 def test_a_straight_drive_with_noise_is_as_long_as_it_was(speed, seed):
     truth = straight(100.0, speed)
-    found = driven(noisy(truth, 0.02, seed)).length
+    found = path_of(noisy(truth, 0.02, seed)).length
     assert found == pytest.approx(truth[-1, 0], rel=0.02, abs=0.08)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02])
 def test_a_drive_in_circles_is_as_long_as_it_was(sigma):
-    assert driven(noisy(around(), sigma)).length == pytest.approx(0.3 * 119.75, rel=0.02)
+    assert path_of(noisy(around(), sigma)).length == pytest.approx(0.3 * 119.75, rel=0.02)
 
 
 def test_a_drive_that_stops_and_goes_is_as_long_as_it_was():
     x = np.cumsum(np.where(times(200.0) % 40.0 < 20.0, 0.3, 0.0)) / RATE
-    found = driven(noisy(np.column_stack((x, np.zeros(len(x))))))
+    found = path_of(noisy(np.column_stack((x, np.zeros(len(x))))))
     assert found.length == pytest.approx(x[-1], rel=0.02)
 
 
 def test_a_drive_there_and_back_counts_both():
     at = times(60.0)
     x = 3.0 - np.abs(3.0 - 0.1 * at)
-    assert driven(noisy(np.column_stack((x, 0.0 * x)))).length == pytest.approx(
+    assert path_of(noisy(np.column_stack((x, 0.0 * x)))).length == pytest.approx(
         6.0, abs=3 * BAND * 0.02
     )
 
@@ -91,7 +91,7 @@ def test_gaps_are_no_path_and_their_way_is_known_at_least():
     for start in (10, 25, 40, 55, 70):
         kept &= ~((at > start) & (at < start + 3.0))
     for odometer in (None, truth[kept, 0] + 5.0):
-        found = driven(truth[kept], odometer, at[kept])
+        found = path_of(truth[kept], odometer, at[kept])
         assert found.length == pytest.approx(0.3 * (99.75 - 5 * 3.0), rel=0.001)
         assert found.unseen == pytest.approx(0.3 * 5 * 3.0)
         assert (found.by_odometry, found.jumps) == (odometer is not None, 0)
@@ -100,15 +100,15 @@ def test_gaps_are_no_path_and_their_way_is_known_at_least():
 def test_over_a_gap_the_wheels_know_of_a_detour_and_over_a_restart_the_straight_line():
     position = np.array([[0.0, 0.0], [0.1, 0.0], [1.0, 0.0], [1.1, 0.0]])
     at, seen = np.array([0.0, 0.25, 10.0, 10.25]), np.array([True, False, True, False])
-    detour = driven(position, np.array([0.0, 0.1, 4.0, 4.1]), at, seen=seen)
+    detour = path_of(position, np.array([0.0, 0.1, 4.0, 4.1]), at, seen=seen)
     assert (detour.length, detour.unseen) == (pytest.approx(0.2), pytest.approx(3.9))
-    restart = driven(position, np.array([7.0, 7.1, 0.0, 0.1]), at, seen=seen)
+    restart = path_of(position, np.array([7.0, 7.1, 0.0, 0.1]), at, seen=seen)
     assert (restart.length, restart.unseen) == (pytest.approx(0.2), pytest.approx(0.9))
 
 
 def test_odometry_counts_whatever_the_position_trembles():
     truth = straight()
-    found = driven(noisy(truth, 0.05), truth[:, 0] + 12.0)
+    found = path_of(noisy(truth, 0.05), truth[:, 0] + 12.0)
     assert found.by_odometry
     assert (found.length, found.slipped) == (pytest.approx(truth[-1, 0]), 0.0)
 
@@ -117,7 +117,7 @@ def test_wheels_that_spin_at_a_wall_drive_nowhere():
     at = times(100.0)
     wheels = 0.3 * at
     x = np.where(at < 40.0, 0.3 * at, np.where(at < 60.0, 12.0, 12.0 + 0.3 * (at - 60.0)))
-    found = driven(noisy(np.column_stack((x, 0.0 * x))), wheels)
+    found = path_of(noisy(np.column_stack((x, 0.0 * x))), wheels)
     assert found.by_odometry
     # When the robot slips in part of five seconds, up to a third looks like noise.
     assert found.slipped == pytest.approx(6.0, abs=0.6)
@@ -126,21 +126,21 @@ def test_wheels_that_spin_at_a_wall_drive_nowhere():
 
 def test_a_robot_that_does_not_know_where_it_is_proves_no_slipping():
     wheels = 0.3 * times(100.0)
-    lost = driven(np.zeros((400, 2)), wheels, trusted=np.zeros(400, bool))
+    lost = path_of(np.zeros((400, 2)), wheels, trusted=np.zeros(400, bool))
     assert (lost.length, lost.slipped) == (pytest.approx(wheels[-1]), 0.0)
 
 
 def test_without_an_odometer_that_ever_turned_the_position_counts():
     truth = straight(20.0)
     for odometer in (np.zeros(80), np.full(80, np.nan)):
-        found = driven(truth, odometer)
+        found = path_of(truth, odometer)
         assert not found.by_odometry
         assert found.length == pytest.approx(truth[-1, 0], abs=0.011)
 
 
-def test_a_position_that_is_told_four_times_is_one_measurement():
+def test_repeated_position_is_one_measurement():
     stands = np.repeat(noisy(np.zeros((120, 2))), 4, axis=0)
-    assert driven(stands).length < 0.3
+    assert path_of(stands).length < 0.3
 
 
 def test_noise_is_found_on_the_move_too():
@@ -187,7 +187,7 @@ def test_a_way_is_never_shorter_than_the_straight_line_less_a_dead_band(points):
 
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_no_state_one_and_two_are_a_drive(n):
-    found = driven(np.zeros((n, 2)), np.zeros(n))
+    found = path_of(np.zeros((n, 2)), np.zeros(n))
     assert (found.length, found.unseen, found.jumps) == (0.0, 0.0, 0)
     assert len(position_steps(np.zeros((n, 2)), np.arange(n), np.ones(n, bool)).steps) == n
     assert BAND > 0.0

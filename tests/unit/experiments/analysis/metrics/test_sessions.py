@@ -50,13 +50,15 @@ def test_metrics_agree_with_an_independent_computation(one):
     assert values["command_age_p95"] == pytest.approx(
         task.age_max[task.commands > 0].quantile(0.95)
     )
-    told = task[task.commands > 0]
+    commanded = task[task.commands > 0]
     assert values["command_age_median"] == pytest.approx(
-        (told.age_sum / told.commands).repeat(told.commands).median()
+        (commanded.age_sum / commanded.commands).repeat(commanded.commands).median()
     )
-    assert values["answer_age"] == pytest.approx(told.answer_age.repeat(told.commands).median())
+    assert values["answer_age"] == pytest.approx(
+        commanded.answer_age.repeat(commanded.commands).median()
+    )
     assert values["answer_age_p95"] == pytest.approx(
-        told.answer_age.repeat(told.commands).quantile(0.95)
+        commanded.answer_age.repeat(commanded.commands).quantile(0.95)
     )
     assert sum(values[f"share_{method}"] for method in METHODS) == pytest.approx(1.0)
     assert values["rate"] == pytest.approx(4.0, abs=0.01)
@@ -132,7 +134,7 @@ def test_docking_counts_once_every_checkpoint_was_passed():
     assert milestones(session, reversed(late), course).docked == 40.0
 
 
-def test_an_event_that_says_nonsense_is_no_milestone():
+def test_malformed_event_is_no_milestone():
     session = SessionRecord("s", "a", "giraff")
     events = [
         EventRecord("s", 1.0, "task", "checkpoint", data)

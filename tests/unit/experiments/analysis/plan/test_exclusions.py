@@ -18,24 +18,20 @@ from tests.support.analysis.planned import plan_with, planned_study
 
 def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
     """Three participants, P0 to P2, who each drive one condition and answer about it."""
-    people = [f"P{n}" for n in range(3)]
+    people, sessions, pages, responses = [], [], [], []
+    drive = {"condition": "shut", "outcome": "completed", "first_motion": 1.0}
+    for who, time, answer in zip(("P0", "P1", "P2"), seconds, given, strict=True):
+        session, asked = f"s-{who}", {"q1": answer}
+        people.append(ParticipantRecord(who, cell="shut"))
+        sessions.append(SessionRecord(session, who, "giraff", **drive))
+        pages.append(PageRecord(who, "experience", session, time))
+        responses.append(ResponseRecord(f"r-{who}", "experience", who, asked, session=session))
     return Dataset(
         planned_study(plan),
-        participants=tuple(ParticipantRecord(who, cell="shut") for who in people),
-        sessions=tuple(
-            SessionRecord(
-                f"s-{who}", who, "giraff", condition="shut", outcome="completed", first_motion=1.0
-            )
-            for who in people
-        ),
-        pages=tuple(
-            PageRecord(who, "experience", f"s-{who}", time)
-            for who, time in zip(people, seconds, strict=True)
-        ),
-        responses=tuple(
-            ResponseRecord(f"r-{who}", "experience", who, {"q1": answer}, session=f"s-{who}")
-            for who, answer in zip(people, given, strict=True)
-        ),
+        participants=tuple(people),
+        sessions=tuple(sessions),
+        pages=tuple(pages),
+        responses=tuple(responses),
         **more,
     )
 
@@ -56,28 +52,24 @@ def test_a_wrong_answer_to_an_attention_check_excludes():
 
 def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not():
     data = dataset(plan_with(attention_checks=[check()]))
-    silent = [
-        ResponseRecord(
-            f"r-{n}", "experience", f"P{n}", {}, session=f"s-P{n}", missing={"q1": reason}
-        )
-        for n, reason in enumerate(("skipped", "not_asked", "withheld"))
-    ]
-    data = replace(data, responses=tuple(silent))
+    reasons = ("skipped", "not_asked", "withheld")
+    silent = tuple(
+        replace(one, values={}, missing={"q1": reason})
+        for one, reason in zip(data.responses, reasons, strict=True)
+    )
+    data = replace(data, responses=silent)
     assert [who for who, *_ in found(data)] == ["P0"]
+
+
+HALF = "experience: 4.0 s, less than 16.0 s (0.5 of the median of 32.0 s)"
 
 
 @pytest.mark.parametrize(
     ("rule", "answer"),
     [
         ({"seconds": 10}, "experience: 4.0 s, less than 10 s"),
-        (
-            {"median_share": 0.5},
-            "experience: 4.0 s, less than 16.0 s (0.5 of the median of 32.0 s)",
-        ),
-        (
-            {"seconds": 10, "median_share": 0.5},
-            "experience: 4.0 s, less than 16.0 s (0.5 of the median of 32.0 s)",
-        ),
+        ({"median_share": 0.5}, HALF),
+        ({"seconds": 10, "median_share": 0.5}, HALF),
     ],
 )
 def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, answer):
@@ -88,12 +80,9 @@ def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, answer)
 
 def test_incomplete_cases_lack_a_drive_or_answers():
     data = dataset(plan_with(incomplete="answers"))
-    data = Dataset(
-        data.study,
-        participants=(*data.participants, ParticipantRecord("P3")),
-        sessions=data.sessions[1:],
-        responses=data.responses[:2],
-    )
+    people = (*data.participants, ParticipantRecord("P3"))
+    rows = {"participants": people, "sessions": data.sessions[1:], "responses": data.responses[:2]}
+    data = Dataset(data.study, **rows)
     assert found(data) == [
         ("P0", "incomplete", "no drive of shut"),
         ("P2", "incomplete", "no answers to experience (shut)"),
@@ -101,17 +90,12 @@ def test_incomplete_cases_lack_a_drive_or_answers():
     ]
 
 
-def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
+def test_platform_faults_and_researchers_exclude_sessions_but_no_participant():
     data = dataset(None)
     first, second, third = data.sessions
-    data = replace(
-        data,
-        sessions=(
-            replace(first, fault_side="platform", fault_part="web_process"),
-            replace(second, excluded="a visitor looked on"),
-            third,
-        ),
-    )
+    first = replace(first, fault_side="platform", fault_part="web_process")
+    second = replace(second, excluded="a visitor looked on")
+    data = replace(data, sessions=(first, second, third))
     assert found(data) == [
         ("P0", "platform fault", "platform fault: web process away"),
         ("P1", "researcher's decision", "a visitor looked on"),

@@ -107,7 +107,7 @@ def test_other_tests_and_figures_of_a_study_with_a_plan_are_exploratory():
     assert NOT_PLANNED not in figures["figure-7"]
 
 
-def test_a_sensitivity_analysis_says_so_everywhere_and_decides_on_no_hypothesis():
+def test_sensitivity_analysis_is_labelled_everywhere_and_decides_no_hypothesis():
     found = whole(PLAN, is_with_excluded=True)
     parts = [*found.tables[:-1], *(figure.numbers for figure in found.figures)]
     assert all(SENSITIVITY in part.notes for part in parts)

@@ -178,7 +178,7 @@ def test_a_direction_names_the_levels_of_an_effect():
         (None, "When the definition was frozen is unknown."),
     ],
 )
-def test_it_says_honestly_whether_there_were_data(freeze, sentence):
+def test_preregistration_states_whether_data_existed(freeze, sentence):
     assert sentence in preregistration(planned_study(PLAN), freeze)
 
 
@@ -261,6 +261,6 @@ def test_a_sheet_measures_latency():
     assert "median 50 ms, 95th percentile 120 ms (medians over 6 drives)" in values
 
 
-def test_without_a_plan_a_sheet_says_so():
+def test_sheet_states_that_there_is_no_plan():
     found, _ = sheet(None)
     assert found["Deviations from the plan", "plan"].startswith("none was declared")

@@ -4,7 +4,7 @@ from experiments.analysis.power.draws import assumed
 from tests.support.analysis.powered import expected, powered_study
 
 
-def test_a_plan_says_what_is_expected_and_defaults_say_the_rest():
+def test_expectations_come_from_the_plan_and_else_from_defaults():
     study = powered_study(expected=[expected(1, 30.0, sd=60.0), expected(0, 0.0)])
     found = assumed(study, "task_time")
     assert (found.source, found.mean("c1"), found.sd("c0"), found.correlation) == (

@@ -96,7 +96,7 @@ def test_intervals_of_omega_hold_the_true_value_in_about_95_of_100_samples():
         (np.ones((9, 3)), "no variance of the sum"),
     ],
 )
-def test_without_alpha_the_reason_is_told(items, reason):
+def test_missing_alpha_has_a_reason(items, reason):
     with pytest.raises(UndefinedCoefficientError, match=reason):
         cronbach(items)
 
@@ -110,7 +110,7 @@ def test_without_alpha_the_reason_is_told(items, reason):
         (drawn(np.random.default_rng(62), 9)[:, [0, 1, 2, 0]], "follows from the others"),
     ],
 )
-def test_without_omega_the_reason_is_told(items, reason):
+def test_missing_omega_has_a_reason(items, reason):
     with pytest.raises(UndefinedCoefficientError, match=reason):
         mcdonald(items)
 

@@ -19,16 +19,9 @@ RAIL = {
     "6": (80, 85, 83),
 }
 STOOLS = np.array(
-    [
-        (12, 15, 12, 10),
-        (10, 14, 13, 12),
-        (7, 14, 13, 9),
-        (7, 11, 10, 9),
-        (8, 11, 8, 7),
-        (9, 11, 11, 10),
-        (8, 12, 12, 11),
-        (7, 11, 8, 7),
-        (9, 13, 10, 8),
+    [  # nine persons, four stools each
+        *((12, 15, 12, 10), (10, 14, 13, 12), (7, 14, 13, 9), (7, 11, 10, 9), (8, 11, 8, 7)),
+        *((9, 11, 11, 10), (8, 12, 12, 11), (7, 11, 8, 7), (9, 13, 10, 8)),
     ],
     dtype=float,
 )
@@ -159,7 +152,7 @@ def test_with_missing_cells_no_other_ratio_of_variances_is_more_likely(spread):
         assert restricted_deviance(table, found.ratio * factor)[0] >= least - 1e-9
 
 
-def test_participants_who_do_not_differ_have_no_variance_and_the_model_says_so():
+def test_equal_participants_have_zero_variance_and_a_remark():
     table = np.random.default_rng(8).normal(0.0, 1.0, (20, 3))
     table -= table.mean(axis=1, keepdims=True)  # everybody's mean is 0
     found = crossed(table)
@@ -213,7 +206,7 @@ def test_a_number_is_one_column_around_its_mean_and_has_no_difference():
         ([1, 2, 3, 5, 9, 7], ("z",), "aabbcc", "only one level of z has data"),
     ],
 )
-def test_why_a_model_cannot_be_fitted_is_said(values, terms, who, said):
+def test_error_explains_why_a_model_cannot_be_fitted(values, terms, who, said):
     rows = [{"x": "ab"[n % 2], "y": "ab"[n % 2], "z": "a"} for n in range(len(values))]
     levels = {"x": ["a", "b"], "y": ["a", "b"], "z": ["a"]}
     outcome = np.array(values, dtype=float)

@@ -133,7 +133,7 @@ def test_a_level_without_a_failure_has_a_test_and_no_coefficients():
     assert found.remark == "no estimate: the effects separate the outcomes completely"
 
 
-def test_why_a_model_cannot_be_fitted_is_said():
+def test_error_explains_why_a_model_cannot_be_fitted():
     rows = [{"delay": delay} for delay in LEVELS["delay"] for _ in range(2)]
     design = design_of(LEVELS, ("delay",), rows)
     with pytest.raises(CannotFitError, match="no variance"):
@@ -208,8 +208,8 @@ def test_cell_without_a_success_leaves_no_coefficients_with_endless_intervals():
 
 
 def test_effect_beside_others_that_separate_the_outcomes_has_no_test():
-    """With much delay no participant succeeds. Estimates of the interaction run to infinity without
-    an effect of the help, and what is left to test depends on where the fit stops.
+    """With much delay no participant succeeds. Estimates of the interaction diverge without an
+    effect of the help, and the remaining test would depend on where the fit stops.
     """
     cells = {("none", "alone"): [1, 1, 1, 1], ("none", "helped"): [1, 1, 0, 1]}
     outcomes, rows = [], []

@@ -4,16 +4,13 @@ studies break nothing.
 
 import functools
 import math
-from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.metrics.definitions import METRICS
-from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import Measured, measure_all
+from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -25,31 +22,26 @@ from experiments.analysis.tables.effects import (
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
+from tests.support.analysis.tables import measured, rows
 
 STUDY = shipped()["exploration"]
 WITHIN = shipped()["assistance"]
 PAIR = msgspec.structs.replace(STUDY, conditions=STUDY.conditions[:2])
 
 
-def measured(who, condition="", number=1, outcome="completed", **values):
-    session = SessionRecord(
-        f"{who}-{condition}-{number}",
-        who,
-        "giraff",
-        condition=condition,
-        number=number,
-        visit=number,
-        outcome=outcome,
-    )
-    nothing = {column.name: math.nan for column in METRICS}
-    nothing |= {"completed": float(outcome == "completed"), "total_time": 60.0, "seen": 1.0}
-    return Measured(session, Milestones(), nothing | values, (), np.empty((0, 2)))
+def session_with(who, condition="", number=1, outcome="completed", **values):
+    place = {"condition": condition, "number": number, "visit": number, "outcome": outcome}
+    session = SessionRecord(f"{who}-{condition}-{number}", who, "giraff", **place)
+    known = {"completed": float(outcome == "completed"), "total_time": 60.0, "seen": 1.0}
+    return measured(session, **known | values)
 
 
 def row(table, *labels):
-    return next(
-        one for one in table.rows if [cell.text for cell in one[: len(labels)]] == list(labels)
-    )
+    return next(one for one in table.rows if texts(one[: len(labels)]) == labels)
+
+
+def texts(cells):
+    return tuple(cell.text for cell in cells)
 
 
 @functools.cache
@@ -78,7 +70,7 @@ def test_participants_not_sessions_are_compared():
     keys = [one.key for one in PAIR.conditions]
     level = rng.normal(0.0, 1.0, (2, 12))
     own = [
-        measured(f"P{n}-{k}", keys[k], number, speed=level[k, n] + rng.normal(0.0, 0.01))
+        session_with(f"P{n}-{k}", keys[k], number, speed=level[k, n] + rng.normal(0.0, 0.01))
         for k in (0, 1)
         for n in range(12)
         for number in range(1, 9)
@@ -93,9 +85,8 @@ def test_within_subjects_only_those_who_had_every_condition_are_compared():
     rng = np.random.default_rng(33)
     first, second = [one.key for one in WITHIN.conditions][:2]
     a, b = rng.normal(1.0, 1.0, 10), rng.normal(0.6, 1.0, 10)
-    own = [measured(f"P{n}", first, 1, speed=a[n]) for n in range(10)] + [
-        measured(f"P{n}", second, 2, speed=b[n]) for n in range(8)
-    ]
+    own = [session_with(f"P{n}", first, 1, speed=a[n]) for n in range(10)]
+    own += [session_with(f"P{n}", second, 2, speed=b[n]) for n in range(8)]
     table = compare_conditions(Dataset(WITHIN), own, ("speed",))
     assert cell(table, table.rows[0], "p") == pytest.approx(stats.ttest_rel(a[:8], b[:8]).pvalue)
 
@@ -113,23 +104,17 @@ def test_outcomes_of_each_condition_sum_to_its_sessions():
 def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
     rng = np.random.default_rng(35)
     trips = rng.gamma(2.0, 0.1, 40)
-    own = [
-        measured(
-            f"P{n}",
-            round_trip=trip,
-            loss=rng.random(),
-            task_time=60.0 + 200.0 * trip + rng.normal(0.0, 8.0),
-            stops=rng.normal(),
-        )
-        for n, trip in enumerate(trips)
-    ]
+    own = []
+    for n, trip in enumerate(trips):
+        network = {"round_trip": trip, "loss": rng.random()}
+        time = 60.0 + 200.0 * trip + rng.normal(0.0, 8.0)
+        own.append(session_with(f"P{n}", **network, task_time=time, stops=rng.normal()))
     table = against_network(own)
-    assert cell(table, row(table, "round_trip", "task_time"), "p (Holm)") < 0.001
     line = row(table, "round_trip", "task_time")
-    assert cell(table, line, "Size") > 0.8
-    assert (
-        cell(table, line, "Size: from") < cell(table, line, "Size") < cell(table, line, "Size: to")
-    )
+    assert cell(table, line, "p (Holm)") < 0.001
+    low, size, high = (cell(table, line, head) for head in ("Size: from", "Size", "Size: to"))
+    assert size > 0.8
+    assert low < size < high
     assert (cell(table, line, "n tested"), cell(table, line, "df")) == (40, 38)
     assert cell(table, row(table, "loss", "stops per min"), "p (Holm)") > 0.05
 
@@ -138,10 +123,8 @@ def test_every_session_with_a_known_delay_falls_into_one_class():
     _, found = thirty()
     table = by_network(found)
     known = sum(math.isfinite(one.values["round_trip"]) for one in found)
-    assert (
-        sum(cell(table, one, "Sessions") for one in table.rows if one[0].text == "round_trip")
-        == known
-    )
+    classes = [one for one in table.rows if one[0].text == "round_trip"]
+    assert sum(cell(table, one, "Sessions") for one in classes) == known
     assert cell(table, row(table, "control way", "datachannel"), "Sessions") > 0
 
 
@@ -149,9 +132,8 @@ def test_learning_is_the_difference_within_visitors():
     rng = np.random.default_rng(37)
     first = rng.normal(100.0, 20.0, 15)
     second = first - rng.normal(10.0, 2.0, 15)
-    own = [measured(f"P{n}", number=1, efficiency=first[n]) for n in range(15)] + [
-        measured(f"P{n}", number=2, efficiency=second[n]) for n in range(12)
-    ]
+    own = [session_with(f"P{n}", number=1, efficiency=first[n]) for n in range(15)]
+    own += [session_with(f"P{n}", number=2, efficiency=second[n]) for n in range(12)]
     table = learnt(own)
     line = row(table, "efficiency")
     assert cell(table, line, "Difference") == pytest.approx((second - first)[:12].mean())
@@ -161,20 +143,18 @@ def test_learning_is_the_difference_within_visitors():
     assert cell(sessions, row(sessions, "visit", "2"), "Sessions") == 12
 
 
-def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
+def test_row_has_test_pairs_degrees_of_freedom_effect_and_both_intervals():
     rng = np.random.default_rng(39)
     keys = [one.key for one in WITHIN.conditions][:2]
     own = [
-        measured(f"P{n}", key, 1 + k, speed=rng.normal(0.5 * k, 1.0))
+        session_with(f"P{n}", key, 1 + k, speed=rng.normal(0.5 * k, 1.0))
         for n in range(14)
         for k, key in enumerate(keys)
         if (n, k) not in {(0, 1), (1, 0)}
     ]
     table = compare_conditions(Dataset(WITHIN), own, ("speed",))
     (line,) = table.rows
-    texts = {head: one.text for head, one in zip(table.head, line, strict=True)}
-    assert (texts["Test"], texts["n tested"], texts["df"]) == ("paired t", "12", "11")
-    assert texts["Effect"] == "d_z"
+    assert rows(table, "Test", "n tested", "df", "Effect") == [("paired t", "12", "11", "d_z")]
     for what in ("Difference", "Size"):
         bounds = [cell(table, line, f"{what}{end}") for end in (": from", "", ": to")]
         assert bounds == sorted(bounds)
@@ -183,8 +163,8 @@ def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
 def test_a_condition_of_one_participant_does_not_take_the_others_tests_away():
     rng = np.random.default_rng(40)
     keys = [one.key for one in STUDY.conditions][:3]
-    own = [measured(f"P{n}", keys[n % 2], speed=rng.normal()) for n in range(16)]
-    own.append(measured("P16", keys[2], speed=1.0))
+    own = [session_with(f"P{n}", keys[n % 2], speed=rng.normal()) for n in range(16)]
+    own.append(session_with("P16", keys[2], speed=1.0))
     table = compare_conditions(Dataset(STUDY), own, ("speed",))
     (line,) = table.rows
     assert cell(table, line, "n tested") == 16
@@ -198,9 +178,8 @@ def test_metrics_with_the_same_values_are_one_member_of_the_family():
     own = []
     for n in range(20):
         time = rng.normal(100.0 + 9.0 * (n % 2), 10.0)
-        own.append(
-            measured(f"P{n}", keys[n % 2], efficiency=time, moving_speed=time, speed=rng.normal())
-        )
+        same = {"efficiency": time, "moving_speed": time}
+        own.append(session_with(f"P{n}", keys[n % 2], **same, speed=rng.normal()))
     table = compare_conditions(Dataset(PAIR), own, ("efficiency", "moving_speed", "speed"))
     first, second, third = table.rows
     assert cell(table, first, "p (Holm)") == cell(table, second, "p (Holm)")
@@ -212,7 +191,7 @@ def test_metrics_with_the_same_values_are_one_member_of_the_family():
 
 
 @pytest.mark.parametrize("size", [0, 1, 2])
-def test_studies_of_hardly_anybody_break_nothing(size):
+def test_studies_of_up_to_two_participants_have_tables(size):
     dataset = made_up(np.random.default_rng(38), size)
     found = measure_all(dataset)
     for table in (
@@ -227,17 +206,15 @@ def test_studies_of_hardly_anybody_break_nothing(size):
 
 
 def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
-    table = outcomes_by_condition(
-        Dataset(PAIR),
-        [replace(measured("P"), session=SessionRecord("s", "P", "giraff", outcome="completed"))],
-    )
+    session = SessionRecord("s", "P", "giraff", outcome="completed")
+    table = outcomes_by_condition(Dataset(PAIR), [measured(session)])
     assert [one[0].text for one in table.rows] == ["all"]
 
 
 def drive(who, condition, *, completed, seconds, **values):
     time = {"task_time": seconds} if completed else {}
     outcome = "completed" if completed else "timed_out"
-    return measured(who, condition, outcome=outcome, total_time=seconds, **time, **values)
+    return session_with(who, condition, outcome=outcome, total_time=seconds, **time, **values)
 
 
 def test_drives_that_were_cut_short_are_not_averaged_as_if_complete():

@@ -88,7 +88,7 @@ def test_participants_are_in_the_condition_that_was_drawn_first():
     assert assigned == [8, 3]
 
 
-def test_no_finisher_is_said_not_to_have_continued():
+def test_finishers_are_not_counted_as_not_having_continued():
     dataset = every_ending()
     finished = [one for one in dataset.participants if one.finished]
     table = flow_of(replace(dataset, participants=tuple(finished)))

@@ -1,4 +1,4 @@
-"""A report on bots says so wherever it is opened, and one on participants says nothing of it."""
+"""Every part of a report on bots names them; a report on participants does not."""
 
 from dataclasses import replace
 
@@ -58,11 +58,11 @@ def test_the_results_in_words_begin_with_whose_they_are(of_bots, tmp_path):
         assert "are 3 bots here; bots are programs that took part" in first
 
 
-def test_the_sheet_counts_everybody_and_those_whom_it_is_about(of_bots, made):
+def test_sheet_counts_all_participants_and_those_of_its_kind(of_bots, made):
     (sheet,) = [table for table in of_bots.tables if table.name == "reporting-sheet"]
-    said = as_markdown(sheet)
-    assert said.startswith(f"# {SAID}: Reporting sheet\n")
-    assert "- in the dataset: 0 participants, 3 bots\n- in this sheet: 3 bots\n" in said
+    text = as_markdown(sheet)
+    assert text.startswith(f"# {SAID}: Reporting sheet\n")
+    assert "- in the dataset: 0 participants, 3 bots\n- in this sheet: 3 bots\n" in text
 
 
 def test_a_table_and_a_figure_of_participants_say_nothing_of_it(made):

@@ -3,26 +3,24 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.summaries import problems_of
 from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
+from tests.support.analysis.tables import measured
 
 RULES = Quality()
 GOOD = {"rate": 4.0, "longest_gap": 0.5, "clock_offset": 0.01}
 
 
-def measured(session=None, **changed):
+def record(session=None, **changed):
     session = session or SessionRecord("s", "a", "giraff", first_motion=3.0)
-    return Measured(session, Milestones(), GOOD | changed, (), np.empty((0, 2)))
+    return measured(session, **GOOD | changed)
 
 
 def test_a_good_record_is_good():
-    assert not problems_of(measured(), RULES)
+    assert not problems_of(record(), RULES)
 
 
 @pytest.mark.parametrize(
@@ -36,24 +34,24 @@ def test_a_good_record_is_good():
     ],
 )
 def test_each_rule_alone_fails_a_record(values, word):
-    assert [*problems_of(measured(**values), RULES)] == [word]
+    assert [*problems_of(record(**values), RULES)] == [word]
 
 
 @pytest.mark.parametrize("values", [{"rate": 3.5}, {"longest_gap": 2.0}, {"clock_offset": 0.25}])
 def test_a_record_at_a_bound_is_good(values):
-    assert not problems_of(measured(**values), RULES)
+    assert not problems_of(record(**values), RULES)
 
 
-def test_wrong_condition_and_operator_fail_a_record_where_the_study_says_so():
+def test_mismatch_and_operator_fail_a_record_if_the_study_requires_it():
     session = SessionRecord(
         "s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True
     )
     lenient = Quality(condition_applied=False, operator_absent=False)
-    assert [*problems_of(measured(session), RULES)] == ["condition", "operator"]
-    assert not problems_of(measured(session), lenient)
+    assert [*problems_of(record(session), RULES)] == ["condition", "operator"]
+    assert not problems_of(record(session), lenient)
 
 
 def test_session_without_a_drive_may_lack_states():
-    session = replace(measured().session, first_motion=math.nan)
+    session = replace(record().session, first_motion=math.nan)
     unknown = dict.fromkeys(("rate", "longest_gap", "clock_offset"), math.nan)
-    assert not problems_of(measured(session, **unknown), RULES)
+    assert not problems_of(record(session, **unknown), RULES)

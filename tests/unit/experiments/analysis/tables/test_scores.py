@@ -3,6 +3,7 @@ own with reverse-coded items, in a study with two conditions and two robots.
 """
 
 import functools
+from itertools import product
 
 import msgspec
 import numpy as np
@@ -28,9 +29,13 @@ from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.research.analysis_topics import topic_of
 from tests.support.analysis.study_dataset import questionnaires
+from tests.support.analysis.tables import cells, row_of, rows, value
 from tests.support.studies.questionnaires import defined, item
 
 PEOPLE = 24
+ROBOTS = tuple(
+    RobotRecord(name=name, title=name.title(), series=name) for name in ("giraff", "rhodon")
+)
 FIVE = [{"value": n, "label": {"en": f"{n}"}} for n in range(1, 6)]
 ITEMS = ("kind", "rude", "nice", "alive", "still", "quick")
 REVERSED = ("rude", "still")
@@ -38,16 +43,13 @@ REVERSED = ("rude", "still")
 
 def impression(scoring="topics"):
     """A questionnaire like Godspeed: two scales of three items, one of each reversed."""
-    return defined(
-        [item("likert", key, **({"reverse": True} if key in REVERSED else {})) for key in ITEMS],
-        slug="impression",
-        scales={"agree": FIVE},
-        scoring=scoring,
-        topics=[
-            {"key": "liking", "text": {"en": "Likeability"}, "items": list(ITEMS[:3])},
-            {"key": "animacy", "text": {"en": "Animacy"}, "items": list(ITEMS[3:])},
-        ],
-    )
+    items = [item("likert", key, **({"reverse": True} if key in REVERSED else {})) for key in ITEMS]
+    topics = [
+        {"key": "liking", "text": {"en": "Likeability"}, "items": list(ITEMS[:3])},
+        {"key": "animacy", "text": {"en": "Animacy"}, "items": list(ITEMS[3:])},
+    ]
+    more = {"slug": "impression", "scales": {"agree": FIVE}, "scoring": scoring}
+    return defined(items, topics=topics, **more)
 
 
 def study_of(design="within"):
@@ -87,35 +89,20 @@ def dataset_of(study, *, robots=("giraff", "giraff"), questionnaire=None, hidden
         own = keys if study.allocation.design == "within" else [keys[number % 2]]
         for key in own:
             place = keys.index(key)
-            one = SessionRecord(
-                f"{number}-{key}",
-                f"P{number:02d}",
-                robots[place] if isinstance(robots[place], str) else robots[place][number % 2],
-                condition=key,
-                number=place + 1,
-                outcome="completed",
-            )
+            robot = robots[place] if isinstance(robots[place], str) else robots[place][number % 2]
+            about = {"condition": key, "number": place + 1, "outcome": "completed"}
+            one = SessionRecord(f"{number}-{key}", f"P{number:02d}", robot, **about)
             sessions.append(one)
             for slug, values in answers(rng, 0.8 * place).items():
-                missing = {}
+                asked = {"session": one.id, "missing": {}}
                 if place and hidden in values:
                     del values[hidden]
-                    missing = {hidden: "not_asked"}
-                responses.append(
-                    ResponseRecord(
-                        f"{one.id}-{slug}",
-                        slug,
-                        one.participant,
-                        values,
-                        session=one.id,
-                        missing=missing,
-                    )
-                )
+                    asked["missing"] = {hidden: "not_asked"}
+                name = f"{one.id}-{slug}"
+                responses.append(ResponseRecord(name, slug, one.participant, values, **asked))
     return Dataset(
         study,
-        robots=tuple(
-            RobotRecord(name=name, title=name.title(), series=name) for name in ("giraff", "rhodon")
-        ),
+        robots=ROBOTS,
         sessions=tuple(sessions),
         responses=tuple(responses),
         questionnaires=(*questionnaires("tlx", "sus"), questionnaire or impression()),
@@ -132,19 +119,6 @@ def printed():
 
 def tables_of(dataset):
     return {table.name: table for table in (*score_tables(dataset), reliability_table(dataset))}
-
-
-def rows(table, *heads):
-    return [tuple(row[table.head.index(head)].text for head in heads) for row in table.rows]
-
-
-def row(table, **wanted):
-    (found,) = (
-        dict(zip(table.head, one, strict=True))
-        for one in table.rows
-        if all(one[table.head.index(head)].text == text for head, text in wanted.items())
-    )
-    return found
 
 
 def sus_scores(dataset, key):
@@ -172,7 +146,7 @@ def test_the_report_has_tables_and_a_figure_for_every_scored_questionnaire():
 def test_scores_are_those_of_the_rule_by_condition():
     dataset, tables, _ = printed()
     for key in ("alone", "assisted"):
-        found = row(tables["scores-sus"], Condition=key)
+        found = row_of(tables["scores-sus"], Condition=key)
         given = sus_scores(dataset, key)
         assert found["Scale"].text == "SUS"
         assert found["n"].value == PEOPLE
@@ -184,59 +158,46 @@ def test_scores_are_those_of_the_rule_by_condition():
         assert (found["Least"].value, found["Greatest"].value) == (0.0, 100.0)
         assert len(found["Mean"].sessions) == PEOPLE
     scales = dict.fromkeys(label for (label,) in rows(tables["scores-tlx"], "Scale"))
-    assert [label.split(":")[0] for label in scales] == [
-        "Raw TLX",
-        "Mental demand",
-        "Physical demand",
-        "Temporal demand",
-        "Performance",
-        "Effort",
-        "Frustration",
-    ]
+    demands = [f"{one} demand" for one in ("Mental", "Physical", "Temporal")]
+    expected = ["Raw TLX", *demands, "Performance", "Effort", "Frustration"]
+    assert [label.split(":")[0] for label in scales] == expected
 
 
 def test_within_participants_scores_are_compared_by_pairs_in_one_family():
     dataset, tables, _ = printed()
     table = tables["score-tests-sus"]
     expected = stats.ttest_rel(sus_scores(dataset, "alone"), sus_scores(dataset, "assisted"))
-    (found,) = table.rows
-    assert found[table.head.index("Test")].text == "paired t"
-    assert found[table.head.index("p")].value == pytest.approx(expected.pvalue)
+    assert rows(table, "Test") == [("paired t",)]
+    assert value(table, 0, "p") == pytest.approx(expected.pvalue)
 
 
 def test_each_topic_is_a_scale_and_its_reversed_items_count_from_the_other_end():
     dataset, tables, _ = printed()
     table = tables["scores-impression"]
-    assert rows(table, "Scale", "Condition") == [
-        ("Likeability", "alone"),
-        ("Likeability", "assisted"),
-        ("Animacy", "alone"),
-        ("Animacy", "assisted"),
-    ]
-    given = [
-        (one.values["kind"] + 6 - one.values["rude"] + one.values["nice"]) / 3.0
+    scales = product(("Likeability", "Animacy"), ("alone", "assisted"))
+    assert rows(table, "Scale", "Condition") == list(scales)
+    found = row_of(table, Scale="Likeability", Condition="alone")
+    assert found["Mean"].value == pytest.approx(liking_alone(dataset).mean())
+    notes = " ".join(table.notes)
+    assert "Reverse-coded, and counted from the other end: rude, still." in notes
+    assert "no score pools them" in notes
+
+
+def liking_alone(dataset):
+    """The items of likeability, coded, after the first drive: (participants, items)."""
+    answers = [
+        one.values
         for one in dataset.responses
         if one.questionnaire == "impression" and one.session.endswith("-alone")
     ]
-    found = row(table, Scale="Likeability", Condition="alone")
-    assert found["Mean"].value == pytest.approx(np.mean(given))
-    told = " ".join(table.notes)
-    assert "Reverse-coded, and counted from the other end: rude, still." in told
-    assert "no score pools them" in told
+    return np.array([(one["kind"], 6 - one["rude"], one["nice"]) for one in answers], np.float64)
 
 
 def test_reliability_is_that_of_the_coded_items_in_each_condition():
     dataset, tables, _ = printed()
     table = tables["reliability"]
-    found = row(table, Questionnaire="impression", Scale="Likeability", Condition="alone")
-    items = np.array(
-        [
-            (one.values["kind"], 6 - one.values["rude"], one.values["nice"])
-            for one in dataset.responses
-            if one.questionnaire == "impression" and one.session.endswith("-alone")
-        ],
-        dtype=np.float64,
-    )
+    found = row_of(table, Questionnaire="impression", Scale="Likeability", Condition="alone")
+    items = liking_alone(dataset)
     assert found["α"].value == pytest.approx(cronbach(items).value)
     assert found["α"].value > 0.6
     assert found["ω"].value == pytest.approx(mcdonald(items)[0].value)
@@ -254,15 +215,13 @@ def test_an_item_that_should_have_been_reversed_is_named():
     for one in forgotten["pages"][0]["items"]:
         one.pop("reverse", None)
     dataset = dataset_of(study_of(), questionnaire=msgspec.convert(forgotten, type(impression())))
-    tables = tables_of(dataset)
-    found = row(
-        tables["reliability"], Questionnaire="impression", Scale="Likeability", Condition="alone"
-    )
+    table = tables_of(dataset)["reliability"]
+    found = row_of(table, Questionnaire="impression", Scale="Likeability", Condition="alone")
     assert "rude correlates −" in found["Remark"].text
     assert found["α"].value < 0.5
 
 
-def test_robots_have_rows_of_their_own_and_what_is_pooled_is_said():
+def test_robots_have_rows_of_their_own_and_notes_name_pooled_robots():
     dataset = dataset_of(study_of(), robots=("giraff", ("giraff", "rhodon")))
     tables = tables_of(dataset)
     assert rows(tables["scores-sus"], "Condition", "Robot", "n") == [
@@ -270,9 +229,9 @@ def test_robots_have_rows_of_their_own_and_what_is_pooled_is_said():
         ("assisted", "giraff", "12"),
         ("assisted", "rhodon", "12"),
     ]
-    told = " ".join(tables["score-tests-sus"].notes)
-    assert "With assistance pools the robots giraff, rhodon." in told
-    assert "Conditions use different robots" in told
+    notes = " ".join(tables["score-tests-sus"].notes)
+    assert "With assistance pools the robots giraff, rhodon." in notes
+    assert "Conditions use different robots" in notes
     between = dataset_of(study_of("between"))
     table = tables_of(between)["reliability"]
     assert ("sus", "all", "24") in rows(table, "Questionnaire", "Condition", "n")
@@ -282,16 +241,12 @@ def test_robots_have_rows_of_their_own_and_what_is_pooled_is_said():
 def test_scores_of_different_items_are_not_compared():
     dataset = dataset_of(study_of(), hidden="nice")
     tables = tables_of(dataset)
-    liking, animacy = tables["score-tests-impression"].rows
-    remark = tables["score-tests-impression"].head.index("Remark")
-    assert liking[remark].text == "not the same items: nice only in Without assistance (giraff)"
-    assert animacy[remark].text == ""
-    told = " ".join(tables["scores-impression"].notes)
-    assert (
-        "Likeability is not of the same items in all rows: "
-        "nice only in Without assistance (giraff)." in told
-    )
-    found = row(tables["reliability"], Scale="Likeability", Condition="assisted")
+    only = "nice only in Without assistance (giraff)"
+    remarks = rows(tables["score-tests-impression"], "Remark")
+    assert remarks == [(f"not the same items: {only}",), ("",)]
+    notes = " ".join(tables["scores-impression"].notes)
+    assert f"Likeability is not of the same items in all rows: {only}." in notes
+    found = row_of(tables["reliability"], Scale="Likeability", Condition="assisted")
     assert found["Items"].value == 2
     assert found["Remark"].text == "without nice, not asked; no ω: fewer than three items"
 
@@ -302,19 +257,14 @@ def test_a_figure_has_a_panel_for_each_scale_with_the_means_of_the_table():
     assert [axes.get_title("left") for axes in figure.figure.axes] == ["Likeability", "Animacy"]
     svg = as_svg(figure).decode()
     assert all(f'id="{gid}"' in svg for gid in figure.behind)
-    assert sorted(figure.behind) == [
-        f"mean-{scale}-{key}-giraff"
-        for scale in ("animacy", "liking")
-        for key in ("alone", "assisted")
-    ]
-    (mean,) = (
-        line for line in figure.figure.axes[0].lines if line.get_gid() == "mean-liking-alone-giraff"
-    )
-    wanted = row(tables["scores-impression"], Scale="Likeability", Condition="alone")["Mean"].value
-    assert mean.get_xdata()[0] == wanted
+    means = product(("animacy", "liking"), ("alone", "assisted"))
+    assert sorted(figure.behind) == [f"mean-{scale}-{key}-giraff" for scale, key in means]
+    lines = {line.get_gid(): line for line in figure.figure.axes[0].lines}
+    wanted = row_of(tables["scores-impression"], Scale="Likeability", Condition="alone")["Mean"]
+    assert lines["mean-liking-alone-giraff"].get_xdata()[0] == wanted.value
 
 
-def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
+def test_table_5_counts_reversed_statements_from_the_other_end_with_a_note():
     dataset = dataset_of(study_of(), questionnaire=impression("likert"))
     table = table_5(dataset)
     labels = [label for (label,) in rows(table, "")]
@@ -324,7 +274,7 @@ def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
     assert any(note.startswith("reversed: answers are counted") for note in table.notes)
     given = [6 - one.values["rude"] for one in dataset.responses if "rude" in one.values]
     first = given[::2]  # the first response of a participant counts
-    found = dict(zip(table.head, table.rows[labels.index("RUDE (reversed)")], strict=True))
+    found = cells(table, table.rows[labels.index("RUDE (reversed)")])
     assert found["Mean"].value == pytest.approx(np.mean(first))
     assert ("RUDE (reversed)",) in rows(table_4(dataset), "")
     assert "score-tests-impression" not in tables_of(dataset)  # the table `answers` has these tests
