@@ -23,7 +23,7 @@ def touching(path: Path) -> list[str]:
     return ["-c", f"import pathlib; pathlib.Path({str(path)!r}).touch(); {LIVE}"]
 
 
-def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
+def test_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     waiting = [
         "-c",
@@ -46,7 +46,7 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
     assert [child.name for child in children.running] == ["first", "second"]
 
 
-def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
+def test_part_that_ends_is_named_during_the_start_of_another(children):
     fails = ["-c", "print('port taken'); raise SystemExit(1)"]
     parts = [
         DemoPart("broker", ["-c", LIVE], lambda _child: False),
@@ -56,7 +56,7 @@ def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
         children.start_together(parts, within=60)
 
 
-def test_a_part_that_is_never_ready_is_named_with_its_last_lines(children):
+def test_part_that_is_never_ready_is_named_with_its_last_lines(children):
     broker = DemoPart("broker", ["-c", LIVE], lambda _child: False)
     with pytest.raises(StartFailed, match="The broker was not ready in time"):
         children.start_together([broker], within=0.2)
