@@ -26,7 +26,13 @@ from robots.models import FloorPlan, Robot, RobotPermit, RobotPresence
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
 from tests.support.architectures.installed_adapters import install
-from tests.support.robots import create_robot, create_robots, unsaved_robot, update_robots
+from tests.support.robots import (
+    create_robot,
+    create_robots,
+    floor_plan,
+    unsaved_robot,
+    update_robots,
+)
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "/admin/robots/robot/", "/admin/robots/robot/add/"
@@ -80,14 +86,14 @@ def change_page(robot):
     return f"{LIST}{robot.pk}/change/"
 
 
-def is_clean(text):
-    """Tell whether the content security policy refuses nothing in a page."""
+def assert_clean(text):
+    """Assert that the content security policy allows everything in a page."""
     assert not re.search(r"<style|\sstyle=|\son[a-z]+=", text)
     scripts = re.findall(r"<script[^>]*>", text)
     assert all("src=" in tag or 'type="application/json"' in tag for tag in scripts)
 
 
-def test_practice_robots_are_on_no_list_and_in_no_count(client, researcher, giraff):
+def test_practice_robots_are_neither_listed_nor_counted(client, researcher, giraff):
     office = store_floor_plan(OFFICE)
     Robot.objects.create(name="practice-1", title="Practice", practice=True, floor_plan=office)
     Robot.objects.filter(name="giraff").update(floor_plan=office)
@@ -96,7 +102,7 @@ def test_practice_robots_are_on_no_list_and_in_no_count(client, researcher, gira
     assert [plan.robots_there for plan in plans] == [1]
 
 
-def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
+def test_list_shows_the_state_of_each_robot(client, researcher, giraff):
     visitor = get_user_model().objects.create(username="ada", display_name="Ada")
     session = Session.objects.create(
         robot=giraff,
@@ -111,28 +117,24 @@ def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
     assert "81%, charging" in text
     assert "Ada" in text
     assert 'href="/robots/giraff/"' in text
-    assert text.count('alt="True"') == 1  # one is online
+    assert text.count('alt="True"') == 1  # one robot is online
     assert ">docked<" in text
-    is_clean(text)
+    assert_clean(text)
 
 
-def test_the_deletion_of_a_robot_lists_no_parts_of_the_robot_itself(client, researcher, giraff):
+def test_deletion_page_does_not_list_presence_and_credentials(client, researcher, giraff):
     Robot.objects.create(name="rhodon", title="The Rhodon")
-    pages = [client.get(f"/admin/robots/robot/{giraff.pk}/delete/")]
+    delete = f"{LIST}{giraff.pk}/delete/"
     chosen = {"action": "delete_selected", "_selected_action": [str(giraff.pk)]}
-    pages.append(client.post("/admin/robots/robot/", chosen))
-    for page in pages:
-        text = page.content.decode()
+    for text in (page(client, delete), posted(client, LIST, chosen)):
         assert "The Giraff" in text
-        assert "robot presence" not in text.lower()
-        assert "robot credentials" not in text.lower()
-        assert "object (" not in text
-    client.post(f"/admin/robots/robot/{giraff.pk}/delete/", {"post": "yes"})
+        assert not re.search(r"robot presence|robot credentials|object \(", text, re.IGNORECASE)
+    client.post(delete, {"post": "yes"})
     assert [robot.name for robot in Robot.objects.all()] == ["rhodon"]
     assert RobotPresence.objects.count() == 1
 
 
-def test_the_list_asks_the_database_no_more_for_more_robots(
+def test_number_of_queries_of_the_list_does_not_grow(
     client, researcher, giraff, django_assert_max_num_queries
 ):
     for number in range(20):
@@ -141,7 +143,7 @@ def test_the_list_asks_the_database_no_more_for_more_robots(
         client.get(LIST)
 
 
-def test_a_page_of_a_long_list_reads_fifty_rows_and_no_images_of_maps(
+def test_page_of_a_long_list_reads_fifty_rows_and_no_map_images(
     client, researcher, giraff, django_assert_max_num_queries
 ):
     office = store_floor_plan(OFFICE)
@@ -162,21 +164,21 @@ def test_robots_are_found_and_filtered(client, researcher, giraff):
     assert "The Giraff" not in page(client, LIST + "?access__exact=trained")
 
 
-def test_a_robot_whose_last_message_is_old_is_not_online(client, researcher, giraff):
+def test_robot_whose_last_message_is_old_is_not_online(client, researcher, giraff):
     RobotPresence.objects.update(last_seen_at=timezone.now() - datetime.timedelta(minutes=1))
     assert 'alt="True"' not in page(client, LIST)
 
 
-def test_a_robots_page_shows_its_factsheet_and_cannot_rename_it(client, researcher, giraff):
+def test_robots_page_shows_its_factsheet_and_cannot_rename_it(client, researcher, giraff):
     text = page(client, change_page(giraff))
     assert "&lt;b&gt;simulator&lt;/b&gt;" in text.replace("\\u003C", "&lt;")
     assert 'name="name"' not in text
     assert f"{LIST}{giraff.pk}/credentials/" in text
     assert giraff.credentials.credential_hash not in text or not giraff.credentials.credential_hash
-    is_clean(text)
+    assert_clean(text)
 
 
-def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, researcher, giraff):
+def test_robots_page_shows_why_the_agent_does_not_reach_it(client, researcher, giraff):
     def control():
         field = r'field-control.*?class="readonly">(.*?)</div>'
         return re.search(field, page(client, change_page(giraff)), re.DOTALL)[1]
@@ -189,7 +191,7 @@ def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, r
     assert control() == "–"
 
 
-def test_a_new_robot_needs_a_proper_name(client, researcher):
+def test_new_robot_needs_a_valid_name(client, researcher):
     for bad in ("server", "Giraff", "a b", "-a", "a/b"):
         assert "errorlist" in posted(client, ADD, FORM | {"name": bad})
     assert client.post(ADD, FORM | {"name": "giraff-2"}).status_code == 302
@@ -197,9 +199,7 @@ def test_a_new_robot_needs_a_proper_name(client, researcher):
 
 
 @pytest.mark.parametrize("field", ["turn_minutes", "charge_limit", "max_linear", "max_angular"])
-def test_a_decimal_comma_is_taken_in_spanish_and_told_apart_in_english(
-    client, researcher, giraff, field
-):
+def test_decimal_comma_is_accepted_in_spanish_only(client, researcher, giraff, field):
     address = change_page(giraff)
     assert "write 0.6, not 0,6" in posted(client, address, FORM | {field: "0,6"})
     for language, text, number in (("es", "0,6", 0.6), ("es", "0.7", 0.7), ("en", "0.8", 0.8)):
@@ -213,7 +213,7 @@ def test_a_decimal_comma_is_taken_in_spanish_and_told_apart_in_english(
         assert 'inputmode="decimal"' in shown
 
 
-def test_a_robots_other_languages_are_written_and_emptied_on_its_page(client, researcher):
+def test_translations_of_a_robot_are_edited_and_deleted_on_its_page(client, researcher):
     form = FORM | {"name": "giraff-2"}
     wrong = posted(client, ADD, form | {"translations": '{"es": "Jirafa"}'})
     assert "Enter translations like this" in wrong
@@ -231,16 +231,16 @@ def shown_credentials(text):
     return tomllib.loads(unescape(file))
 
 
-def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraff):
+def test_credentials_are_created_by_post_and_shown_once(client, researcher, giraff):
     address = f"{LIST}{giraff.pk}/credentials/"
     asked = page(client, address)
     giraff.refresh_from_db()
-    assert not giraff.credentials.credential_hash  # looking makes nothing
-    is_clean(asked)
+    assert not giraff.credentials.credential_hash  # a GET creates nothing
+    assert_clean(asked)
 
     response = client.post(address, HTTP_HOST="localhost:8000")
     text = response.content.decode()
-    is_clean(text)
+    assert_clean(text)
     assert "no-store" in response["Cache-Control"]
     credentials = shown_credentials(text)
     assert credentials["robot"] == "giraff"
@@ -259,7 +259,7 @@ def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraf
     assert credentials["token"] not in LogEntry.objects.get().change_message
 
 
-def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
+def test_installed_adapters_are_offered_and_others_are_accepted(
     client, researcher, giraff, tmp_path, monkeypatch
 ):
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -268,7 +268,7 @@ def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
     text = page(client, address)
     for name in ("simulator", "ros2", "stranger"):
         assert f'<option value="{name}"></option>' in text
-    is_clean(text)
+    assert_clean(text)
 
     giraff.adapter = "stranger"
     giraff.save()
@@ -286,7 +286,7 @@ def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
 
 
 @pytest.mark.parametrize("name", ["two words", "x; rm", "acme'", "--yes", "acme\n"])
-def test_an_adapter_s_name_that_a_shell_would_read_otherwise_is_refused(giraff, name):
+def test_adapter_name_with_shell_characters_is_refused(giraff, name):
     giraff.adapter = name
     with pytest.raises(ValidationError, match="Enter a name or the path"):
         giraff.full_clean()
@@ -311,7 +311,7 @@ def act(client, action, *robots):
     return posted(client, LIST, {"action": action, "_selected_action": chosen}, follow=True)
 
 
-def test_the_action_leads_to_the_credentials_of_one_robot(client, researcher, giraff):
+def test_action_opens_the_credentials_of_one_robot(client, researcher, giraff):
     assert "Create new credentials for" in act(client, "new_credentials", giraff)
     other = Robot.objects.create(name="rhodon", title="Rhodon")
     assert "Choose a single robot" in act(client, "new_credentials", giraff, other)
@@ -334,7 +334,7 @@ def test_robots_are_disabled_and_enabled(client, researcher, giraff):
     assert giraff.enabled
 
 
-def test_a_permit_is_given_on_the_robots_page(client, researcher, giraff):
+def test_permit_is_given_on_the_robots_page(client, researcher, giraff):
     visitor = get_user_model().objects.create(username="ada")
     permit = {"user": str(visitor.pk), "kind": "trained", "robot": str(giraff.pk)}
     form = FORM | {f"permits-0-{name}": value for name, value in permit.items()}
@@ -355,19 +355,19 @@ def files(*, plan=True, **replaced):
     }
 
 
-def test_a_floor_plan_is_taken_from_three_files(client, researcher):
+def test_floor_plan_is_created_from_three_files(client, researcher):
     assert client.post(ADD_PLAN, files()).status_code == 302
     plan = FloorPlan.objects.get()
     assert plan.name == "office"
     text = page(client, f"/admin/robots/floorplan/{plan.pk}/change/")
     assert f"/floorplans/office.png?v={plan.sha256[:16]}" in text
     assert "2 doors" in text
-    is_clean(text)
-    is_clean(page(client, "/admin/robots/floorplan/"))
-    is_clean(page(client, ADD_PLAN))
+    assert_clean(text)
+    assert_clean(page(client, "/admin/robots/floorplan/"))
+    assert_clean(page(client, ADD_PLAN))
 
 
-def test_a_map_without_a_plan_takes_its_name_from_the_form(client, researcher):
+def test_map_without_a_plan_is_named_in_the_form(client, researcher):
     assert "needs a map id and a title" in posted(client, ADD_PLAN, files(plan=False))
     assert client.post(ADD_PLAN, files(plan=False) | LAB).status_code == 302
     assert FloorPlan.objects.get().title == "The lab"
@@ -388,28 +388,28 @@ def test_a_map_without_a_plan_takes_its_name_from_the_form(client, researcher):
         ({"plan_file": b"[" * 200_000}, "plan.json"),
     ],
 )
-def test_files_that_cannot_be_used_are_refused_with_a_sentence(client, researcher, replaced, word):
+def test_unusable_files_are_refused_with_the_reason(client, researcher, replaced, word):
     assert word in posted(client, ADD_PLAN, files(**replaced))
     assert not FloorPlan.objects.exists()
 
 
-def test_a_map_that_takes_too_long_is_refused_with_a_sentence(client, researcher, monkeypatch):
+def test_map_that_takes_too_long_is_refused(client, researcher, monkeypatch):
     quick = functools.partial(ChildLimits, elapsed=0.01)
     monkeypatch.setattr(limited_process, "ChildLimits", quick)
     assert "The file needs too much memory or time" in posted(client, ADD_PLAN, files())
     assert not FloorPlan.objects.exists()
 
 
-def test_a_floor_plan_without_files_is_refused(client, researcher):
+def test_floor_plan_without_files_is_refused(client, researcher):
     assert "Choose the map" in posted(client, ADD_PLAN, LAB)
 
 
-def test_the_same_map_twice_is_an_error_of_the_form(client, researcher):
+def test_second_upload_of_a_map_is_refused(client, researcher):
     store_floor_plan(OFFICE)
     assert "already exists" in posted(client, ADD_PLAN, files())
 
 
-def test_a_floor_plan_is_renamed_and_its_files_replaced(client, researcher):
+def test_floor_plan_is_renamed_and_its_files_are_replaced(client, researcher):
     plan = store_floor_plan(OFFICE)
     address = f"/admin/robots/floorplan/{plan.pk}/change/"
     assert client.post(address, {"title": "Our office"}).status_code == 302
@@ -424,28 +424,18 @@ def test_a_floor_plan_is_renamed_and_its_files_replaced(client, researcher):
     assert "do not show the same place" in posted(client, address, wrong)
 
 
-def test_the_plan_of_another_map_does_not_replace_this_one(client, researcher):
+def test_plan_of_another_map_is_refused(client, researcher):
     client.post(ADD_PLAN, files(plan=False) | LAB)
     address = f"/admin/robots/floorplan/{FloorPlan.objects.get().pk}/change/"
     assert "belongs to the map “office”" in posted(client, address, files() | {"title": "The lab"})
 
 
 def put_doors(*doors):
-    plan = FloorPlan.objects.create(
-        name="flat",
-        title="Flat",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        width=1,
-        height=1,
-        image=b"png",
-        plan={"doors": doors},
-    )
+    plan = floor_plan("flat", plan={"doors": doors})
     update_robots(floor_plan=plan, factsheet={"capabilities": ["doors"]})
 
 
-def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, giraff):
+def test_doors_are_opened_and_closed_on_their_page(client, researcher, giraff):
     put_doors({"name": "lab-door", "title": "Laboratory door"})
     address = f"{LIST}{giraff.pk}/doors/"
     assert "Laboratory door" in client.get(address).content.decode()
@@ -458,30 +448,22 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
     assert Robot.objects.get(pk=giraff.pk).doors == {"lab-door": "closed"}
 
 
-def test_a_robot_that_is_stuck_between_two_visits_is_freed(client, researcher, giraff):
+def test_robot_that_is_paused_between_sessions_is_freed(client, researcher, giraff):
     RobotPresence.objects.update(turnaround="paused", turnaround_reason="estop")
     assert "Not ready: its emergency stop is on" in page(client, change_page(giraff))
     act(client, "free", giraff)
     assert Robot.objects.get(pk=giraff.pk).presence.turnaround == "ready"
 
 
-def test_saving_a_robot_keeps_what_others_wrote_since_its_form_was_read(
-    client, researcher, giraff, monkeypatch
-):
+def test_saving_a_robot_keeps_concurrent_changes(client, researcher, giraff, monkeypatch):
     form = client.get(change_page(giraff)).context["adminform"].form
     sent = {name: form[name].value() or "" for name in form.fields}
     sent |= {"permits-TOTAL_FORMS": 0, "permits-INITIAL_FORMS": 0, "title": "Renamed"}
     clean = RobotForm.clean
 
     def slowly(self):
-        update_robots(
-            connection="CONNECTIONBROKEN",
-            turnaround="paused",
-            credential_hash="new",
-            held="repair",
-            doors={"lab": "open"},
-            max_linear=0.3,
-        )
+        update_robots(connection="CONNECTIONBROKEN", turnaround="paused", credential_hash="new")
+        update_robots(held="repair", doors={"lab": "open"}, max_linear=0.3)
         return clean(self)
 
     monkeypatch.setattr(RobotForm, "clean", slowly)
@@ -493,7 +475,7 @@ def test_saving_a_robot_keeps_what_others_wrote_since_its_form_was_read(
     assert saved.credentials.credential_hash == "new"
 
 
-def test_two_people_who_move_two_doors_at_once_move_both(client, researcher, giraff, monkeypatch):
+def test_concurrent_changes_of_two_doors_are_both_kept(client, researcher, giraff, monkeypatch):
     put_doors({"name": "lab"}, {"name": "hall"})
     read = RobotAdmin.managed
 

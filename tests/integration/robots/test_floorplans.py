@@ -1,4 +1,4 @@
-"""Floor plans into the database, and out again to robots and pages."""
+"""Floor plans are stored, and sent to robots and pages."""
 
 import base64
 import hashlib
@@ -22,6 +22,7 @@ YAML = (
     b"image: whatever.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh:"
     b" 0.65\nfree_thresh: 0.196\n"
 )
+LAB = {"name": "lab", "title": "The lab"}
 
 
 def store_upload(*files, **words):
@@ -32,7 +33,7 @@ def image(width=30, height=20, value=254):
     return encode_png(np.full((height, width), value, dtype=np.uint8))
 
 
-def test_the_office_is_stored_and_stored_again_under_its_name():
+def test_storing_the_office_twice_replaces_it():
     first = store_floor_plan(OFFICE)
     again = store_floor_plan(OFFICE)
     assert first.pk == again.pk
@@ -43,57 +44,42 @@ def test_the_office_is_stored_and_stored_again_under_its_name():
     assert kept.sha256 == hashlib.sha256(bytes(kept.image)).hexdigest()
 
 
-def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
+def test_floor_plan_message_contains_map_and_plan_without_translations():
     plan = store_floor_plan(OFFICE)
     message = decode("floorplan", encode(FloorPlan.objects.get().as_message()))
     assert message.map_id == "office"
     assert message.origin == (plan.origin_x, plan.origin_y, plan.origin_theta)
     assert hashlib.sha256(base64.b64decode(message.image)).hexdigest() == message.sha256
-    # The titles' translations are for pages: agents of earlier versions refuse unknown fields.
+    # Translations are for pages only: agents of earlier versions refuse unknown fields.
     whole = floorplan.decode((OFFICE / "plan.json").read_bytes())
-    assert floorplan.decode(json.dumps(message.plan)) == msgspec.structs.replace(
-        whole, translations={}
-    )
+    sent = floorplan.decode(json.dumps(message.plan))
+    assert sent == msgspec.structs.replace(whole, translations={})
 
 
-def test_a_robot_is_told_a_map_without_a_plan():
-    row = store_upload(YAML, image(), None, name="lab", title="The lab")
-    assert decode("floorplan", encode(row.as_message())).plan is None
+def test_map_without_a_plan_is_stored_and_sent():
+    plan = store_upload(YAML, image(), None, **LAB)
+    assert (plan.width, plan.height, plan.resolution) == (30, 20, 0.05)
+    assert (plan.origin_x, plan.origin_y, plan.plan) == (-1.0, -2.0, {})
+    assert decode("floorplan", encode(plan.as_message())).plan is None
 
 
-def test_a_map_without_a_plan_is_stored_under_the_name_that_is_given():
-    plan = store_upload(YAML, image(), None, name="lab", title="The lab")
-    assert (plan.width, plan.height, plan.resolution, plan.origin_x, plan.origin_y) == (
-        30,
-        20,
-        0.05,
-        -1.0,
-        -2.0,
-    )
-    assert plan.plan == {}
-
-
-def test_a_pgm_as_map_server_writes_it_is_taken():
+def test_pgm_of_map_saver_is_stored_as_png():
     pgm = b"P5\n# CREATOR: map_saver\n6 4\n255\n" + bytes([254] * 24)
-    plan = store_upload(YAML, pgm, None, name="lab", title="The lab")
+    plan = store_upload(YAML, pgm, None, **LAB)
     assert (plan.width, plan.height) == (6, 4)
     assert bytes(plan.image).startswith(b"\x89PNG")
 
 
-def test_an_upload_with_a_plan_takes_its_name_from_it():
-    plan = store_upload(
-        (OFFICE / "map.yaml").read_bytes(),
-        (OFFICE / "map.png").read_bytes(),
-        (OFFICE / "plan.json").read_bytes(),
-    )
-    assert plan.name == "office"
+def test_upload_is_named_by_its_plan():
+    files = (OFFICE / name for name in ("map.yaml", "map.png", "plan.json"))
+    assert store_upload(*(file.read_bytes() for file in files)).name == "office"
 
 
-def test_the_image_named_in_the_yaml_is_not_followed(tmp_path):
+def test_image_path_in_the_yaml_is_not_read(tmp_path):
     secret = tmp_path / "secret.png"
     secret.write_bytes(image(width=7))
     yaml = YAML.replace(b"whatever.pgm", str(secret).encode())
-    assert store_upload(yaml, image(width=30), None, name="lab", title="The lab").width == 30
+    assert store_upload(yaml, image(width=30), None, **LAB).width == 30
 
 
 @pytest.mark.parametrize(
@@ -115,27 +101,27 @@ def test_the_image_named_in_the_yaml_is_not_followed(tmp_path):
     ],
     ids=map(str, range(13)),
 )
-def test_unusable_files_are_refused_with_a_sentence_and_change_nothing(yaml, picture, plan, word):
+def test_unusable_files_are_refused_and_change_nothing(yaml, picture, plan, word):
     with pytest.raises(FloorPlanRefusedError, match=word):
-        store_upload(yaml, picture, plan, name="lab", title="The lab")
+        store_upload(yaml, picture, plan, **LAB)
     assert not FloorPlan.objects.exists()
 
 
-def test_an_image_that_no_robot_would_take_is_refused():
+def test_image_too_large_for_a_message_is_refused():
     noise = np.random.default_rng(1).integers(0, 255, (900, 900), dtype=np.uint8)
     with pytest.raises(FloorPlanRefusedError, match="at most 512 kB"):
-        store_upload(YAML, encode_png(noise), None, name="lab", title="The lab")
+        store_upload(YAML, encode_png(noise), None, **LAB)
 
 
 @pytest.mark.parametrize(
     ("name", "title"),
     [("", "The lab"), ("lab", ""), ("a b", "The lab"), ("x" * 51, "The lab"), ("lab", "x" * 121)],
 )
-def test_a_name_or_title_that_cannot_be_is_refused(name, title):
+def test_invalid_name_or_title_is_refused(name, title):
     with pytest.raises(FloorPlanRefusedError, match=r"map id|title"):
         store_upload(YAML, image(), None, name=name, title=title)
 
 
-def test_a_folder_without_its_files_is_refused(tmp_path):
+def test_folder_without_files_is_refused(tmp_path):
     with pytest.raises(FloorPlanRefusedError, match="No such file"):
         store_floor_plan(tmp_path)

@@ -1,4 +1,4 @@
-"""A site made elsewhere, through the command, into the database and into a simulator."""
+"""Import of a site by the command, into the database and the simulator."""
 
 import json
 import shutil
@@ -25,25 +25,30 @@ def var(settings, tmp_path):
 
 @pytest.fixture
 def folder(tmp_path) -> Path:
-    """A copy of the clinic as somebody else might have it: another name, a PGM image under a name
-    of its own.
-    """
+    """A copy of the clinic with another name, and a PGM image with another file name."""
     made = tmp_path / "elsewhere"
     shutil.copytree(SHIPPED / "clinic", made)
     plan = json.loads((made / "plan.json").read_text())
-    del plan["translations"]  # of titles that it does not have any more
-    (made / "plan.json").write_text(
-        json.dumps(plan | {"mapId": "our-clinic", "title": "Our clinic"})
-    )
+    del plan["translations"]  # of its former titles
+    plan |= {"mapId": "our-clinic", "title": "Our clinic"}
+    (made / "plan.json").write_text(json.dumps(plan))
     grey = decode_grey((made / "map.png").read_bytes(), "map.png")
     (made / "first_floor.pgm").write_bytes(
         b"P5 %d %d 255\n" % (grey.shape[1], grey.shape[0]) + grey.tobytes()
     )
     (made / "map.png").unlink()
-    (made / "map.yaml").write_text(
-        (made / "map.yaml").read_text().replace("map.png", "first_floor.pgm")
-    )
+    change_map(made, "map.png", "first_floor.pgm")
     return made
+
+
+def change_map(folder: Path, old: str, new: str) -> None:
+    text = (folder / "map.yaml").read_text()
+    (folder / "map.yaml").write_text(text.replace(old, new))
+
+
+def change_plan(folder: Path, **parts: object) -> None:
+    plan = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps(plan | parts))
 
 
 def take(folder: Path, *options: str) -> str:
@@ -52,10 +57,10 @@ def take(folder: Path, *options: str) -> str:
     return out.getvalue()
 
 
-def test_a_site_is_taken_into_database_and_simulator(folder, var):
-    said = take(folder)
-    assert "Imported the site our-clinic (Our clinic)." in said
-    assert f"plan={var / 'sites' / 'our-clinic'}" in said
+def test_site_is_imported_into_database_and_simulator(folder, var):
+    printed = take(folder)
+    assert "Imported the site our-clinic (Our clinic)." in printed
+    assert f"plan={var / 'sites' / 'our-clinic'}" in printed
     assert FloorPlan.objects.get().name == "our-clinic"
     site = load_site(str(var / "sites" / "our-clinic"))
     assert (site.grid.image == load_site("clinic").grid.image).all()
@@ -63,24 +68,18 @@ def test_a_site_is_taken_into_database_and_simulator(folder, var):
     assert sorted(path.name for path in (var / "sites").iterdir()) == ["our-clinic"]
 
 
-def test_a_site_replaces_its_earlier_self(folder, var):
+def test_imported_site_replaces_its_earlier_version(folder, var):
     take(folder)
-    plan = json.loads((folder / "plan.json").read_text())
-    (folder / "plan.json").write_text(json.dumps(plan | {"title": "Rebuilt"}))
+    change_plan(folder, title="Rebuilt")
     assert "Replaced the site our-clinic (Rebuilt)." in take(folder)
     assert FloorPlan.objects.get().title == "Rebuilt"
     assert load_site(str(var / "sites" / "our-clinic")).plan.title == "Rebuilt"
 
 
-def test_a_check_changes_nothing(folder, var):
+def test_check_changes_nothing(folder, var):
     assert "can be used" in take(folder, "--check")
     assert not FloorPlan.objects.exists()
     assert not var.exists()
-
-
-def change_plan(folder: Path, **parts: object) -> None:
-    plan = json.loads((folder / "plan.json").read_text())
-    (folder / "plan.json").write_text(json.dumps(plan | parts))
 
 
 def spoil(folder: Path, what: str) -> None:
@@ -95,21 +94,17 @@ def spoil(folder: Path, what: str) -> None:
             (folder / "first_floor.pgm").unlink()
         case "no JSON":
             (folder / "plan.json").write_text("{,")
-        case "a slip of the pen":
+        case "misspelled field":
             change_plan(folder, docs=[])
         case "nothing free":
-            (folder / "map.yaml").write_text(
-                (folder / "map.yaml").read_text().replace("negate: 0", "negate: 1")
-            )
+            change_map(folder, "negate: 0", "negate: 1")
             grey = decode_grey((folder / "first_floor.pgm").read_bytes(), "map") * 0 + 254
             (folder / "first_floor.pgm").write_bytes(encode_png(grey))
         case "other scale":
-            (folder / "map.yaml").write_text(
-                (folder / "map.yaml").read_text().replace("0.05", "0.2")
-            )
+            change_map(folder, "0.05", "0.2")
         case "place in a wall":
             change_plan(folder, places=[{"name": "nook", "title": "Nook", "x": 3.2, "y": 7.7}])
-        case "path of a map id":
+        case "long map id":
             change_plan(folder, mapId="a" * 60)
 
 
@@ -121,16 +116,14 @@ def spoil(folder: Path, what: str) -> None:
         ("no map", r"map\.yaml"),
         ("no image", r"first_floor\.pgm"),
         ("no JSON", r"plan\.json: JSON is malformed"),
-        ("a slip of the pen", "unknown field `docs`"),
+        ("misspelled field", "unknown field `docs`"),
         ("nothing free", "no free cell"),
         ("other scale", "do not show the same place"),
         ("place in a wall", "Place 'nook' is in a wall or in furniture on the map."),
-        ("path of a map id", "map id must be at most 50"),
+        ("long map id", "map id must be at most 50"),
     ],
 )
-def test_a_site_that_cannot_be_used_is_refused_with_sentences_and_changes_nothing(
-    folder, var, what, words
-):
+def test_unusable_site_is_refused_with_the_reason_and_changes_nothing(folder, var, what, words):
     take(folder)
     before = FloorPlan.objects.get()
     spoil(folder, what)

@@ -1,4 +1,4 @@
-"""The first migrations of robots and sessions replace those of the versions before them."""
+"""The first migrations of robots and sessions replace those of earlier versions."""
 
 import pytest
 from django.core.management import call_command
@@ -31,7 +31,7 @@ def test_robots_and_sessions_have_one_migration_that_replaces_the_older_ones():
     assert {migration.app_label for migration in SQUASHED} == {"robots", "telepresence_sessions"}
 
 
-def test_a_database_with_every_replaced_migration_keeps_its_tables_and_rows():
+def test_database_with_every_replaced_migration_keeps_its_rows():
     Robot.objects.create(name="giraff", title="Giraff")
     for migration in SQUASHED:
         forget(migration.app_label, migration.name)
@@ -41,15 +41,15 @@ def test_a_database_with_every_replaced_migration_keeps_its_tables_and_rows():
     assert {(migration.app_label, migration.name) for migration in SQUASHED} <= set(applied)
 
 
-def test_a_new_database_and_one_with_every_replaced_migration_pass_the_check():
+def test_new_database_and_one_with_every_replaced_migration_pass_the_check():
     assert not list(check_squashed_migrations(databases=["default"]))
     MigrationRecorder.Migration.objects.all().delete()
     assert not list(check_squashed_migrations(databases=["default"]))
 
 
-@pytest.mark.parametrize("keeps_new", [False, True], ids=["", "the new one is recorded"])
+@pytest.mark.parametrize("keeps_new", [False, True], ids=["", "new one is recorded"])
 @pytest.mark.parametrize("migration", SQUASHED, ids=str)
-def test_a_database_with_some_of_the_replaced_migrations_is_refused(migration, keeps_new):
+def test_database_with_only_some_of_the_replaced_migrations_is_refused(migration, keeps_new):
     if not keeps_new:
         forget(migration.app_label, migration.name)
     forget(*migration.replaces[-1])

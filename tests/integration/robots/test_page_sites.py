@@ -1,5 +1,5 @@
-"""A robot's map becomes a site on the pages of the administration, and a robot finds its way in it:
-from its station to goals all over the floor, and back.
+"""A robot's map becomes a site in the administration, in which a robot reaches goals all over the
+floor and docks again.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from tests.support.agents.page_sites import site_by_page
 pytestmark = [pytest.mark.django_db, pytest.mark.long, pytest.mark.nightly]
 
 
-def test_a_map_that_is_saved_as_proposed_is_driven_in(client, settings, tmp_path):
+def test_robot_drives_in_a_site_that_was_saved_as_proposed(client, settings, tmp_path):
     settings.VAR_DIR = tmp_path / "var"
     client.force_login(get_user_model().objects.create_superuser("owner"))
     write_grid(mapped(building(furnished=True), np.random.default_rng(1)), tmp_path)

@@ -1,4 +1,4 @@
-"""What a robot's messages make of its row."""
+"""How a robot's messages change its presence."""
 
 import datetime
 
@@ -68,82 +68,86 @@ FACTSHEET = Factsheet(
 )
 
 
-class Heard(PresenceWriter):
-    """Looks after every message, as often as a session manager that has nothing else to do."""
+class ImmediateWriter(PresenceWriter):
+    """Writes after every message, as an idle session manager does."""
 
     def take(self, name, message, now, **how):
         super().take(name, message, now, **how)
         self.write(now)
 
 
-def row(**fields):
-    return RobotPresence(**fields)
+@pytest.fixture
+def giraff(db):
+    return Robot.objects.create(name="giraff", title="Giraff")
 
 
-def test_a_robot_that_says_online_is_online():
-    found = changes(row(), connection("ONLINE"), NOW)
+@pytest.fixture
+def writer(giraff):
+    """The writer of a robot that is online."""
+    writer = ImmediateWriter(EVERYTHING)
+    writer.take("giraff", connection("ONLINE"), NOW)
+    return writer
+
+
+def test_online_message_sets_connection_boot_and_last_seen():
+    found = changes(RobotPresence(), connection("ONLINE"), NOW)
     assert found == {"connection": "ONLINE", "boot": "b1", "last_seen_at": NOW}
 
 
-@pytest.mark.parametrize("word", ["OFFLINE", "CONNECTIONBROKEN"])
-def test_the_end_of_the_same_boot_counts(word):
-    assert changes(row(connection="ONLINE", boot="b1"), connection(word), NOW)["connection"] == word
+@pytest.mark.parametrize("ended", ["OFFLINE", "CONNECTIONBROKEN"])
+def test_end_of_the_same_boot_is_stored(ended):
+    online = RobotPresence(connection="ONLINE", boot="b1")
+    assert changes(online, connection(ended), NOW)["connection"] == ended
 
 
-@pytest.mark.parametrize("word", ["OFFLINE", "CONNECTIONBROKEN"])
-def test_the_late_end_of_an_earlier_boot_is_ignored(word):
-    assert changes(row(connection="ONLINE", boot="b2"), connection(word, boot="b1"), NOW) == {}
+@pytest.mark.parametrize("ended", ["OFFLINE", "CONNECTIONBROKEN"])
+def test_late_end_of_an_earlier_boot_is_ignored(ended):
+    online = RobotPresence(connection="ONLINE", boot="b2")
+    assert changes(online, connection(ended, boot="b1"), NOW) == {}
 
 
-def test_a_retained_message_says_nothing_about_now():
-    assert "last_seen_at" not in changes(row(), connection("ONLINE"), NOW, retained=True)
+def test_retained_message_does_not_change_last_seen():
+    assert "last_seen_at" not in changes(RobotPresence(), connection("ONLINE"), NOW, retained=True)
 
 
-def test_a_state_that_comes_after_the_will_does_not_raise_the_dead():
-    assert "connection" not in changes(row(connection="CONNECTIONBROKEN", boot="b1"), state(5), NOW)
-    assert "connection" not in changes(row(connection="OFFLINE", boot="b1"), state(5), NOW)
+def test_state_after_the_will_does_not_change_the_connection():
+    for ended in ("CONNECTIONBROKEN", "OFFLINE"):
+        presence = RobotPresence(connection=ended, boot="b1")
+        assert "connection" not in changes(presence, state(5), NOW)
 
 
-def test_a_state_that_was_sent_again_does_not_replace_a_newer_one():
-    known = row(connection="ONLINE", boot="b1", report=changes(row(), state(9), NOW)["report"])
+def test_repeated_state_does_not_replace_a_newer_one():
+    known = RobotPresence(
+        connection="ONLINE", boot="b1", report=changes(RobotPresence(), state(9), NOW)["report"]
+    )
     assert changes(known, state(9), NOW) == {}
     assert changes(known, state(3), NOW) == {}
     assert changes(known, state(10), NOW)["report"]["seq"] == 10
     assert changes(known, state(1, boot="b2"), NOW)["report"]["boot"] == "b2"
 
 
-def test_a_message_for_pages_alone_does_not_change_the_presence():
+def test_pose_update_does_not_change_the_presence():
     message = PoseUpdate(
         stamp=1.0, pose=Pose(x=0.0, y=0.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0)
     )
-    assert changes(row(), message, NOW) == {}
+    assert changes(RobotPresence(), message, NOW) == {}
 
 
-@pytest.mark.django_db
-def test_a_robot_comes_and_goes_and_the_row_tells():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_presence_follows_the_connection(writer):
     assert Robot.objects.get().is_online(after(5))
     writer.take("giraff", connection("CONNECTIONBROKEN"), after(2))
     assert RobotPresence.objects.get().connection == "CONNECTIONBROKEN"
     assert not Robot.objects.get().is_online(after(2))
 
 
-@pytest.mark.django_db
-def test_the_factsheet_is_kept_as_it_stands_on_the_wire():
-    Robot.objects.create(name="giraff", title="Giraff")
-    Heard(EVERYTHING).take("giraff", FACTSHEET, NOW)
+def test_factsheet_is_stored_as_on_the_wire(writer):
+    writer.take("giraff", FACTSHEET, NOW)
     kept = RobotPresence.objects.get().factsheet
     assert kept["agentVersion"] == "1"
     assert kept["limits"]["linearBraking"] == 0.8
 
 
-@pytest.mark.django_db
-def test_four_states_a_second_are_written_once_in_two():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_states_at_4_hz_are_written_every_2_s(writer):
     with CaptureQueriesContext(database) as queries:
         for number in range(40):
             writer.take("giraff", state(number), after(0.25 * (number + 1)))
@@ -153,11 +157,7 @@ def test_four_states_a_second_are_written_once_in_two():
     assert kept.report["seq"] >= 30
 
 
-@pytest.mark.django_db
-def test_the_last_state_before_a_silence_is_written_too():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_last_state_before_a_silence_is_written(writer):
     writer.take("giraff", state(1), after(0.1))
     writer.take("giraff", state(2), after(0.2))
     writer.write(after(0.5))
@@ -166,37 +166,23 @@ def test_the_last_state_before_a_silence_is_written_too():
     assert RobotPresence.objects.get().report["seq"] == 2
 
 
-@pytest.mark.django_db
-def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is_not():
-    Robot.objects.create(name="giraff", title="Giraff")
-    Heard(EVERYTHING).take("giraff", connection("ONLINE"), NOW)
+def test_robot_is_online_until_it_was_silent_for_45_s(writer):
     assert Robot.objects.get().is_online(after(40))
     assert not Robot.objects.get().is_online(after(46))
 
 
-@pytest.mark.django_db
-def test_a_change_that_was_rolled_back_is_written_again_after_forget():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_rolled_back_change_is_written_again_after_forget(writer):
     RobotPresence.objects.update(connection="OFFLINE")  # as if it had been rolled back
     writer.forget({"giraff"})
     writer.take("giraff", connection("ONLINE"), after(1))
     assert Robot.objects.get().is_online(after(1))
 
 
-@pytest.mark.django_db
-def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_lost_robot_is_written_at_once_with_the_reason(writer):
     writer.take("giraff", state(1), after(0.1))
     assert trouble_of(RobotPresence.objects.get().report) == ""
-    writer.take(
-        "giraff",
-        state(2, errors=("lens dirty", "adapter_lost: no ROS master at http://robot:11311")),
-        after(0.2),
-    )
+    errors = ("lens dirty", "adapter_lost: no ROS master at http://robot:11311")
+    writer.take("giraff", state(2, errors=errors), after(0.2))
     assert trouble_of(RobotPresence.objects.get().report) == "no ROS master at http://robot:11311"
     writer.take("giraff", state(3), after(0.3))
     assert trouble_of(RobotPresence.objects.get().report) == ""
@@ -208,36 +194,29 @@ def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason
     "report",
     [None, "x", [], {"errors": 3}, {"errors": None}, {"errors": [7, None, "adapter_lost"]}],
 )
-def test_a_report_that_makes_no_sense_tells_of_no_trouble(report):
+def test_malformed_report_contains_no_trouble(report):
     assert trouble_of(report) == ""
 
 
-@pytest.mark.django_db
-def test_presence_leaves_what_people_edit_alone():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
-    Robot.objects.filter(pk=robot.pk).update(title="Renamed", enabled=False)
+def test_edited_fields_are_not_overwritten(writer, giraff):
+    Robot.objects.update(title="Renamed", enabled=False)
     writer.take("giraff", connection("OFFLINE"), after(5))
-    robot.refresh_from_db()
-    assert (robot.title, robot.enabled, robot.presence.connection) == ("Renamed", False, "OFFLINE")
+    giraff.refresh_from_db()
+    assert (giraff.title, giraff.enabled) == ("Renamed", False)
+    assert giraff.presence.connection == "OFFLINE"
 
 
 @pytest.mark.django_db
-def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
+def test_unknown_robot_costs_one_query(
     django_assert_num_queries,
 ):
-    writer = Heard(EVERYTHING)
+    writer = ImmediateWriter(EVERYTHING)
     with django_assert_num_queries(1):
         for number in range(10):
-            writer.take("nobody", state(number), after(number / 4))
+            writer.take("unknown", state(number), after(number / 4))
 
 
-@pytest.mark.django_db
-def test_a_robot_deleted_and_made_anew_is_found_again():
-    Robot.objects.create(name="giraff", title="Giraff")
-    writer = Heard(EVERYTHING)
-    writer.take("giraff", connection("ONLINE"), NOW)
+def test_robot_that_was_deleted_and_created_again_is_found(writer):
     Robot.objects.all().delete()
     writer.take("giraff", connection("OFFLINE"), after(1))
     Robot.objects.create(name="giraff", title="Giraff")
@@ -249,7 +228,7 @@ def test_a_robot_deleted_and_made_anew_is_found_again():
 def test_many_robots_are_read_and_written_together(django_assert_num_queries):
     create_robots(*(unsaved_robot(name=f"r{n}", title=f"R{n}") for n in range(50)))
     writer = PresenceWriter(EVERYTHING)
-    names = [f"r{n}" for n in range(50)] + ["nobody"]
+    names = [f"r{n}" for n in range(50)] + ["unknown"]
     with django_assert_num_queries(4):  # read, savepoint, write, its release
         writer.read(names, NOW)
         for name in names:
@@ -264,7 +243,7 @@ def test_many_robots_are_read_and_written_together(django_assert_num_queries):
 
 
 @pytest.mark.django_db
-def test_a_row_that_the_database_refuses_costs_no_other_robot_its_presence(monkeypatch):
+def test_row_that_the_database_refuses_does_not_affect_other_robots(monkeypatch):
     create_robots(*(unsaved_robot(name=name, title=name) for name in ("giraff", "rhodon")))
     together = writing.update_each
 
@@ -283,6 +262,6 @@ def test_a_row_that_the_database_refuses_costs_no_other_robot_its_presence(monke
     assert RobotPresence.objects.get(robot__name="rhodon").connection != "ONLINE"
 
 
-def test_text_that_postgresql_cannot_hold_is_left_out():
-    found = changes(row(), state(1, errors=("lens\0 dirty",)), NOW)
+def test_characters_that_postgresql_cannot_store_are_removed():
+    found = changes(RobotPresence(), state(1, errors=("lens\0 dirty",)), NOW)
     assert found["report"]["errors"] == ["lens dirty"]

@@ -1,5 +1,5 @@
-"""No child outlives its parent, and a process that began with signals ignored ends by them all the
-same, and cleans up once.
+"""No child outlives its parent, and a process that was started with signals ignored still ends by
+them, and cleans up once.
 """
 
 import os
@@ -51,7 +51,7 @@ def python(code: str, *, background: bool) -> "subprocess.Popen[str]":
 
 @pytest.mark.parametrize("background", [True, False], ids=["background", "foreground"])
 @pytest.mark.parametrize("number", processes.END_SIGNALS)
-def test_the_first_signal_interrupts_and_no_other_interrupts_the_clean_up(number, background):
+def test_only_the_first_signal_interrupts(number, background):
     with python(CLEANS_UP, background=background) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
@@ -63,14 +63,14 @@ def test_the_first_signal_interrupts_and_no_other_interrupts_the_clean_up(number
     assert process.returncode == 0
 
 
-def test_the_handlers_of_signals_are_restored_afterwards():
+def test_signal_handlers_are_restored():
     before = [signal.getsignal(number) for number in processes.END_SIGNALS]
     with pytest.raises(KeyboardInterrupt), processes.interrupted_by_signals():
         signal.raise_signal(signal.SIGTERM)
     assert [signal.getsignal(number) for number in processes.END_SIGNALS] == before
 
 
-def test_a_child_ends_with_its_parent_however_that_ends():
+def test_child_ends_when_its_parent_is_killed():
     with python(PARENT, background=False) as parent:
         assert parent.stdout is not None
         child = psutil.Process(int(parent.stdout.readline()))
@@ -78,8 +78,8 @@ def test_a_child_ends_with_its_parent_however_that_ends():
     assert psutil.wait_procs([child], timeout=20)[1] == []
 
 
-def test_a_child_whose_parent_died_before_it_was_tied_ends_at_once(monkeypatch):
-    """The kernel sends the signal of a parent's death to those that asked for it before."""
+def test_child_whose_parent_died_before_it_was_tied_ends_at_once(monkeypatch):
+    """The kernel sends the signal only if it was requested before the parent's death."""
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     with monkeypatch.context() as patch:

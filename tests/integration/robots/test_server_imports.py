@@ -1,6 +1,5 @@
-"""The server's processes as they are started: none of them loads the robot's side, or what takes
-long to load and is needed by few requests. A robot's process loads nothing that is installed for
-analysis at sites alone.
+"""No process of the server loads the robot's code, or slow packages that few requests need; a
+robot's process loads no package that only sites install, for analysis.
 """
 
 import subprocess
@@ -15,9 +14,7 @@ NOT_LOADED = ("robots.agent", "scipy.stats", "scipy.optimize", *ANALYSIS)
 
 
 def loads(code, unwanted):
-    """Run `code` in a process of its own, and return its errors, or which modules it loaded of
-    `unwanted`.
-    """
+    """Run `code` in a process; return its errors, or which of the `unwanted` modules it loaded."""
     check = f"loaded = [m for m in {unwanted} if m in sys.modules]; assert not loaded, loaded"
     ran = subprocess.run(
         [sys.executable, "-c", f"import django, sys; django.setup(); {code}; {check}"],
@@ -40,10 +37,10 @@ def loads(code, unwanted):
         "import django.urls; django.urls.get_resolver().url_patterns",
     ],
 )
-def test_the_server_loads_neither_the_agent_nor_what_is_slow(loading):
+def test_server_loads_neither_the_agent_nor_slow_packages(loading):
     assert not loads(loading, NOT_LOADED)
 
 
-def test_a_robots_process_loads_no_package_that_is_for_analysis():
+def test_robots_process_loads_no_package_for_analysis():
     agent = "import robots.management.commands.run_robot, robots.agent.agent"
     assert not loads(agent, ANALYSIS)

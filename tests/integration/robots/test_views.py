@@ -27,11 +27,9 @@ def ask(client, robot, token, **extra):
     )
 
 
-def test_an_agent_is_told_its_name_its_broker_and_the_ice_servers(client, key, settings):
-    settings.MQTT_PUBLIC_URL, settings.STUN_URLS = (
-        "mqtts://{host}:8883, wss://{host}/mqtt",
-        ["stun:example.org"],
-    )
+def test_agent_gets_its_name_its_broker_and_ice_servers(client, key, settings):
+    settings.MQTT_PUBLIC_URL = "mqtts://{host}:8883, wss://{host}/mqtt"
+    settings.STUN_URLS = ["stun:example.org"]
     settings.ALLOWED_HOSTS = ["robots.example.org"]
     response = ask(client, "giraff", key.token, HTTP_HOST="robots.example.org:8000")
     assert response.status_code == 200
@@ -45,7 +43,7 @@ def test_an_agent_is_told_its_name_its_broker_and_the_ice_servers(client, key, s
     assert not response.cookies
 
 
-def test_without_a_public_address_the_servers_own_is_told(client, key, settings):
+def test_agent_gets_the_servers_broker_without_a_public_address(client, key, settings):
     settings.MQTT_PUBLIC_URL, settings.MQTT_URL = "", "mqtt://127.0.0.1:1883"
     assert ask(client, "giraff", key.token).json()["mqttUrl"] == "mqtt://127.0.0.1:1883"
 
@@ -53,24 +51,17 @@ def test_without_a_public_address_the_servers_own_is_told(client, key, settings)
 @pytest.mark.parametrize(
     "header",
     [
-        "",
-        "Bearer",
-        "Bearer ",
-        "Bearer giraff",
-        "Bearer giraff:",
-        "Bearer giraff:wrong",
-        "Basic giraff:x",
-        "Bearer :x",
-        "Bearer giraff:" + "x" * 5000,
+        *("", "Bearer", "Bearer ", "Bearer giraff", "Bearer giraff:", "Bearer :x"),
+        *("Bearer giraff:wrong", "Basic giraff:x", "Bearer giraff:" + "x" * 5000),
     ],
 )
-def test_anything_else_than_the_right_token_is_refused_with_the_reason(client, key, header):
+def test_wrong_credentials_are_refused_with_the_reason(client, key, header):
     response = client.get("/api/v1/agent/", headers={"Authorization": header})
     assert response.status_code == 401
     assert response.json()["error"] == "wrong_credentials"
 
 
-def test_a_revoked_or_disabled_robot_and_another_robots_token_are_refused(client, key):
+def test_revoked_or_disabled_robot_and_another_robots_token_are_refused(client, key):
     robot = Robot.objects.get()
     other = make_credentials(Robot.objects.create(name="rhodon", title="Rhodon"), timezone.now())
     assert ask(client, "giraff", other.token).status_code == 401
@@ -82,7 +73,7 @@ def test_a_revoked_or_disabled_robot_and_another_robots_token_are_refused(client
     assert ask(client, "giraff", key.token).status_code == 401
 
 
-def test_an_address_with_many_wrong_tokens_must_wait_and_others_need_not(client, key, monkeypatch):
+def test_address_with_many_wrong_tokens_must_wait(client, key, monkeypatch):
     monkeypatch.setattr(views, "REFUSED", Attempts("test-refused", limit=3, seconds=10**9))
     for _ in range(3):
         assert ask(client, "giraff", "wrong").status_code == 401
@@ -92,7 +83,7 @@ def test_an_address_with_many_wrong_tokens_must_wait_and_others_need_not(client,
     assert ask(client, "giraff", key.token, REMOTE_ADDR="192.0.2.7").status_code == 200
 
 
-def test_a_household_that_changes_its_address_waits_as_well(client, key, monkeypatch):
+def test_limit_of_wrong_tokens_counts_by_ipv6_network(client, key, monkeypatch):
     monkeypatch.setattr(views, "REFUSED", Attempts("test-refused", limit=3, seconds=10**9))
     for number in range(3):
         assert ask(client, "giraff", "wrong", REMOTE_ADDR=f"2001:db8::{number}").status_code == 401
@@ -100,17 +91,17 @@ def test_a_household_that_changes_its_address_waits_as_well(client, key, monkeyp
     assert ask(client, "giraff", key.token, REMOTE_ADDR="2001:db8:0:1::77").status_code == 200
 
 
-def test_a_forwarded_address_counts_only_from_a_trusted_proxy(rf, settings):
+def test_forwarded_address_is_used_only_from_a_trusted_proxy(rf, settings):
     settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.2/31"]
-    forwarded = {"HTTP_X_FORWARDED_FOR": "6.6.6.6, 203.0.113.9, 10.0.0.2"}
-    assert address_of(rf.get("/", REMOTE_ADDR="10.0.0.1", **forwarded)) == "203.0.113.9"
-    assert address_of(rf.get("/", REMOTE_ADDR="198.51.100.4", **forwarded)) == "198.51.100.4"
-    assert address_of(rf.get("/", REMOTE_ADDR="10.0.0.1")) == "10.0.0.1"
-    assert (
-        address_of(rf.get("/", REMOTE_ADDR="10.0.0.1", HTTP_X_FORWARDED_FOR="nonsense"))
-        == "nonsense"
-    )
-    assert address_of(rf.get("/", REMOTE_ADDR="", HTTP_X_FORWARDED_FOR="6.6.6.6")) == ""
+    for remote, chain, address in (
+        ("10.0.0.1", "6.6.6.6, 203.0.113.9, 10.0.0.2", "203.0.113.9"),
+        ("198.51.100.4", "6.6.6.6, 203.0.113.9, 10.0.0.2", "198.51.100.4"),
+        ("10.0.0.1", "", "10.0.0.1"),
+        ("10.0.0.1", "nonsense", "nonsense"),
+        ("", "6.6.6.6", ""),
+    ):
+        headers = {"HTTP_X_FORWARDED_FOR": chain} if chain else {}
+        assert address_of(rf.get("/", REMOTE_ADDR=remote, **headers)) == address
 
 
 def test_only_get_is_answered(client, key):
@@ -129,12 +120,10 @@ def office():
 
 @pytest.fixture
 def visitor(client):
-    user = get_user_model().objects.create(username="visitor")
-    client.force_login(user)
-    return user
+    client.force_login(get_user_model().objects.create(username="visitor"))
 
 
-def test_a_page_gets_the_map_and_its_picture(client, visitor, office):
+def test_page_gets_the_map_and_its_image(client, visitor, office):
     content = client.get("/floorplans/office.json").json()
     assert content["resolution"] == office.resolution
     assert content["origin"] == [office.origin_x, office.origin_y, office.origin_theta]
@@ -147,25 +136,22 @@ def test_a_page_gets_the_map_and_its_picture(client, visitor, office):
     assert "private" in picture["Cache-Control"]
 
 
-def test_a_page_gets_the_titles_of_places_in_its_own_language(client, visitor, office):
-    found = {
-        language: client.get("/floorplans/office.json", headers={"accept-language": language})
+def test_titles_of_places_are_in_the_language_of_the_page(client, visitor, office):
+    english, spanish = (
+        client.get("/floorplans/office.json", headers={"accept-language": language})
         for language in ("en", "es")
-    }
-    titles = {
-        language: [place["title"] for place in answer.json()["plan"]["places"]]
-        for language, answer in found.items()
-    }
-    assert titles["en"][:2] == ["Laboratory", "Living room"]
-    assert titles["es"][:2] == ["Laboratorio", "Sala de estar"]
-    assert found["es"].json()["title"] == "Oficina"
-    assert "translations" not in found["es"].json()["plan"]
-    assert found["en"]["ETag"] != found["es"]["ETag"]
-    assert "Accept-Language" in found["es"]["Vary"]
+    )
+    titles = lambda answer: [place["title"] for place in answer.json()["plan"]["places"]]
+    assert titles(english)[:2] == ["Laboratory", "Living room"]
+    assert titles(spanish)[:2] == ["Laboratorio", "Sala de estar"]
+    assert spanish.json()["title"] == "Oficina"
+    assert "translations" not in spanish.json()["plan"]
+    assert english["ETag"] != spanish["ETag"]
+    assert "Accept-Language" in spanish["Vary"]
 
 
 @pytest.mark.parametrize("address", ["/floorplans/office.json", "/floorplans/office.png"])
-def test_a_map_that_the_browser_has_is_not_sent_again(client, visitor, office, address):
+def test_cached_map_is_not_sent_again(client, visitor, office, address):
     first = client.get(address)
     again = client.get(address, headers={"If-None-Match": first["ETag"]})
     assert again.status_code == 304
@@ -173,18 +159,18 @@ def test_a_map_that_the_browser_has_is_not_sent_again(client, visitor, office, a
 
 
 @pytest.mark.parametrize("address", ["/floorplans/office.json", "/floorplans/office.png"])
-def test_a_visitor_who_is_not_logged_in_gets_no_map(client, office, address):
+def test_map_needs_a_login(client, office, address):
     assert client.get(address).status_code == 403
 
 
-def test_a_place_whose_robots_one_may_not_see_does_not_exist(client, visitor, office):
+def test_map_of_invisible_robots_is_not_found(client, visitor, office):
     Robot.objects.update(access=Robot.Access.INVITATION)
     assert client.get("/floorplans/office.json").status_code == 404
     assert client.get("/floorplans/office.png").status_code == 404
     assert client.get("/floorplans/nowhere.json").status_code == 404
 
 
-def test_a_driver_gets_the_map_of_a_robot_without_observers(client, visitor, office):
+def test_driver_gets_the_map_of_a_robot_without_observers(client, visitor, office):
     Robot.objects.update(observers_allowed=False)
     assert client.get("/floorplans/office.json").status_code == 200
 

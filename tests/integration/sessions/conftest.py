@@ -1,6 +1,4 @@
-"""What the tests of sessions share: a bridge in memory, in which one robot is online, the robot's
-row, and visitors.
-"""
+"""A bridge in memory in which one robot is online, the robot's row, and visitors."""
 
 import msgspec
 import pytest

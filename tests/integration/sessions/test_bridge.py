@@ -1,4 +1,4 @@
-"""Pages on real sockets, daphne, a real broker, and a robot at its other end."""
+"""Pages on real WebSockets, daphne, a real broker, and a robot behind it."""
 
 import asyncio
 import time
@@ -35,13 +35,18 @@ def page(site, who, **options):
     return SocketPage(site, site.cookies[who], **options)
 
 
+def leases(robot, granted):
+    """Return the leases of this epoch that the robot received."""
+    return [lease for lease in robot.commands("lease") if lease and lease.epoch == granted.epoch]
+
+
 async def leave(page):
     await page.say("session/leave", protocol.Leave())
     await page.expect("session/ended")
 
 
 @pytest.mark.nightly
-async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps(site):
+async def test_server_sets_session_and_epoch_of_messages_between_page_and_robot(site):
     async with RobotDouble(site) as robot, page(site, "ada") as ada:
         granted = await ada.take(takeover=True)
         await until(lambda: robot.commands("lease"))
@@ -51,12 +56,9 @@ async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps
         await ada.settle(robot)
         (offer,) = robot.commands(f"signal/{granted.peer}")
         (command,) = robot.commands("command/velocity")
-        assert (offer.role, offer.session, offer.epoch) == (
-            "driver",
-            granted.session,
-            granted.epoch,
-        )
-        assert (command.session, command.epoch) == (granted.session, granted.epoch)
+        own = granted.session, granted.epoch
+        assert (offer.role, offer.session, offer.epoch) == ("driver", *own)
+        assert (command.session, command.epoch) == own
         await robot.say(f"signal/{granted.peer}/reply", m.SdpAnswer(sdp="v=0 answer"))
         await robot.say("state", words.state(seq=4))
         assert (await ada.expect("signal/reply")).sdp == "v=0 answer"
@@ -66,21 +68,21 @@ async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps
 
 
 @pytest.mark.parametrize("origin", [None, "http://evil.example.org"])
-async def test_a_missing_or_foreign_origin_gets_no_socket(site, origin):
+async def test_missing_or_foreign_origin_is_refused(site, origin):
     with pytest.raises(InvalidStatus) as refused:
         async with page(site, "ada", origin=origin):
             pass
     assert refused.value.response.status_code == 403
 
 
-async def test_a_visitor_who_is_not_signed_in_is_told_so_by_the_close_code(site):
-    async with SocketPage(site, "nobody") as page:
+async def test_visitor_without_login_gets_a_close_code(site):
+    async with SocketPage(site, "no cookie") as page:
         with pytest.raises(ConnectionClosed) as closed:
             await page.next()
     assert closed.value.rcvd.code == protocol.SIGNED_OUT
 
 
-async def test_a_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
+async def test_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
     async with page(site, "bob") as bob:
         await bob.say_frame("signal\n" + " " * protocol.MAX_FRAME)
         assert (await bob.expect("denied")).reason == "oversized"
@@ -89,7 +91,7 @@ async def test_a_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
 
 
 @pytest.mark.nightly
-async def test_two_web_processes_share_a_robot_and_its_driver_moves_between_them(site):
+async def test_driver_moves_between_web_processes(site):
     port = site.second_web()
     async with (
         RobotDouble(site) as robot,
@@ -100,32 +102,26 @@ async def test_two_web_processes_share_a_robot_and_its_driver_moves_between_them
         granted = await here.take(takeover=True)
         await bob.observe()
         await tune_in(robot, here, bob)
-        await robot.say(
-            "state", words.state(seq=8, session=granted.session, epoch=granted.epoch, viewers=2)
-        )
+        own = {"session": granted.session, "epoch": granted.epoch}
+        await robot.say("state", words.state(seq=8, viewers=2, **own))
         await bob.expect("room", lambda room: room.driving and room.driver == "ada")
         moved = await there.take(takeover=True)
         ended = await here.expect("session/ended")
-        assert (ended.session, ended.outcome, moved.session) == (
-            granted.session,
-            "moved",
-            granted.session,
-        )
-        await here.say(
-            "command/velocity", words.velocity(seq=1, session=moved.session, epoch=moved.epoch)
-        )
+        assert (ended.session, ended.outcome) == (granted.session, "moved")
+        assert moved.session == granted.session
+        own = {"session": moved.session, "epoch": moved.epoch}
+        await here.say("command/velocity", words.velocity(seq=1, **own))
         await there.say("command/velocity", words.velocity(seq=2))
         assert (await here.expect("denied")).reason == "not_driver"
         await there.settle(robot)
-        assert [(command.seq, command.epoch) for command in robot.commands("command/velocity")] == [
-            (2, moved.epoch)
-        ]
+        (command,) = robot.commands("command/velocity")
+        assert (command.seq, command.epoch) == (2, moved.epoch)
         await leave(there)
     site.stop("web-2")
 
 
 @pytest.mark.nightly
-async def test_a_page_that_does_not_read_loses_old_telemetry_but_no_event_and_others_lose_nothing(
+async def test_slow_page_loses_only_old_telemetry_and_others_lose_nothing(
     site,
 ):
     scan = m.Scan(
@@ -145,9 +141,8 @@ async def test_a_page_that_does_not_read_loses_old_telemetry_but_no_event_and_ot
         for number in range(1, 601):
             await robot.say("scan", msgspec.structs.replace(scan, stamp=float(number)))
             if number % 100 == 0:
-                await robot.say(
-                    "event", m.Event(stamp=float(number), boot="b1", seq=number, type="docked")
-                )
+                event = m.Event(stamp=float(number), boot="b1", seq=number, type="docked")
+                await robot.say("event", event)
         await received
         assert len(answers(quick, "scan")) == 600
         await expect_scan(slow, 600.0)
@@ -160,14 +155,12 @@ async def test_a_page_that_does_not_read_loses_old_telemetry_but_no_event_and_ot
 
 
 async def tune_in(robot, *pages):
-    """Wait until the pages hear the robot: the server subscribes to it only when the first one
-    comes.
-    """
-    hearing = asyncio.gather(*(page.expect("state") for page in pages))
-    while not hearing.done():  # which ends, whatever comes
+    """Wait until the pages receive the robot, to which the server subscribes for the first page."""
+    received = asyncio.gather(*(page.expect("state") for page in pages))
+    while not received.done():  # at the latest by the timeout of `expect`
         await robot.say("state", words.state())
         await asyncio.sleep(0.02)
-    hearing.result()
+    received.result()
 
 
 def answers(page, wanted):
@@ -179,7 +172,7 @@ async def expect_scan(page, stamp):
         pass
 
 
-# --- three hundred lies through the real transport ------------------------------------------------
+# --- malformed and forged frames ------------------------------------------------------------------
 
 NOT_A_NUMBER = st.sampled_from(
     ["NaN", "Infinity", "-Infinity", "1e309", '"1"', "null", "[]", "{}", "true"]
@@ -187,44 +180,37 @@ NOT_A_NUMBER = st.sampled_from(
 OUT_OF_RANGE = st.sampled_from(["1e9", "-11", "10.0001", "1e300"])
 
 
-def velocity_text(
-    *, linear="0.1", seq="1", stamp="1", method='"keyboard"', epoch="0", session='"s"'
-):
-    fields = {
-        "session": session,
-        "epoch": epoch,
-        "seq": seq,
-        "stamp": stamp,
-        "linear": linear,
-        "angular": "0",
-        "method": method,
-    }
-    return (
-        "command/velocity\n{"
-        + ",".join(f'"{name}":{value}' for name, value in fields.items())
-        + "}"
+VELOCITY = {
+    "session": '"s"',
+    "epoch": "0",
+    "seq": "1",
+    "stamp": "1",
+    "linear": "0.1",
+    "angular": "0",
+    "method": '"keyboard"',
+}
+
+
+def velocity_with(name, values):
+    """Return frames of velocities whose field has one of the values, as JSON."""
+    return values.map(
+        lambda value: (
+            "command/velocity\n{"
+            + ",".join(f'"{field}":{text}' for field, text in (VELOCITY | {name: value}).items())
+            + "}"
+        )
     )
 
 
 BAD = st.one_of(
     st.text(max_size=300),
     st.binary(max_size=300),
-    st.builds(lambda linear: velocity_text(linear=linear), NOT_A_NUMBER | OUT_OF_RANGE),
-    st.builds(
-        lambda seq: velocity_text(seq=seq),
-        st.sampled_from(["-1", "0.5", "9007199254740992", "1e30", '"1"', "null"]),
-    ),
-    st.builds(
-        lambda stamp: velocity_text(stamp=stamp), st.sampled_from(["-1", "1e12", "NaN", "null"])
-    ),
-    st.builds(
-        lambda method: velocity_text(method=method), st.sampled_from(['"telepathy"', "1", "null"])
-    ),
-    st.builds(lambda epoch: velocity_text(epoch=epoch), st.sampled_from(["-1", '"7"', "1.5"])),
-    st.builds(
-        lambda session: velocity_text(session=session),
-        st.sampled_from(['""', '"a b"', '"../x"', "5"]),
-    ),
+    velocity_with("linear", NOT_A_NUMBER | OUT_OF_RANGE),
+    velocity_with("seq", st.sampled_from(["-1", "0.5", "9007199254740992", "1e30", '"1"', "null"])),
+    velocity_with("stamp", st.sampled_from(["-1", "1e12", "NaN", "null"])),
+    velocity_with("method", st.sampled_from(['"telepathy"', "1", "null"])),
+    velocity_with("epoch", st.sampled_from(["-1", '"7"', "1.5"])),
+    velocity_with("session", st.sampled_from(['""', '"a b"', '"../x"', "5"])),
     st.builds(
         lambda kind: f'command/action\n{{"type":"{kind}","actionId":"a","stamp":1}}',
         st.sampled_from(["goto!", "fly", "", "lease", "tilt", "resend_states", "follow"]),
@@ -233,17 +219,8 @@ BAD = st.one_of(
         lambda suffix, payload: f"{suffix}\n{payload}",
         st.sampled_from(
             [
-                "lease",
-                "config",
-                "floorplan",
-                "state",
-                "event",
-                "photo/a",
-                "connection",
-                "signal/p",
-                "../x",
-                "#",
-                "+",
+                *("lease", "config", "floorplan", "state", "event", "photo/a", "connection"),
+                *("signal/p", "../x", "#", "+"),
             ]
         ),
         st.text(max_size=50),
@@ -275,7 +252,7 @@ FORGED = st.one_of(
 
 
 def forge(message, granted):
-    """Let a message claim everything that the driver's has."""
+    """Give a message the session, epoch or peer of the driver."""
     claims = (
         {"session": granted.session, "epoch": granted.epoch}
         if hasattr(message, "epoch")
@@ -284,8 +261,8 @@ def forge(message, granted):
     return msgspec.structs.replace(message, **claims)
 
 
-class Liars:
-    """A driver and an observer who each say one thing, and the robot that is listening."""
+class Attackers:
+    """A driver who sends malformed frames, an observer who forges messages, and their robot."""
 
     def __init__(self, site):
         self.site = site
@@ -313,19 +290,18 @@ class Liars:
             await end.__aexit__()
 
     async def try_one(self, bad, forged):
-        """Both speak; the stops after it arrive, and nothing else does."""
+        """Assert that only the stops that both send afterwards reach the robot."""
         await self.ada.say_frame(bad)
         suffix, message = forged
         await self.bob.say(suffix, forge(message, self.granted))
         await self.ada.settle(self.robot)
         await self.bob.settle(self.robot)
-        await asyncio.sleep(0.02)  # an honest page's pace: sixty stops a second are all that pass
-        # which the server says of who watches
+        await asyncio.sleep(0.02)  # at most sixty stops per second pass
         assert [sent for sent in self.robot.got if not of_the_server(sent[1])] == []
 
 
 def of_the_server(message):
-    """Whether the server says it by itself while pages are open."""
+    """Return whether the server sends a message by itself while pages are open."""
     return message == m.Stay() or (
         isinstance(message, m.CommandHeartbeat) and message.peer == WATCHER
     )
@@ -337,13 +313,13 @@ async def drain(end):
 
 
 @pytest.fixture
-def liars(site):
+def attackers(site):
     with Portal() as portal:
-        liars = Liars(site)
-        portal.run(liars.open())
-        liars.portal = portal
-        yield liars
-        portal.run(liars.close())
+        attackers = Attackers(site)
+        portal.run(attackers.open())
+        attackers.portal = portal
+        yield attackers
+        portal.run(attackers.close())
 
 
 @pytest.mark.nightly
@@ -357,14 +333,14 @@ def liars(site):
     ],
 )
 @given(bad=BAD, forged=FORGED)
-def test_a_real_socket_passes_all_stops_and_no_malformed_or_forged_frame(liars, bad, forged):
-    liars.portal.run(liars.try_one(bad, forged))
+def test_only_stops_pass_beside_malformed_and_forged_frames(attackers, bad, forged):
+    attackers.portal.run(attackers.try_one(bad, forged))
 
 
 # --- the broker -----------------------------------------------------------------------------------
 
 
-async def test_the_broker_may_restart_under_a_drive(site):
+async def test_drive_continues_after_a_restart_of_the_broker(site):
     async with page(site, "ada") as ada:
         granted = await ada.take(takeover=True)
         site.stop("broker")
@@ -377,11 +353,7 @@ async def test_the_broker_may_restart_under_a_drive(site):
         async with RobotDouble(site) as robot:
             await robot.say("connection", words.online(), retain=True)
             await ada.expect("robot", lambda presence: presence.online)
-            await until(
-                lambda: any(
-                    lease and lease.epoch == granted.epoch for lease in robot.commands("lease")
-                )
-            )
+            await until(lambda: leases(robot, granted))
             await ada.say("command/velocity", words.velocity(seq=2))
             await ada.settle(robot)
             assert [command.seq for command in robot.commands("command/velocity")] == [2]
@@ -391,23 +363,14 @@ async def test_the_broker_may_restart_under_a_drive(site):
 # --- the session manager --------------------------------------------------------------------------
 
 
-async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_gets_a_turn(site):
+async def test_session_manager_renews_the_lease_and_offers_the_robot_to_the_next(site):
     site.start("session-manager", ["manage.py", "run_session_manager"])
     try:
         async with RobotDouble(site) as robot, page(site, "ada") as ada, page(site, "bob") as bob:
             await robot.say("connection", words.online(), retain=True)
             granted = await ada.take(takeover=True)
-            speaking = asyncio.create_task(robot_speaks(robot, granted))
-            await until(
-                lambda: (
-                    [
-                        lease.renewal
-                        for lease in robot.commands("lease")
-                        if lease and lease.epoch == granted.epoch
-                    ][-1:]
-                    > [0]
-                )
-            )
+            publishing = asyncio.create_task(publish_states(robot, granted))
+            await until(lambda: leases(robot, granted) and leases(robot, granted)[-1].renewal > 0)
             await bob.say("session/take", protocol.Take())
             queued = await bob.expect("session/queued")
             await ada.say("session/leave", protocol.Leave())
@@ -416,29 +379,21 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
             granted = await bob.take(takeover=True)
             assert granted.session == queued.session
             await leave(bob)
-            speaking.cancel()
+            publishing.cancel()
     finally:
         site.stop("session-manager")
 
 
-async def robot_speaks(robot, granted):
+async def publish_states(robot, granted):
+    own = {"session": granted.session, "epoch": granted.epoch, "visitor_silence": 0.1}
     seq = 0
     while True:
         seq += 1
-        await robot.say(
-            "state",
-            words.state(
-                seq=seq,
-                stamp=time.time(),
-                session=granted.session,
-                epoch=granted.epoch,
-                visitor_silence=0.1,
-            ),
-        )
+        await robot.say("state", words.state(seq=seq, stamp=time.time(), **own))
         await asyncio.sleep(0.25)
 
 
-def test_the_web_server_has_said_no_traceback(site):
+def test_web_server_logged_no_traceback(site):
     for log in (site.var / "log").glob("web*.log"):
         assert "Traceback" not in log.read_text(errors="replace")
     assert codec.MAX_FRAME > protocol.MAX_FRAME

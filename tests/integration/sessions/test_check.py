@@ -1,4 +1,4 @@
-"""The page that checks browser and network, and the WebSocket that echoes."""
+"""The page that checks browser and network, and its echoing WebSocket."""
 
 import json
 import re
@@ -15,29 +15,24 @@ from telepresence_site import asgi
 from tests.support.browsers.pages import ORIGIN
 from tests.support.patience import patient
 
-# a consumer closes all connections of its thread, also those of the test
+# a consumer closes all database connections of its thread, as well as those of the test
 pytestmark = pytest.mark.django_db
 
 
 def servers_on(page) -> list[dict]:
-    return json.loads(re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1])[
-        "iceServers"
-    ]
+    config = re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1]
+    return json.loads(config)["iceServers"]
 
 
-def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour(client, settings):
-    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = (
-        ["stun:a.example"],
-        ["turn:a.example"],
-        "secret",
-    )
+def test_relays_are_only_for_visitors_who_have_a_robot(client, settings):
+    settings.STUN_URLS, settings.TURN_URLS = ["stun:a.example"], ["turn:a.example"]
+    settings.TURN_SECRET = "secret"
     assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
     client.force_login(User.objects.create_user("ada", password="x"))
     giraff = Robot.objects.create(name="giraff", title="Giraff", access=Robot.Access.INVITATION)
     assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
-    RobotPermit.objects.create(
-        robot=giraff, user=User.objects.get(), kind=RobotPermit.Privilege.INVITED
-    )
+    invited = RobotPermit.Privilege.INVITED
+    RobotPermit.objects.create(robot=giraff, user=User.objects.get(), kind=invited)
     signed_in = servers_on(client.get("/check/"))
     assert [server["urls"] for server in signed_in] == [["stun:a.example"], ["turn:a.example"]]
     assert signed_in[1]["username"].endswith(str(User.objects.get().pk))
@@ -46,9 +41,7 @@ def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour
 @pytest.mark.parametrize(
     ("language", "title"), [("en", "Check my connection"), ("es", "Comprobar mi conexión")]
 )
-def test_the_page_speaks_the_visitors_language_and_says_what_it_is_looking_for(
-    client, settings, language, title
-):
+def test_page_is_in_the_visitors_language(client, settings, language, title):
     settings.STUN_URLS = []
     page = client.get("/check/", headers={"Accept-Language": language})
     assert title in page.content.decode()
@@ -63,20 +56,18 @@ async def opened() -> WebsocketCommunicator:
     return line
 
 
-async def test_the_line_says_back_a_few_short_words_to_anybody():
+async def test_socket_echoes_a_few_short_messages():
     line = await opened()
     for _ in range(MAX_ECHOES):
         await line.send_to("?")
         assert await line.receive_from(timeout=patient(5)) == "?"
     await line.send_to("?")
-    assert await line.receive_output(timeout=patient(5)) == {
-        "type": "websocket.close",
-        "code": protocol.FLOODED,
-    }
+    closed = {"type": "websocket.close", "code": protocol.FLOODED}
+    assert await line.receive_output(timeout=patient(5)) == closed
     await line.disconnect()
 
 
-async def test_an_address_has_so_many_lines_open(monkeypatch):
+async def test_open_sockets_are_limited_per_address(monkeypatch):
     monkeypatch.setattr(asgi.counted, "_limit", 2)
     lines = []
     for address in ("198.51.100.7", "198.51.100.7", "198.51.100.7", "198.51.100.8"):
@@ -93,14 +84,14 @@ async def test_an_address_has_so_many_lines_open(monkeypatch):
             await line.disconnect()
 
 
-async def test_the_line_says_back_nothing_long():
+async def test_long_message_closes_the_socket():
     line = await opened()
     await line.send_to("?" * (MAX_LENGTH + 1))
     assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"
     await line.disconnect()
 
 
-async def test_the_line_ends_by_itself(monkeypatch):
+async def test_socket_closes_after_a_while(monkeypatch):
     monkeypatch.setattr("sessions.consumers.connection_check.SECONDS", 0.05)
     line = await opened()
     assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"

@@ -1,6 +1,4 @@
-"""Two operating-system processes ask at the same instant, again and again, on real databases: never
-two leases.
-"""
+"""Two processes repeatedly request a robot at the same instant, on real databases."""
 
 import json
 import os
@@ -62,7 +60,7 @@ def django(environment: dict[str, str], code: str) -> str:
 
 
 class Racers:
-    """Two processes that ask at the same instant."""
+    """Two processes that request a robot at the same instant."""
 
     def __init__(self, environment: dict[str, str]) -> None:
         command = [sys.executable, "-m", "tests.support.sessions.lease_racer"]
@@ -100,7 +98,7 @@ PREPARE = (
 from accounts.models import User
 from tests.support.robots import create_robots, unsaved_robot
 from django.utils import timezone
-now = timezone.now() + timezone.timedelta(hours=1)  # heard of all the time
+now = timezone.now() + timezone.timedelta(hours=1)  # online during the whole test
 create_robots(
     *(unsaved_robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now)
     for n in range(rounds))
@@ -143,34 +141,26 @@ def run(
     return answers, json.loads(django(environment, names + COUNT))
 
 
+def counts(rounds: int, waiting: int) -> dict:
+    """Return the expected sessions and leases: one of each is granted in each round."""
+    granted = {"driving": rounds, "leases": rounds, "held": rounds}
+    return granted | {"waiting": waiting, "epochs": [1], "agree": True}
+
+
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_of_two_visitors_one_drives_and_the_other_waits(database, rounds):
+def test_one_of_two_visitors_drives_and_the_other_waits(database, rounds):
     answered, found = run(database, "two", ("ana", "ben"), rounds)
     kinds = [sorted(answer["kind"] for answer in answers) for answers in answered]
     assert kinds == [["Queued", "TakeGranted"]] * rounds
     winners = [answers[0]["kind"] == "TakeGranted" for answers in answered]
     assert 0 < sum(winners) < rounds, "one side won every time: they did not race"
-    assert found == {
-        "driving": rounds,
-        "waiting": rounds,
-        "leases": rounds,
-        "epochs": [1],
-        "held": rounds,
-        "agree": True,
-    }
+    assert found == counts(rounds, waiting=rounds)
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(database, rounds):
+def test_one_of_two_tabs_drives_and_the_other_gets_the_session(database, rounds):
     answered, found = run(database, "tab", ("ana", "ana"), rounds)
     for answers in answered:
         assert sorted(answer["kind"] for answer in answers) == ["Refused", "TakeGranted"]
         assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"
-    assert found == {
-        "driving": rounds,
-        "waiting": 0,
-        "leases": rounds,
-        "epochs": [1],
-        "held": rounds,
-        "agree": True,
-    }
+    assert found == counts(rounds, waiting=0)

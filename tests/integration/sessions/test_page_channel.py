@@ -1,4 +1,4 @@
-"""What Django code tells open pages through the channel layer."""
+"""Notices and checks of open pages through the channel layer."""
 
 import asyncio
 import contextlib
@@ -27,18 +27,34 @@ from tests.support.robots import create_robot
 from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)
-AT_ONCE = 5.0  # s; a page asks by itself once a minute
+AT_ONCE = 5.0  # s; by itself, a page checks once a minute
 
 
 async def drive(page):
-    """Take the robot, and wait until the page listens to the layer."""
+    """Take the robot, wait until the page is in its group, and return the session."""
     granted = await page.take()
     group = page_channel.visitor_group(page.user.pk)
     await until(lambda: get_channel_layer().groups.get(group))
     return granted.session
 
 
-async def test_a_message_reaches_the_page_of_its_session_and_no_other(bridge, robot, ada, bob):
+async def closes(page, code=protocol.NOT_ALLOWED):
+    """Assert that the server closes a page at once."""
+    async with asyncio.timeout(patient(AT_ONCE)):
+        assert await page.closed() == code
+
+
+@pytest.fixture
+async def technician(robot, ada):
+    """Staff who need a right for a robot that is open only by invitation; the right."""
+    robot.access = robot.Access.INVITATION
+    await robot.asave()
+    ada.is_staff = True
+    await ada.asave()
+    return await Permission.objects.aget(codename="change_robot")
+
+
+async def test_notice_reaches_only_the_page_of_its_session(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         session = await drive(driver)
         message = protocol.OperatorMessage(session=session, text="Mind the cat.")
@@ -48,7 +64,7 @@ async def test_a_message_reaches_the_page_of_its_session_and_no_other(bridge, ro
         assert other.told("session/operator_message") == []
 
 
-async def test_a_page_hears_at_once_that_staff_have_ended_its_session(bridge, robot, ada, bob):
+async def test_page_gets_the_end_of_its_session_by_staff_at_once(bridge, robot, ada, bob):
     async with Page("giraff", ada) as page:
         session = await Session.objects.select_related("robot").aget(pk=await drive(page))
         await sync_to_async(interventions.end_session)(session, "smoke", bob, timezone.now())
@@ -56,27 +72,25 @@ async def test_a_page_hears_at_once_that_staff_have_ended_its_session(bridge, ro
     assert (ended.outcome, ended.reason) == ("stopped_by_operator", "smoke")
 
 
-async def test_a_visitor_who_is_shut_out_leaves_at_once(bridge, robot, ada):
+async def test_pages_of_a_deactivated_user_close_at_once(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await drive(page)
         ada.is_active = False
         await ada.asave()
-        async with asyncio.timeout(patient(AT_ONCE)):
-            assert await page.closed() == protocol.SIGNED_OUT
+        await closes(page, protocol.SIGNED_OUT)
 
 
-async def test_logging_out_ends_the_pages_of_this_browser_and_no_others(bridge, robot, ada):
+async def test_logging_out_closes_only_the_pages_of_this_browser(bridge, robot, ada):
     async with Page("giraff", ada) as here, Page("giraff", ada) as elsewhere:
         await drive(here)
         client = AsyncClient()
         client.cookies[settings.SESSION_COOKIE_NAME] = here.cookie
         await client.post(reverse("account_logout"))
-        async with asyncio.timeout(patient(AT_ONCE)):
-            assert await here.closed() == protocol.SIGNED_OUT
+        await closes(here, protocol.SIGNED_OUT)
         await elsewhere.settle(bridge)
 
 
-async def test_pages_are_told_also_by_a_thread_that_runs_an_event_loop(ada, monkeypatch):
+async def test_pages_are_checked_also_from_a_thread_with_an_event_loop(ada, monkeypatch):
     monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
     layer = get_channel_layer()
     channel = await layer.new_channel()
@@ -86,7 +100,7 @@ async def test_pages_are_told_also_by_a_thread_that_runs_an_event_loop(ada, monk
         assert (await layer.receive(channel))["type"] == page_channel.CHECK
 
 
-async def test_a_session_is_over_when_logging_out_has_its_pages_check(ada, monkeypatch):
+async def test_login_has_ended_before_pages_are_checked(ada, monkeypatch):
     client = AsyncClient()
     await client.aforce_login(ada)
     key = client.session.session_key
@@ -100,7 +114,7 @@ async def test_a_session_is_over_when_logging_out_has_its_pages_check(ada, monke
     assert seen == [None]
 
 
-async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
+async def test_session_ends_at_once_with_the_permit(bridge, robot, ada):
     robot.access = robot.Access.INVITATION
     await robot.asave()
     permit = await RobotPermit.objects.acreate(
@@ -109,8 +123,7 @@ async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot,
     async with Page("giraff", ada) as page:
         await drive(page)
         await permit.adelete()
-        async with asyncio.timeout(patient(AT_ONCE)):
-            assert await page.closed() == protocol.NOT_ALLOWED
+        await closes(page)
 
 
 LOSSES = {
@@ -127,51 +140,37 @@ LOSSES = {
 
 
 @pytest.mark.parametrize("loss", LOSSES)
-async def test_a_right_that_a_group_gave_ends_with_it_at_once(bridge, robot, ada, loss):
-    robot.access = robot.Access.INVITATION
-    await robot.asave()
-    ada.is_staff = True
-    await ada.asave()
-    right = await Permission.objects.aget(codename="change_robot")
+async def test_session_ends_at_once_with_the_right_of_a_group(bridge, technician, ada, loss):
     group = await Group.objects.acreate(name="technicians")
-    await group.permissions.aadd(right)
+    await group.permissions.aadd(technician)
     await ada.groups.aadd(group)
     async with Page("giraff", ada) as page:
         await drive(page)
-        await sync_to_async(LOSSES[loss])(ada, group, right)
-        async with asyncio.timeout(patient(AT_ONCE)):
-            assert await page.closed() == protocol.NOT_ALLOWED
+        await sync_to_async(LOSSES[loss])(ada, group, technician)
+        await closes(page)
 
 
-async def test_a_right_of_ones_own_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
-    robot.access = robot.Access.INVITATION
-    await robot.asave()
-    ada.is_staff = True
-    await ada.asave()
-    right = await Permission.objects.aget(codename="change_robot")
+async def test_session_ends_at_once_with_the_users_own_right(bridge, technician, ada):
+    right = technician
     for remove in (ada.user_permissions.aremove, right.user_set.aremove):
         await ada.user_permissions.aadd(right)
         async with Page("giraff", ada) as page:
             await drive(page)
             await remove(right if remove.__self__.instance == ada else ada)
-            async with asyncio.timeout(patient(AT_ONCE)):
-                assert await page.closed() == protocol.NOT_ALLOWED
+            await closes(page)
 
 
-async def test_a_robot_that_is_withdrawn_is_nobodys_at_once(bridge, robot, ada):
+async def test_session_ends_at_once_when_the_robot_is_closed(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await drive(page)
         robot.access = robot.Access.INVITATION
         await robot.asave()
-        async with asyncio.timeout(patient(AT_ONCE)):
-            assert await page.closed() == protocol.NOT_ALLOWED
+        await closes(page)
 
 
 @pytest.fixture
 def layer(monkeypatch):
-    """A channel layer that never answers: what was sent to it, and how many messages waited
-    together at most.
-    """
+    """A channel layer that never answers: the groups `sent`, and how many waited at once."""
     waiting, layer = 0, SimpleNamespace(sent=[], most_waiting=0)
 
     async def group_send(self, group, message):
@@ -189,7 +188,7 @@ def layer(monkeypatch):
     return layer
 
 
-def test_a_change_of_a_group_sends_each_member_one_message_all_of_them_together(db, layer):
+def test_change_of_a_group_sends_one_message_per_member_concurrently(db, layer):
     old, new = Permission.objects.filter(codename__in=["change_robot", "delete_robot"])
     group = Group.objects.create(name="technicians")
     group.permissions.add(old)
@@ -202,7 +201,7 @@ def test_a_change_of_a_group_sends_each_member_one_message_all_of_them_together(
     assert layer.most_waiting == 50
 
 
-def test_checks_of_a_transaction_are_sent_once_and_what_was_rolled_back_is_not(db, layer):
+def test_checks_of_a_transaction_are_sent_once_after_its_commit(db, layer):
     def roll_back(*groups):
         with contextlib.suppress(LookupError), transaction.atomic():
             for group in groups:
@@ -221,14 +220,14 @@ def test_checks_of_a_transaction_are_sent_once_and_what_was_rolled_back_is_not(d
     assert sorted(layer.sent) == ["c", "c", "d"]
 
 
-async def test_a_group_that_cannot_be_told_does_not_keep_the_others_back(monkeypatch, caplog):
-    told = []
+async def test_group_that_cannot_be_reached_does_not_delay_the_others(monkeypatch, caplog):
+    reached = []
 
     async def group_send(_self, group, _message):
         if group == "a":
             raise OSError
         await asyncio.sleep(0)
-        told.append(group)
+        reached.append(group)
 
     monkeypatch.setattr(type(get_channel_layer()), "group_send", group_send)
 
@@ -238,11 +237,11 @@ async def test_a_group_that_cannot_be_told_does_not_keep_the_others_back(monkeyp
                 page_channel.check_pages(group)
 
     await sync_to_async(check)()
-    assert sorted(told) == ["b", "c"]
+    assert sorted(reached) == ["b", "c"]
     assert "channel_layer_away" in caplog.text
 
 
-async def test_a_layer_that_comes_late_is_listened_to_then(monkeypatch):
+async def test_channel_layer_that_starts_late_is_used(monkeypatch):
     monkeypatch.setattr(page_channel, "RETRY_SECONDS", 0.01)
     refusals = iter([OSError("away"), OSError("away")])
     new_channel = type(get_channel_layer()).new_channel
@@ -256,7 +255,7 @@ async def test_a_layer_that_comes_late_is_listened_to_then(monkeypatch):
     assert await page_channel.is_well()
 
 
-async def test_through_redis_and_when_redis_is_killed_and_comes_back(tmp_path, caplog, settings):
+async def test_channel_layer_recovers_from_a_restart_of_redis(tmp_path, caplog, settings):
     port = free_port()
 
     def start():
@@ -268,12 +267,9 @@ async def test_through_redis_and_when_redis_is_killed_and_comes_back(tmp_path, c
             while await page_channel.is_well() is not wanted:
                 await asyncio.sleep(0.05)
 
-    settings.CHANNEL_LAYERS = {
-        "default": {
-            "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",
-            "CONFIG": {"hosts": [f"redis://127.0.0.1:{port}"]},
-        }
-    }
+    backend = "channels_redis.pubsub.RedisPubSubChannelLayer"
+    hosts = {"hosts": [f"redis://127.0.0.1:{port}"]}
+    settings.CHANNEL_LAYERS = {"default": {"BACKEND": backend, "CONFIG": hosts}}
     server = start()
     try:
         await until(wanted=True)

@@ -1,6 +1,4 @@
-"""A robot's own display: its key, its page and its WebSocket, with a bridge in memory and a real
-database.
-"""
+"""A robot's own display: its key, its page and its WebSocket, with a bridge in memory."""
 
 import datetime
 import io
@@ -30,6 +28,12 @@ def key(robot):
     return make_screen_key(robot, timezone.now())
 
 
+@sync_to_async
+def user(name):
+    create = get_user_model().objects.create_user
+    return create(name.lower(), display_name=name, password="x")
+
+
 def action(kind, **fields):
     return kind(**{"action_id": "a1", "stamp": 1.0, **fields})
 
@@ -37,7 +41,7 @@ def action(kind, **fields):
 # --- the key --------------------------------------------------------------------------------------
 
 
-def test_a_key_opens_its_own_robots_screen_until_another_is_made_or_it_is_taken_away(robot, key):
+def test_key_opens_its_robots_screen_until_it_is_replaced_or_revoked(robot, key):
     Robot.objects.create(name="rhodon", title="Rhodon")
     assert screen_of("giraff", key) == robot
     assert screen_of("rhodon", key) is None
@@ -49,7 +53,7 @@ def test_a_key_opens_its_own_robots_screen_until_another_is_made_or_it_is_taken_
     assert key not in str(Robot.objects.values().first())
 
 
-def test_the_page_takes_the_key_once_and_keeps_it_where_no_script_reads_it(client, robot, key):
+def test_key_is_posted_once_and_stored_in_a_http_only_cookie(client, robot, key):
     page = client.get("/robots/giraff/screen/")
     assert page.status_code == 200
     assert key not in page.content.decode()
@@ -60,9 +64,7 @@ def test_the_page_takes_the_key_once_and_keeps_it_where_no_script_reads_it(clien
     assert (cookie.value, cookie["httponly"], cookie["samesite"]) == (key, True, "Strict")
 
 
-def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_whether_there_is_one(
-    client, robot, key
-):
+def test_page_without_the_key_does_not_reveal_a_robot(client, robot, key):
     Robot.objects.filter(pk=robot.pk).update(title="The board room", access=Robot.Access.INVITATION)
     there, nowhere = client.get("/robots/giraff/screen/"), client.get("/robots/nowhere/screen/")
     assert (there.status_code, nowhere.status_code) == (200, 200)
@@ -71,7 +73,7 @@ def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_wheth
     assert "The board room" in client.get("/robots/giraff/screen/").content.decode()
 
 
-def test_guessing_ends_soon_and_a_foreign_page_cannot_guess_at_all(client, robot, key, monkeypatch):
+def test_guesses_are_limited_and_need_a_csrf_token(client, robot, key, monkeypatch):
     monkeypatch.setattr("sessions.screen_views.time.time", lambda: 1e9)  # all within one minute
     codes = [
         client.post("/robots/giraff/screen/key/", {"key": f"guess {n}"}).status_code
@@ -79,18 +81,12 @@ def test_guessing_ends_soon_and_a_foreign_page_cannot_guess_at_all(client, robot
     ]
     assert codes[0] == 403
     assert codes[-1] == 429
-    assert (
-        Client(enforce_csrf_checks=True)
-        .post("/robots/giraff/screen/key/", {"key": key})
-        .status_code
-        == 403
-    )
+    foreign = Client(enforce_csrf_checks=True)
+    assert foreign.post("/robots/giraff/screen/key/", {"key": key}).status_code == 403
 
 
-def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(client, robot):
-    client.force_login(
-        get_user_model().objects.create(username="researcher", is_staff=True, is_superuser=True)
-    )
+def test_address_is_created_and_revoked_in_the_administration(client, robot):
+    client.force_login(get_user_model().objects.create_superuser("researcher"))
     address = f"/admin/robots/robot/{robot.pk}/screen/"
     made = client.post(address).content.decode()
     shown = made.partition('<pre id="screen-address">')[2].partition("</pre>")[0]
@@ -99,20 +95,18 @@ def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(cli
     assert shown not in client.get(address).content.decode()
     client.post(address, {"revoke": "1"})
     assert screen_of("giraff", shown.partition("#")[2]) is None
-    assert (
-        "Create an address"
-        in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
-    )
+    change = client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
+    assert "Create an address" in change
 
 
-def test_the_command_prints_an_address_that_opens(robot):
+def test_command_prints_a_valid_address(robot):
     out = io.StringIO()
     call_command("screen_link", "giraff", server="https://example.org/", stdout=out)
     address, _, key = out.getvalue().strip().partition("#")
     assert address == "https://example.org/robots/giraff/screen/"
     assert screen_of("giraff", key) == robot
-    with pytest.raises(CommandError, match="nobody"):
-        call_command("screen_link", "nobody", server="https://example.org")
+    with pytest.raises(CommandError, match="unknown"):
+        call_command("screen_link", "unknown", server="https://example.org")
     with pytest.raises(CommandError, match="--server"):
         call_command("screen_link", "giraff")
     assert AuditEntry.objects.get(act="screen_key_made").robot == "giraff"
@@ -121,17 +115,15 @@ def test_the_command_prints_an_address_that_opens(robot):
 # --- the WebSocket --------------------------------------------------------------------------------
 
 
-async def test_without_its_key_nobody_is_a_robots_screen(bridge, robot, key):
+async def test_display_without_the_key_is_refused(bridge, robot, key):
     for wrong in ("", "guess"):
         display = Display(wrong)
         await display.open()
         assert await display.closed() == protocol.NOT_ALLOWED
 
 
-async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key):
-    ada = await sync_to_async(get_user_model().objects.create_user)(
-        "ada", display_name="Ada", password="x"
-    )
+async def test_screen_shows_the_visitor_and_their_messages(bridge, robot, key):
+    ada = await user("Ada")
     async with (
         Display(key) as display,
         Page("giraff", ada) as page,
@@ -142,24 +134,22 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         shown = await display.expect("screen")
         assert (shown.visitor, shown.session, shown.study) == ("Ada", granted.session, False)
         await watching.observe()
-        said = m.Words(
-            stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello"
-        )
-        bridge.say("giraff", "words", said)
-        assert await display.expect("words") == said
-        assert await page.expect("words") == said
+        hello = {"by": "driver", "who": "Ada", "text": "Hello"}
+        sent = m.Words(stamp=1.0, action_id="a1", session=granted.session, **hello)
+        bridge.say("giraff", "words", sent)
+        assert await display.expect("words") == sent
+        assert await page.expect("words") == sent
         receipt = m.Receipt(stamp=1.0, action_id="a1", session=granted.session, state="shown")
         bridge.say("giraff", "receipt", receipt)
         assert await page.expect("receipt") == receipt
         for one in (display, watching):
             await one.settle(bridge)
-            assert one.told("receipt") == [], "it is for the driver alone"
+            assert one.told("receipt") == [], "only the driver gets receipts"
         assert watching.told("words") == []
 
 
 async def test_waiting_visitor_and_people_at_a_stopped_robot_chat(bridge, robot, key):
-    create = sync_to_async(get_user_model().objects.create_user)
-    ada, bob = await create("ada", display_name="Ada"), await create("bob", display_name="Bob")
+    ada, bob = await user("Ada"), await user("Bob")
     stop = m.Safety(estop=True, estop_source="screen:Giraff")
     await sync_to_async(RobotPresence.objects.update)(
         report=msgspec.to_builtins(words.state(safety=stop)),
@@ -180,33 +170,28 @@ async def test_waiting_visitor_and_people_at_a_stopped_robot_chat(bridge, robot,
         assert (await second.expect("denied")).reason == "not_driver"
         await page.say("command/action", action(m.Say, text="Is anybody there?"))
         for one in (page, display):
-            told = await one.expect("words")
-            assert (told.by, told.who, told.text) == ("driver", "Ada", "Is anybody there?")
-        done = page.told("action") or [await page.expect("action")]  # in whatever order
+            shown = await one.expect("words")
+            assert (shown.by, shown.who, shown.text) == ("driver", "Ada", "Is anybody there?")
+        done = page.told("action") or [await page.expect("action")]  # in either order
         assert [status.status for status in done] == ["FINISHED"]
         await display.say("command/action", action(m.Say, action_id="a2", text="One moment"))
         for one in (page, display):
-            told = await one.expect("words")
-            assert (told.by, told.who, told.text) == ("screen", "Giraff", "One moment")
+            shown = await one.expect("words")
+            assert (shown.by, shown.who, shown.text) == ("screen", "Giraff", "One moment")
         await second.settle(bridge)
         assert second.told("words") == []
-        assert bridge.commands("command/action") == [], "the robot has no part in it"
+        assert bridge.commands("command/action") == [], "the robot received the chat"
 
 
-async def test_a_screens_action_has_its_role_and_the_servers_timestamp(bridge, robot, key):
+async def test_action_of_a_screen_has_its_role_and_the_servers_stamp(bridge, robot, key):
     async with Display(key) as display:
         await display.expect("screen")
-        await display.say(
-            "command/action", action(m.AnswerCall, accept=True, role="owner", user="Mallory")
-        )
+        forged = action(m.AnswerCall, accept=True, role="owner", user="Mallory")
+        await display.say("command/action", forged)
         await until(lambda: bridge.sent)
         name, suffix, answer = bridge.sent[-1]
-        assert (name, suffix, answer.role, answer.user) == (
-            "giraff",
-            "command/action",
-            "screen",
-            "Giraff",
-        )
+        assert (name, suffix) == ("giraff", "command/action")
+        assert (answer.role, answer.user) == ("screen", "Giraff")
         assert answer.stamp > 1.6e9
         await display.say("command/action", action(m.EStop))
         await until(lambda: bridge.stops)
@@ -215,10 +200,8 @@ async def test_a_screens_action_has_its_role_and_the_servers_timestamp(bridge, r
         assert (await display.expect("denied")).reason == "not_allowed"
 
 
-async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridge, robot, key):
-    ada = await sync_to_async(get_user_model().objects.create_user)(
-        "ada", display_name="Ada", password="x"
-    )
+async def test_pointers_reach_only_the_other_side(bridge, robot, key):
+    ada = await user("Ada")
     async with (
         Display(key) as display,
         Page("giraff", ada) as page,
@@ -227,24 +210,18 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
         granted = await page.take()
         await display.expect("screen", lambda shown: shown.visitor == "Ada")
         await watching.observe()
-        await page.say(
-            "command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x")
-        )
-        await watching.say(
-            "command/point",
-            m.PointCommand(stamp=1.0, at=(0.5, 0.25), session=granted.session, epoch=granted.epoch),
-        )
+        here, own = (0.5, 0.25), {"session": granted.session, "epoch": granted.epoch}
+        forged = m.PointCommand(stamp=1.0, at=here, role="screen", peer="x")
+        await page.say("command/point", forged)
+        await watching.say("command/point", m.PointCommand(stamp=1.0, at=here, **own))
         assert (await watching.expect("denied")).reason == "observer"
         await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
         await until(lambda: len(bridge.commands("command/point")) == 2)
         sent = {command.role: command for command in bridge.commands("command/point")}
-        assert (sent["driver"].peer, sent["driver"].session, sent["driver"].epoch) == (
-            granted.peer,
-            granted.session,
-            granted.epoch,
-        )
+        driver = sent["driver"]
+        assert (driver.peer, driver.session, driver.epoch) == (granted.peer, *own.values())
         assert (sent["screen"].session, sent["screen"].stamp) == (None, 2.0)
-        dots = {by: m.Pointer(stamp=3.0, by=by, at=(0.5, 0.25)) for by in ("driver", "screen")}
+        dots = {by: m.Pointer(stamp=3.0, by=by, at=here) for by in ("driver", "screen")}
         for dot in dots.values():
             bridge.say("giraff", "pointer", dot)
         assert await display.expect("pointer") == dots["driver"]
@@ -254,20 +231,17 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
             bridge.say("giraff", "state", words.state(seq=7))
             await one.expect("state")
         assert [len(one.told("pointer")) for one in (display, page, watching)] == [1, 1, 0]
-        # A page that hears its robot directly has it from there.
+        # A page with a direct connection gets pointers over that.
         await page.say("page/direct", protocol.Direct(direct=True))
         await page.settle(bridge)
         bridge.say("giraff", "pointer", dots["screen"])
-        bridge.say(
-            "giraff",
-            "words",
-            m.Words(stamp=1.0, action_id="a", session=granted.session, by="screen", text="Here"),
-        )
+        spoken = {"session": granted.session, "by": "screen", "text": "Here"}
+        bridge.say("giraff", "words", m.Words(stamp=1.0, action_id="a", **spoken))
         await page.expect("words")
         assert len(page.told("pointer")) == 1
 
 
-async def test_a_dot_that_cannot_reach_the_robot_is_dropped_without_a_word(bridge, robot, key):
+async def test_pointer_that_cannot_reach_the_robot_is_dropped_without_a_denial(bridge, robot, key):
     async with Display(key) as display:
         await display.expect("screen")
         bridge.connected = False
@@ -277,24 +251,22 @@ async def test_a_dot_that_cannot_reach_the_robot_is_dropped_without_a_word(bridg
         assert len(display.told("denied")) == 1
 
 
-async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeypatch):
-    from sessions.consumers import robot_page
+@pytest.fixture
+def frequent_checks(monkeypatch):
+    monkeypatch.setattr("sessions.consumers.robot_page.WELCOME_EVERY", 0.0)
+    monkeypatch.setattr("sessions.consumers.robot_page.POLL_INTERVAL_S", 0.05)
 
-    monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(robot_page, "POLL_INTERVAL_S", 0.05)
+
+async def test_display_with_a_revoked_key_is_disconnected(bridge, robot, key, frequent_checks):
     async with Display(key) as display:
         await display.expect("screen")
         await sync_to_async(revoke_screen_key)(robot)
         assert await display.closed() == protocol.NOT_ALLOWED
 
 
-async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(
-    bridge, robot, key, monkeypatch
+async def test_server_vouches_for_a_display_while_its_socket_is_open(
+    bridge, robot, key, frequent_checks
 ):
-    from sessions.consumers import robot_page
-
-    monkeypatch.setattr(robot_page, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(robot_page, "POLL_INTERVAL_S", 0.05)
     async with Display(key) as display:
         peer = (await display.expect("hello")).peer
         await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)

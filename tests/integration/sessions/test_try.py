@@ -1,4 +1,4 @@
-"""Trying a simulated robot without an account: what such a visitor may do, and for how long."""
+"""Trying a simulated robot without an account: permissions and time limits."""
 
 import datetime
 import re
@@ -16,11 +16,12 @@ from accounts.passwordless import NEW_GUESTS
 from robots.access import may_drive, may_observe
 from robots.models import Robot, RobotPresence
 from sessions.leases import terms
-from sessions.models import Session, StateChunk
+from sessions.models import Session
 from telepresence_site.practice import robots
 from tests.support.people import person
 from tests.support.robots import create_robot
 from tests.support.sessions.query_plans import session_reads
+from tests.support.sessions.rows import chunk_row, session_row
 
 pytestmark = pytest.mark.django_db
 
@@ -38,13 +39,12 @@ def tries(client):
     return User.objects.get(kind=User.Kind.VISITOR)
 
 
-def is_there(robot: Robot) -> None:
-    RobotPresence.objects.filter(pk=robot.pk).update(
-        connection="ONLINE", last_seen_at=timezone.now()
-    )
+def go_online(robot: Robot) -> None:
+    online = {"connection": "ONLINE", "last_seen_at": timezone.now()}
+    RobotPresence.objects.filter(pk=robot.pk).update(**online)
 
 
-def test_the_first_page_offers_it_where_there_are_practice_robots(client, settings):
+def test_first_page_offers_a_trial_if_there_are_practice_robots(client, settings):
     assert reverse("try_now") in client.get(reverse("home")).content.decode()
     settings.PRACTICE_ROBOTS = 0
     assert reverse("try_now") not in client.get(reverse("home")).content.decode()
@@ -53,7 +53,7 @@ def test_the_first_page_offers_it_where_there_are_practice_robots(client, settin
     assert "This site offers no trial" in refused.content.decode()
 
 
-def test_how_long_a_trial_lasts_is_said_beside_its_button(client, settings):
+def test_length_of_a_trial_is_shown_beside_its_button(client, settings):
     assert "1 minute, without an account" in client.get(reverse("home")).content.decode()
     settings.TRIAL_SECONDS = 90.0
     assert "90 seconds, without an account" in client.get(reverse("home")).content.decode()
@@ -68,10 +68,10 @@ def test_visitor_who_waits_reads_that_trials_have_been_turned_off(client, tries,
     assert "This site offers no trial" in client.get(reverse("try_robot")).content.decode()
 
 
-def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
+def test_page_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
     assert client.get(reverse("try_robot")).status_code == 200
     assert client.get(reverse("practice")).json() == {"url": None}
-    is_there(practice)
+    go_online(practice)
     url = client.get(reverse("practice")).json()["url"]
     page = client.get(url)
     assert page.status_code == 200
@@ -82,30 +82,18 @@ def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
 
 
 def test_robot_that_is_about_to_restart_is_not_offered(client, tries, practice):
-    is_there(practice)
+    go_online(practice)
     RobotPresence.objects.filter(pk=practice.pk).update(boot="first")
     now = timezone.now()
-    before = Session.objects.create(
-        robot=practice, visitor=tries, state="ended", queued_at=now, granted_at=now, ended_at=now
-    )
-    StateChunk.objects.create(
-        session=before,
-        boot="first",
-        first_seq=0,
-        last_seq=0,
-        count=1,
-        first_stamp=0.0,
-        last_stamp=0.0,
-        received_at=0.0,
-        states=[],
-    )
+    before = session_row(practice, tries, state="ended", granted_at=now, ended_at=now)
+    chunk_row(before, [{"boot": "first", "seq": 0, "stamp": 0.0}])
     assert client.get(reverse("practice")).json() == {"url": None}
     RobotPresence.objects.filter(pk=practice.pk).update(boot="second")
     assert client.get(reverse("practice")).json()["url"] is not None
 
 
 @pytest.mark.parametrize("kind", ["visitor", "full"])
-def test_asking_for_a_robot_has_one_started(client, tries, kind):
+def test_request_for_a_robot_starts_one(client, tries, kind):
     if kind == "full":
         client.force_login(person())
         assert client.post(reverse("try_now")).url == reverse("try_robot")
@@ -114,7 +102,7 @@ def test_asking_for_a_robot_has_one_started(client, tries, kind):
     assert robots.demand(None, timezone.now()).wanted_at is not None
 
 
-def test_everywhere_else_it_is_a_stranger_who_comes(client, tries, giraff):
+def test_trial_gives_no_other_rights(client, tries, giraff):
     home = client.get(reverse("home"))
     assert not home.context["user"].is_authenticated
     assert home.context["invitation"].url.startswith(reverse("account_signup"))
@@ -126,7 +114,7 @@ def test_everywhere_else_it_is_a_stranger_who_comes(client, tries, giraff):
     assert not may_observe(tries, giraff)
 
 
-def test_trying_twice_is_a_new_visitor_and_the_page_alone_is_nobodys(client, tries):
+def test_each_trial_has_a_new_visitor(client, tries):
     client.post(reverse("try_now"))
     assert User.objects.filter(kind=User.Kind.VISITOR).count() == 2
     client.cookies.clear()
@@ -141,7 +129,7 @@ def test_user_with_an_account_practises_under_that_account(client):
     assert User.objects.count() == 1
 
 
-def test_one_address_can_make_only_so_many(client, settings):
+def test_trials_are_limited_per_address(client, settings):
     for _ in range(NEW_GUESTS.limit):
         assert client.post(reverse("try_now")).status_code == 302
     answer = client.post(reverse("try_now"))
@@ -149,22 +137,15 @@ def test_one_address_can_make_only_so_many(client, settings):
     assert int(answer["Retry-After"]) > 0
 
 
-def session_of(visitor: User, robot: Robot) -> Session:
-    now = timezone.now()
-    return Session.objects.create(
-        robot=robot, visitor=visitor, live_key=f"{robot.pk}:{visitor.pk}", queued_at=now
-    )
-
-
-def test_the_turn_is_short_also_while_nobody_waits(client, tries, practice):
-    fixed = terms.of_granted(session_of(tries, practice), timezone.now())
+def test_turn_of_a_trial_is_always_limited(client, tries, practice):
+    fixed = terms.of_granted(session_row(practice, tries), timezone.now())
     assert (fixed.turn_seconds, fixed.turn_always) == (60.0, True)
     ada = User.objects.create_user("ada", password="x")
-    assert terms.of_granted(session_of(ada, practice), timezone.now()) == terms.FREE
+    assert terms.of_granted(session_row(practice, ada), timezone.now()) == terms.FREE
 
 
-def test_after_a_day_nothing_is_left_of_them(client, tries, practice):
-    session_of(tries, practice)
+def test_visitors_of_trials_are_deleted_after_a_day(client, tries, practice):
+    session_row(practice, tries)
     call_command("forget", verbosity=0)
     assert User.objects.filter(pk=tries.pk).exists()
     before = timezone.now() - datetime.timedelta(days=2)
@@ -174,18 +155,17 @@ def test_after_a_day_nothing_is_left_of_them(client, tries, practice):
     assert Session.objects.count() == 0
 
 
-def test_asking_where_to_practise_by_get_changes_nothing(tries, practice, client):
-    before = Robot.objects.values().get(pk=practice.pk), User.objects.values().get(pk=tries.pk)
+def test_get_request_for_a_robot_changes_nothing(tries, practice, client):
+    rows = lambda: [model.objects.values().get(pk=pk) for model, pk in known]
+    known = (Robot, practice.pk), (User, tries.pk)
+    before = rows()
     with CaptureQueriesContext(connection) as asked:
         assert client.get(reverse("practice")).json() == {"url": None}
     assert not [query["sql"] for query in asked if query["sql"].startswith(("UPDATE", "INSERT"))]
-    assert before == (
-        Robot.objects.values().get(pk=practice.pk),
-        User.objects.values().get(pk=tries.pk),
-    )
+    assert rows() == before
 
 
-def test_the_page_that_tries_a_robot_has_one_made_ready(tries, practice):
+def test_page_posts_its_request_with_a_csrf_token(tries, practice):
     browser = Client(enforce_csrf_checks=True)
     browser.force_login(tries)
     page = browser.get(reverse("try_robot")).content.decode()
@@ -197,7 +177,7 @@ def test_the_page_that_tries_a_robot_has_one_made_ready(tries, practice):
     assert browser.post(reverse("practice")).status_code == 403
 
 
-def test_finding_a_practice_robot_costs_the_same_after_many_visits(tries, practice, client):
+def test_finding_a_practice_robot_reads_only_live_or_recent_sessions(tries, practice, client):
     with CaptureQueriesContext(connection) as asked:
         client.get(reverse("practice"))
     reads = session_reads(asked, "robots_robot")

@@ -1,4 +1,4 @@
-"""The drive page, and a visitor's own snapshots."""
+"""The drive page, and a visitor's snapshots."""
 
 import json
 import re
@@ -7,36 +7,21 @@ from html import unescape
 import pytest
 from django.contrib.auth import get_user_model
 from django.urls import reverse
-from django.utils import timezone
 
 from robots.api.reasons import ReasonCode
-from robots.models import FloorPlan, Robot, RobotPermit
-from sessions.models import Session, Snapshot
-from tests.support.robots import create_robot
-from tests.support.sessions.memory_bridge import MemoryBridge
+from robots.models import Robot, RobotPermit
+from sessions.models import Snapshot
+from tests.support.robots import create_robot, floor_plan
+from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db
 
 
 @pytest.fixture
 def robot():
-    plan = FloorPlan.objects.create(
-        name="office",
-        title="Office",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        width=1,
-        height=1,
-        image=b"png",
-        sha256="a" * 64,
-    )
+    plan, factsheet = floor_plan("office", sha256="a" * 64), {"name": "giraff"}
     return create_robot(
-        name="giraff",
-        title="Giraff",
-        floor_plan=plan,
-        turn_minutes=2.0,
-        factsheet={"name": "giraff"},
+        name="giraff", title="Giraff", floor_plan=plan, turn_minutes=2.0, factsheet=factsheet
     )
 
 
@@ -46,31 +31,23 @@ def ada():
 
 
 def config_of(response):
-    return json.loads(
-        re.search(
-            r'<script id="config" type="application/json"[^>]*>(.*?)</script>',
-            response.content.decode(),
-            re.DOTALL,
-        ).group(1)
-    )
+    script = r'<script id="config" type="application/json"[^>]*>(.*?)</script>'
+    return json.loads(re.search(script, response.content.decode(), re.DOTALL)[1])
 
 
 def snapshot_of(visitor, robot):
-    session = Session.objects.create(
-        robot=robot, visitor=visitor, live_key=f"{visitor}", queued_at=timezone.now()
-    )
-    return Snapshot.objects.create(
-        session=session, action_id="p1", stamp=5.0, sha256="b" * 64, jpeg=b"\xff\xd8jpeg"
-    )
+    image = {"sha256": "b" * 64, "jpeg": b"\xff\xd8jpeg"}
+    session = session_row(robot, visitor)
+    return Snapshot.objects.create(session=session, action_id="p1", stamp=5.0, **image)
 
 
-def test_the_drive_page_asks_visitors_to_sign_in_and_brings_them_back(client, robot):
+def test_drive_page_redirects_to_the_login_and_back(client, robot):
     response = client.get("/robots/giraff/")
     assert response.status_code == 302
     assert response.url == f"{reverse('account_login')}?next=/robots/giraff/"
 
 
-def test_the_drive_page_tells_its_modules_where_everything_is(client, robot, ada):
+def test_drive_page_contains_its_configuration(client, robot, ada):
     client.force_login(ada)
     response = client.get("/robots/giraff/")
     assert response.status_code == 200
@@ -94,7 +71,7 @@ def test_drive_page_has_a_translated_sentence_for_each_reason(client, robot, ada
     assert texts["es"]["boxed_in"] == "No tiene sitio para moverse."
 
 
-def test_only_who_operates_the_robot_reads_which_part_of_the_server_fails(client, robot, ada):
+def test_only_operators_read_which_part_of_the_server_fails(client, robot, ada):
     def faults():
         text = unescape(client.get("/robots/giraff/").content.decode())
         return " ".join(re.findall(r'data-word="fault\.(?!robot\.)[^"]*">(.*?)</p>', text))
@@ -108,7 +85,7 @@ def test_only_who_operates_the_robot_reads_which_part_of_the_server_fails(client
     assert "The server has a problem." not in faults()
 
 
-def test_a_robots_title_cannot_break_out_of_the_page(client, robot, ada):
+def test_title_of_a_robot_is_escaped(client, robot, ada):
     Robot.objects.update(title="</script><script>alert(1)</script>")
     client.force_login(ada)
     response = client.get("/robots/giraff/")
@@ -116,21 +93,21 @@ def test_a_robots_title_cannot_break_out_of_the_page(client, robot, ada):
     assert config_of(response)["title"] == "</script><script>alert(1)</script>"
 
 
-def test_there_is_no_page_for_an_unknown_robot_or_one_that_is_not_shown(client, robot, ada):
+def test_unknown_or_invisible_robot_has_no_page(client, robot, ada):
     client.force_login(ada)
-    assert client.get("/robots/nobody/").status_code == 404
+    assert client.get("/robots/unknown/").status_code == 404
     Robot.objects.update(access=Robot.Access.INVITATION)
     assert client.get("/robots/giraff/").status_code == 404
 
 
-def test_a_visitor_who_was_invited_to_a_robot_for_trained_users_is_told_no(client, robot, ada):
+def test_invited_visitor_may_not_open_a_robot_for_trained_users(client, robot, ada):
     Robot.objects.update(access=Robot.Access.TRAINED)
     RobotPermit.objects.create(robot=robot, user=ada, kind=RobotPermit.Privilege.INVITED)
     client.force_login(ada)
     assert client.get("/robots/giraff/").status_code == 403
 
 
-def test_a_visitor_sees_own_snapshots_and_nobody_elses(client, robot, ada, bob):
+def test_visitor_sees_only_their_own_snapshots(client, robot, ada, bob):
     own, other = snapshot_of(ada, robot), snapshot_of(bob, robot)
     client.force_login(ada)
     (listed,) = client.get("/robots/giraff/snapshots/").json()["snapshots"]
@@ -141,13 +118,13 @@ def test_a_visitor_sees_own_snapshots_and_nobody_elses(client, robot, ada, bob):
     assert client.get(f"/robots/giraff/snapshots/{other.pk}.jpg").status_code == 404
 
 
-def test_snapshots_are_for_who_has_signed_in(client, robot, ada):
+def test_snapshots_need_a_login(client, robot, ada):
     own = snapshot_of(ada, robot)
     for address in ("/robots/giraff/snapshots/", f"/robots/giraff/snapshots/{own.pk}.jpg"):
         assert client.get(address).status_code == 302
 
 
 @pytest.mark.parametrize("address", ["/robots/giraff/", "/robots/giraff/snapshots/"])
-def test_pages_that_show_change_nothing(client, robot, ada, address):
+def test_pages_refuse_post_requests(client, robot, ada, address):
     client.force_login(ada)
     assert client.post(address).status_code == 405

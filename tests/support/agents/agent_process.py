@@ -1,8 +1,6 @@
-"""A whole agent and its driver as a process (ordered_agent.py), seen from outside."""
+"""Processes that print JSON lines, among them a whole agent and its driver, seen from outside."""
 
-import contextlib
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -17,70 +15,71 @@ def wait(condition, seconds=10.0):
     deadline = time.monotonic() + patient(seconds)
     while not condition():
         assert time.monotonic() < deadline
-        time.sleep(0.01)
+        time.sleep(0.005)
 
 
-class AgentProcess:
-    """Starts when it is made; `events` are the lines that it has printed."""
+class JsonProcess:
+    """Starts when it is made. Each line that it prints is an event, with its monotonic time as
+    `at`; lines that are no JSON object are skipped.
+    """
 
-    def __init__(self, adapter, profile, options, directory, *, prefix=(), plan=""):
-        wish = {
-            "adapter": adapter,
-            "profile": profile,
-            "options": options,
-            "directory": str(directory),
-            "plan": plan,
-        }
-        module = [sys.executable, "-m", "tests.support.agents.ordered_agent", json.dumps(wish)]
+    def __init__(self, command, environment=None):
         self.process = subprocess.Popen(
-            [*prefix, *module],
+            command,
             cwd=ROOT,
+            env=environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
         )
-        self.events = []
+        self._events = []
         threading.Thread(target=self._read, daemon=True).start()
-        self.wait_for(lambda event: "ready" in event, 40.0)
 
     def _read(self):
         for line in self.process.stdout:
-            self.events.append(json.loads(line))
+            if line.startswith("{"):
+                self._events.append(json.loads(line))
+
+    def events(self, since=0.0):
+        return [each for each in list(self._events) if each["at"] >= since]
+
+    def wait_for(self, wanted, since=0.0, within=20.0):
+        """Return the first event that is wanted."""
+        deadline = time.monotonic() + patient(within)
+        while time.monotonic() < deadline:
+            for event in self.events(since):
+                if wanted(event):
+                    return event
+            time.sleep(0.02)
+        raise AssertionError(f"no such event among {self.events()[-8:]}")
 
     def request(self, *words):
         self.process.stdin.write(" ".join(words) + "\n")
         self.process.stdin.flush()
 
-    def wait_for(self, wanted, seconds=10.0, since=0.0):
-        deadline = time.monotonic() + patient(seconds)
-        while time.monotonic() < deadline:
-            for event in [each for each in self.events if each["at"] >= since]:
-                if wanted(event):
-                    return event
-            time.sleep(0.02)
-        raise AssertionError(f"no such event among {self.events[-8:]}")
+    def freeze(self, *, on):
+        self.process.send_signal(signal.SIGSTOP if on else signal.SIGCONT)
 
-    def signal(self, number):
-        os.kill(self.process.pid, number)
-
-    def end(self):
-        with contextlib.suppress(ProcessLookupError):
-            self.signal(signal.SIGCONT)
+    def kill(self):
         self.process.kill()
         self.process.wait()
 
-    def said(self):
-        """Return the last status of an action and the last state, as words."""
-        actions = [each for each in self.events if "action" in each]
-        states = [each for each in self.events if "mode" in each]
+
+class AgentProcess(JsonProcess):
+    """A module of this folder, started with a JSON object, once it is `ready`."""
+
+    def __init__(self, module, *, prefix=(), environment=None, ready="ready", **wish):
+        name = f"tests.support.agents.{module}"
+        super().__init__([*prefix, sys.executable, "-m", name, json.dumps(wish)], environment)
+        if ready:
+            self.wait_for(lambda event: ready in event, within=60.0)
+
+    def reported(self, since=0.0):
+        """Return the status of the last action and the last state, as words."""
+        actions = [each for each in self.events(since) if "status" in each]
+        states = [each for each in self.events(since) if "mode" in each]
         return " ".join(
-            [
-                f"{actions[-1]['action']} {actions[-1]['status']} {actions[-1]['reason']};"
-                if actions
-                else "",
-                f"{states[-1]['mode']} {states[-1]['inhibited']} {states[-1]['errors']}"
-                if states
-                else "",
-            ]
+            [f"{each['status']} {each['reason']};" for each in actions[-1:]]
+            + [f"{each['mode']} {each['inhibited']} {each['errors']}" for each in states[-1:]]
         )

@@ -1,4 +1,4 @@
-"""A server that answers `GET /api/v1/agent/` as the test says; real HTTP on the loopback."""
+"""A server that gives an agent the answers of a test, by real HTTP on the loopback."""
 
 import http.server
 import json
@@ -6,22 +6,28 @@ import threading
 
 
 class AgentServer:
-    """Use as a context manager; `answers` are (status, body) in turn, the last one for ever."""
+    """Use as a context manager; `answers` are (status, body) in turn, the last one for good.
+    `requests` are (path, Authorization or "", body).
+    """
 
     def __init__(self, *answers):
         self.answers = list(answers)
-        self.asked = []
+        self.requests = []
         rig = self
 
         class Handler(http.server.BaseHTTPRequestHandler):
             def do_GET(self):
-                rig.asked.append((self.path, self.headers.get("Authorization")))
+                body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+                rig.requests.append((self.path, self.headers.get("Authorization", ""), body))
                 status, body = rig.answers.pop(0) if len(rig.answers) > 1 else rig.answers[0]
                 payload = body if isinstance(body, bytes) else json.dumps(body).encode()
                 self.send_response(status)
                 self.send_header("Content-Length", str(len(payload)))
                 self.end_headers()
                 self.wfile.write(payload)
+
+            def do_POST(self):
+                self.do_GET()
 
             def log_message(self, *_):
                 pass

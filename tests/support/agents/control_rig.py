@@ -254,6 +254,21 @@ class ControlRig:
             "action", lambda a: a.action_id == action_id and a.status == status, within=within
         )
 
+    def beat_until_end(self, action_id, within=60.0):
+        """Send heartbeats until an action has ended, and return its end, which must be FINISHED."""
+        ended = lambda: [
+            each
+            for each in self.link.all("action")
+            if each.action_id == action_id and each.status in {"FINISHED", "FAILED"}
+        ]
+        begun = self.now()
+        while not (found := ended()):
+            assert self.now() < begun + patient(within), self.link.all("action")[-3:]
+            self.beat()
+            self.sleep(0.2)
+        assert found[0].status == "FINISHED", found
+        return found[0]
+
 
 class ThreadedControlRig(ControlRig):
     """The control loop in its own thread and real time, as an agent runs it."""

@@ -1,10 +1,10 @@
 """`python -m tests.support.agents.navigating_agent JSON`: an adapter that sends its robot to a
 goal, in a process that is made to be killed and stopped.
 
-It does what the kernel does with an adapter, and no more: it connects again for ever, passes the
-navigation's velocities on where they pass through the agent, starts what a line on standard input
-names (`goto`, 60 m ahead, or `dock`), and after `cancel` cancels it every 0.5 s until that is
-confirmed. JSON: `adapter`, `profile`, `options`. Each event is a JSON line.
+It does with an adapter what the kernel does, and no more: it reconnects, forwards the navigation's
+velocities where they pass through the agent, starts the action of a line on standard input (`goto X
+Y` or `dock`), and after `cancel` cancels it every 0.5 s until that is confirmed. JSON: `adapter`,
+`profile`, `options`. Each event is a JSON line.
 """
 
 import asyncio
@@ -19,8 +19,8 @@ from robots.api.messages import Dock, Goto, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
 ACTIONS = {
-    b"goto\n": Goto(action_id="action", stamp=0.0, x=60.0, y=0.0, theta=0.0),
-    b"dock\n": Dock(action_id="action", stamp=0.0),
+    "goto": lambda x, y: Goto(action_id="action", stamp=0.0, x=float(x), y=float(y), theta=0.0),
+    "dock": lambda: Dock(action_id="action", stamp=0.0),
 }
 
 
@@ -41,7 +41,7 @@ async def pass_velocities(adapter):
 
 async def read_progress(adapter):
     async for news in adapter.progress():
-        report(progress=news.status, reason=news.reason)
+        report(status=news.status, reason=news.reason)
 
 
 async def obey(adapter):
@@ -50,13 +50,13 @@ async def obey(adapter):
         lambda: asyncio.StreamReaderProtocol(reader), sys.stdin
     )
     while line := await reader.readline():
-        if line == b"cancel\n":
+        word, *rest = line.decode().split()
+        if word == "cancel":
             while not await adapter.cancel("action"):
                 await asyncio.sleep(0.5)
-            report(confirmed=True)
             continue
         try:
-            await adapter.start(ACTIONS[line])
+            await adapter.start(ACTIONS[word](*rest))
         except AdapterError as error:
             report(failed=str(error), refused=isinstance(error, ActionRefusedError))
 
@@ -70,7 +70,7 @@ async def main(wish):
     while True:
         try:
             await adapter.connect()
-            report(connected=True)
+            report(ready=True)
             async for state in adapter.states():
                 if state.errors != errors:
                     errors = state.errors

@@ -1,12 +1,11 @@
 """`python -m tests.support.agents.ordered_agent JSON`: a whole agent and its driver in one process,
-made to be killed and stopped.
+which tests kill and freeze.
 
-Everything between the adapter and the driver is the agent's own. A line on standard input is what
-the driver does from now on: `idle`, `drive`, `stop`, `goto X Y` or `dock`; with `hang` the control
-thread hangs for HANG seconds. Standard output has a JSON line for each action's status, and for
-each state that differs from the one before in what keeps the robot from moving, its mode or its
-errors. JSON: `adapter`, `profile`, `options`, `plan`
-(a site, where the agent navigates itself), `directory`.
+Everything between the adapter and the driver is the agent's. A line on standard input is what the
+driver does from now on: `idle`, `drive`, `stop`, `goto X Y` or `dock`; with `hang` the control
+thread hangs for HANG seconds. Standard output has a JSON line for each status of an action, and for
+each state in which the inhibition, the mode or the errors differ from those of the state before.
+JSON: `adapter`, `profile`, `options`, `directory`, and `plan` for a site where the agent navigates.
 """
 
 import json
@@ -26,12 +25,12 @@ SPEED = 0.25  # m/s
 
 
 class Driver:
-    """Keeps lease and clock, and does the latest thing that it was asked for."""
+    """Renews the lease, answers heartbeats, and does what the latest line requests."""
 
     def __init__(self, rig):
         self.rig, self.wish, self.actions = rig, ["idle"], 0
         self.renewal, self.renewed, self.reported = 0, -RENEWAL, 0
-        self.last = None
+        self.last = self.answered = None
 
     def run(self):
         while True:
@@ -66,15 +65,17 @@ class Driver:
                 self.rig.act(own(m.Stop, name))
 
     def beat(self):
+        """Answer the latest heartbeat once, as pages do: a hung agent gets no answers."""
         beats = [message for suffix, message in self.rig.link.sent[-50:] if suffix == "heartbeat"]
-        if beats:
-            self.rig.beat(of=beats[-1])
+        if beats and beats[-1] is not self.answered:
+            self.answered = beats[-1]
+            self.rig.beat(of=self.answered)
 
     def report(self):
         sent = self.rig.link.sent
         for suffix, message in sent[self.reported :]:
             if suffix == "action":
-                tell(action=message.action_id, status=message.status, reason=message.reason)
+                tell(status=message.status, reason=message.reason)
             elif suffix == "state":
                 shown = (message.safety.inhibited, message.mode, list(message.errors))
                 if shown != self.last:
@@ -107,7 +108,7 @@ def main(wish):
         rig.wait(lambda: any(s.pose.localized for s in rig.link.all("state")), 40.0)
         simulator = adapter.inner
         tell(port=simulator.address, pids=[simulator._child.pid, adapter.node.pid])
-    tell(ready=True)
+    tell(ready=True, control=adapter.profile.navigation_control)
     for line in sys.stdin:
         if line.split() == ["hang"]:
             rig.post(hang)

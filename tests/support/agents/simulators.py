@@ -42,11 +42,16 @@ class Simulator:
             raise RuntimeError(self.process.stderr.read())
         self.address = json.loads(line)["address"]
         self.port = int(self.address.rpartition(":")[2])
+        self._onlookers: list[Onlooker] = []
 
     def onlooker(self) -> Onlooker:
-        return Onlooker(self.port)
+        """Return an onlooker that is closed with the simulator."""
+        self._onlookers.append(Onlooker(self.port))
+        return self._onlookers[-1]
 
     def end(self) -> None:
+        for each in self._onlookers:
+            each.close()
         if self.process.poll() is None:
             self.process.terminate()
         self.process.wait(timeout=40)

@@ -43,7 +43,7 @@ class Drive(ThreadedControlRig):
         super().start()
 
     def go(self, speed, until):
-        """Press anew, after what took its time, and hold until the condition is true."""
+        """Renew the lease, press and hold until the condition is true."""
         self.renewals += 1
         self.lease(renewal=self.renewals, ttl=60.0)
         self.drive(0.0, until=lambda: not self.kernel.held)
@@ -97,7 +97,9 @@ def main(directory):
 
 
 def hang(rig, device):
-    """Let every call hang while the robot goes back; watch the control loop meanwhile."""
+    """Let every call hang while the robot drives backwards, and measure the control loop's delay
+    until the adapter is back.
+    """
     rig.go(-0.2, until=lambda: device.status().linear < -0.15)
     ticks = []
 
@@ -123,7 +125,6 @@ def hang(rig, device):
         "latest_tick": float(np.diff(ticks).max()),
         "host_late": late,
         "lost": next(text for text in lost.errors if text.startswith("adapter_lost")),
-        "came_back": True,
     }
 
 

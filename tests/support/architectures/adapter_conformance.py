@@ -1,8 +1,6 @@
-"""What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says
-how to make one.
+"""What every adapter must do: a test module of an adapter subclasses `AdapterConformance`.
 
-Written against robot_interface.Adapter alone: the same sentences hold for a simulator, for ROS and
-for MOOS.
+It uses robot_interface.Adapter alone, and so holds for a simulator, for ROS and for MOOS.
 """
 
 import asyncio
@@ -24,9 +22,9 @@ from tests.support.patience import patient
 
 STILL = Velocity(linear=0.0, angular=0.0)
 LONGEST_DELAY = 1.5  # s that a busy machine keeps one of several processes waiting
-SELDOM = 0.1  # s between two states, at most
-TICK = 0.02  # s between two turns of the control loop
-LATE = 0.15  # s that an adapter may keep it waiting
+STATE_INTERVAL = 0.1  # s between two states, at most
+TICK = 0.02  # s, the period of the control loop
+LATE = 0.15  # s by which an adapter may delay the control loop
 
 
 async def some(states: AsyncIterator[RcaState], count: int) -> list[RcaState]:
@@ -45,7 +43,7 @@ async def drive(adapter: Adapter, velocity: Velocity, until, seconds: float = 8.
 
 
 async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
-    """Read states, saying nothing, until a condition holds."""
+    """Read states, without applying velocities, until a condition holds."""
     return await _until(adapter, until, seconds, lambda: None)
 
 
@@ -59,13 +57,12 @@ async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
                 if until(state):
                     return state
     except TimeoutError:
-        told = f"the last of {count} states was {state}"
-        raise AssertionError(f"it never came to that; {told}") from None
+        raise AssertionError(f"not in {seconds} s; last of {count} states: {state}") from None
     raise AssertionError("the states ended")
 
 
 async def sent(adapter: Adapter, velocity: Velocity, expected: Velocity) -> Velocity:
-    """Apply a velocity until `apply` says that the expected one was sent; return what it said."""
+    """Apply a velocity until `apply` returns the expected one; return it."""
     async with asyncio.timeout(patient(5.0)):
         while (found := adapter.apply(velocity)) != expected:
             await asyncio.sleep(TICK)
@@ -77,8 +74,6 @@ def stands(state: RcaState) -> bool:
 
 
 class AdapterConformance:
-    """Subclass me."""
-
     @abstractmethod
     def make(self) -> Adapter:
         """Return a new adapter of a robot at rest that can drive a metre ahead."""
@@ -93,13 +88,13 @@ class AdapterConformance:
 
     @pytest.fixture(autouse=True)
     def _blocking_is_named(self) -> Iterator[None]:
-        """An adapter that blocks the control loop is named within seconds, instead of stalling."""
+        """An adapter that blocks the control loop fails its test within seconds."""
         with guarded():
             yield
 
     @pytest.fixture
     def computer(self) -> Iterator[HostJitter]:
-        """Bounds in seconds hold beyond what the computer itself is late."""
+        """How late the computer itself is, by which bounds in seconds may be exceeded."""
         with watched() as jitter:
             yield jitter
 
@@ -110,7 +105,7 @@ class AdapterConformance:
         yield adapter
         await adapter.close()
 
-    def test_its_profile_can_be_read_before_it_is_connected(self) -> None:
+    def test_profile_can_be_read_before_connecting(self) -> None:
         profile = self.make().profile
         assert profile.watchdog > 0.0
         assert profile.series
@@ -123,7 +118,7 @@ class AdapterConformance:
         turns = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
         assert (turns > 0).all() or (turns < 0).all()  # convex
 
-    async def test_before_it_is_connected_it_refuses_to_drive(self) -> None:
+    async def test_unconnected_adapter_refuses_to_drive(self) -> None:
         adapter = self.make()
         with pytest.raises(AdapterError):
             adapter.apply(STILL)
@@ -131,7 +126,7 @@ class AdapterConformance:
             await some(adapter.states(), 1)
         await adapter.close()
 
-    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(
+    async def test_states_arrive_at_10_hz_or_more_with_increasing_current_stamps(
         self, adapter: Adapter, computer: HostJitter
     ) -> None:
         begun = time.time()
@@ -142,7 +137,7 @@ class AdapterConformance:
         assert abs(states[-1].stamp - now) < patient(0.5) + computer.excuse(begun, now)
         assert 0.0 <= states[-1].battery.charge <= 1.0
 
-    async def test_it_moves_as_it_is_told_and_says_what_it_sent(self, adapter: Adapter) -> None:
+    async def test_robot_moves_at_the_velocity_that_apply_returns(self, adapter: Adapter) -> None:
         start = (await some(adapter.states(), 1))[0]
         ahead = Velocity(linear=0.2, angular=0.0)
         assert await sent(adapter, ahead, ahead) == ahead
@@ -155,7 +150,7 @@ class AdapterConformance:
 
         await drive(adapter, Velocity(linear=0.2, angular=0.0), goes_steadily)
 
-    async def test_it_never_keeps_the_control_loop_waiting(
+    async def test_control_loop_is_never_blocked(
         self, adapter: Adapter, computer: HostJitter
     ) -> None:
         begun = time.time()
@@ -174,7 +169,7 @@ class AdapterConformance:
         excuse = computer.excuse(begun, time.time())
         assert longest < LATE + excuse, f"the adapter blocks the control loop. {ADVICE}"
 
-    async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
+    async def test_velocities_are_clamped_to_the_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits
         most = Velocity(linear=limits.linear, angular=limits.angular)
         assert await sent(adapter, Velocity(linear=9.0, angular=19.0), most) == most
@@ -182,11 +177,11 @@ class AdapterConformance:
         assert await sent(adapter, Velocity(linear=-9.0, angular=-19.0), most) == most
         assert adapter.apply(STILL) == STILL
 
-    async def test_zeros_brake(self, adapter: Adapter) -> None:
+    async def test_zero_velocities_brake(self, adapter: Adapter) -> None:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         await drive(adapter, STILL, stands, 3.0)
 
-    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(
+    async def test_without_velocities_the_robot_stops_within_watchdog_and_braking_time(
         self, adapter: Adapter, computer: HostJitter
     ) -> None:
         limits = adapter.profile.limits
@@ -196,7 +191,7 @@ class AdapterConformance:
         seen: list[RcaState] = []
         stood = await wait_for(adapter, lambda s: seen.append(s) or stands(s), 5.0)
         kept_waiting = max(0.0, self.obeyed_at(adapter) - silent) + pauses(
-            (state.stamp for state in seen), SELDOM
+            (state.stamp for state in seen), STATE_INTERVAL
         )
         excuse = computer.excuse(silent, stood.stamp) + min(kept_waiting, LONGEST_DELAY)
         assert (
@@ -204,28 +199,22 @@ class AdapterConformance:
             <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + excuse
         )
 
-    async def test_an_action_that_it_cannot_do_is_refused_with_a_sentence(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_impossible_action_is_refused_with_a_reason(self, adapter: Adapter) -> None:
         if "goto" in adapter.profile.capabilities:
-            action: object = Goto(action_id="g", stamp=0.0, place="a place that nobody knows")
+            action: object = Goto(action_id="g", stamp=0.0, place="an unknown place")
         else:
             action = Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)
         with pytest.raises(ActionRefusedError, match=r"."):
             await adapter.start(action)
 
-    async def test_an_unknown_action_counts_as_cancelled(self, adapter: Adapter) -> None:
+    async def test_unknown_action_counts_as_cancelled(self, adapter: Adapter) -> None:
         assert await adapter.cancel("never-started") is True
         assert await some(adapter.states(), 1)
 
-    async def test_an_emergency_stop_that_was_never_reported_is_unknown(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_unreported_emergency_stop_is_unknown(self, adapter: Adapter) -> None:
         assert (await some(adapter.states(), 3))[-1].estop is None
 
-    async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_head_tilts_to_the_angle_and_reports_its_arrival(self, adapter: Adapter) -> None:
         tilt = adapter.profile.tilt
         if tilt is None:
             with pytest.raises(AdapterError):
@@ -246,7 +235,7 @@ class AdapterConformance:
         with pytest.raises(AdapterError):
             await adapter.start(Tilt(action_id="far", stamp=0.0, angle=tilt.maximum + 1.0))
 
-    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(
+    async def test_camera_frames_have_the_size_of_the_profile_and_increasing_stamps(
         self, adapter: Adapter, computer: HostJitter
     ) -> None:
         source, camera = adapter.video(), adapter.profile.camera
@@ -274,9 +263,7 @@ class AdapterConformance:
         assert frames[0].image.std() > 5
         assert await asyncio.to_thread(source.read, 0.05) is None
 
-    async def test_its_microphone_gives_blocks_of_twenty_milliseconds(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_microphone_gives_blocks_of_20_ms(self, adapter: Adapter) -> None:
         source = adapter.audio()
         if source is None:
             return
@@ -290,15 +277,13 @@ class AdapterConformance:
         source.stop()
         assert all(block.shape == (960,) and block.dtype == np.int16 for block in blocks)
 
-    async def test_configuration_is_taken_or_ignored_and_never_raises(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_configuration_never_raises(self, adapter: Adapter) -> None:
         adapter.configure(Config(stamp=1.0, doors={"no-such-door": "closed"}))
         adapter.configure(None)
         adapter.configure({"doors": 7})
         assert await some(adapter.states(), 2)
 
-    async def test_closed_it_refuses_to_drive_and_may_be_closed_again(
+    async def test_closed_adapter_refuses_to_drive_and_can_be_closed_again(
         self, adapter: Adapter
     ) -> None:
         await adapter.close()
@@ -306,7 +291,7 @@ class AdapterConformance:
             adapter.apply(STILL)
         await adapter.close()
 
-    async def test_it_can_be_connected_again(self, adapter: Adapter) -> None:
+    async def test_closed_adapter_can_be_connected_again(self, adapter: Adapter) -> None:
         await adapter.close()
         await adapter.connect()
         assert await some(adapter.states(), 3)

@@ -1,4 +1,4 @@
-"""A bus without ROS: it records messages, calls and orders to the guard."""
+"""A bus without ROS, which records messages, calls and orders to the guard."""
 
 
 class FakeBus:

@@ -20,6 +20,8 @@ class ServerProcess:
     listens.
     """
 
+    environment, stderr = None, None
+
     def __init__(self, module, host="127.0.0.1", words=()):
         self.module, self.host, self.port, self.words = module, host, free_port(), words
         self._process = None
@@ -28,7 +30,13 @@ class ServerProcess:
         return [sys.executable, "-m", self.module, self.host, str(self.port), *self.words]
 
     def start(self):
-        self._process = subprocess.Popen(self.command(), cwd=ROOT, stdout=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            self.command(),
+            cwd=ROOT,
+            env=self.environment,
+            stdout=subprocess.DEVNULL,
+            stderr=self.stderr,
+        )
         deadline = time.monotonic() + patient(15.0)
         while not self._answers():
             assert self._process.poll() is None, f"{self.module} ended"

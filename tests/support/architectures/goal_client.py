@@ -1,6 +1,6 @@
-"""An adapter in a process of its own that sends the robot to a goal, so that a test can kill or
-freeze it: `python -m tests.support.architectures.goal_client WISH`, a JSON object of adapter,
-profile, options, x and y. Each progress is a line on standard output.
+"""An adapter in a process of its own that sends the robot to a goal, for tests to kill or freeze:
+`python -m tests.support.architectures.goal_client WISH`, a JSON object of adapter, profile,
+options, x and y. Each progress is a line on standard output.
 """
 
 import asyncio
@@ -8,18 +8,17 @@ import contextlib
 import json
 import subprocess
 import sys
-import time
 
 from robots.agent.adapters import registry
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto
+from tests.support.agents.agent_process import wait
 from tests.support.paths import ROOT
-from tests.support.patience import patient
 
 
 @contextlib.contextmanager
 def going(rig, ahead=3.0):
-    """The process, while the robot of `rig` is on its way to a point `ahead` metres of it."""
+    """Yield the process while the robot drives to a point so many metres ahead."""
     place = rig.world.truth.compose(Pose2D(ahead, 0.0, 0.0))
     wish = {
         "adapter": rig.adapter_name,
@@ -32,10 +31,7 @@ def going(rig, ahead=3.0):
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
     try:
         assert process.stdout.readline() == b"RUNNING\n"
-        deadline = time.monotonic() + patient(10.0)
-        while rig.world.sim.motion.linear < 0.2:
-            assert time.monotonic() < deadline, "the robot does not go"
-            time.sleep(0.01)
+        wait(lambda: rig.world.sim.motion.linear >= 0.2)
         yield process
     finally:
         process.kill()

@@ -1,5 +1,5 @@
-"""Packages that bring adapters, as pip leaves them: a module, and a dist-info folder with the entry
-points that importlib.metadata reads.
+"""Installed packages with adapters: a module, and a dist-info folder with the entry points that
+importlib.metadata reads.
 """
 
 from robots.api.adapter_names import GROUP
@@ -13,7 +13,7 @@ def create(profile_name, options):
 
 
 def install(folder, package, name, *, text=ADAPTER, version="1.0"):
-    """Put a package with one adapter of that name into a folder of the import path."""
+    """Install a package with one adapter of that name into a folder of the import path."""
     module = package.replace("-", "_")
     (folder / f"{module}.py").write_text(text, encoding="utf-8")
     info = folder / f"{module}-{version}.dist-info"

@@ -1,13 +1,12 @@
 """OpenMORA with the simulated robot behind it, as clients of a MOOSDB: a double, or a real one by
 its address.
 
-What it obeys and publishes is what the modules do: RobotControlManager/CRobotControllerApp.cpp
-(modes, cancelling, nodes, the guard), MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities in
-autonomous mode alone, the head's angle when asked, charging when it changes),
-NavigatorReactivePTG3D/CReacNavPTGApp3D.cpp (goals, velocities, NAV_EVENT_END and no START),
-Executor/TExecutor.cpp and Planner/HPWA.cpp (plans: each ends with PLAN_FINISHED, and one that
-starts forgets a cancel that came before), WorldModel/CAHGraphApp.cpp (the nearest place), and those
-named in openmora_rules.py.
+It behaves as the modules: RobotControlManager/CRobotControllerApp.cpp (modes, cancelling, nodes,
+the guard), MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities only in autonomous mode, the head's
+angle on request, charging when it changes), NavigatorReactivePTG3D/CReacNavPTGApp3D.cpp (goals,
+velocities, NAV_EVENT_END and no START), Executor/TExecutor.cpp and Planner/HPWA.cpp (plans: each
+ends with PLAN_FINISHED, and one that starts ignores an earlier cancel), WorldModel/CAHGraphApp.cpp
+(the nearest place), and those named in openmora_rules.py.
 """
 
 import asyncio
@@ -23,7 +22,7 @@ from tests.support.architectures.frozen import ServerProcess
 from tests.support.architectures.rca_world import RcaRig
 from tests.support.patience import patient
 
-HEARD = (
+REGISTERED = (
     "MOTION_REQUEST",
     "NAVIGATE_TARGET",
     "GO_TO_NODE",
@@ -44,7 +43,7 @@ VIA = {"Sofa": "Door"}  # a plan of two journeys
 
 
 class HangingClient(MoosClient):
-    """A client whose process may be stopped: what is sent to it then stays in its socket."""
+    """A client that can hang: messages to it then stay in its socket."""
 
     def hang(self, on):
         transport = self._writer.transport
@@ -75,11 +74,11 @@ class MoosRig(RcaRig):
         self._client = self._controller = self._navigator = None
         self.ack_interval = patient(CLIENT_ACK_INTERVAL)
         self._began = 0.0
-        self._told = ""
+        self._reported = ""
         self._charging = None
         self._acked_at = 0.0
         self._mode = MANUAL
-        # the nodes still to be reached, when the plan starts, and its number
+        # the nodes not reached yet, the time at which the plan starts, and its number
         self._plan, self._plan_at, self._number = [], math.inf, ""
         self.bumped = 0.0
 
@@ -98,7 +97,7 @@ class MoosRig(RcaRig):
         self._client = await self._connected("MobileRobot_Giraff", self._take)
         self._controller = await self._connected("RobotControlManager")
         self._navigator = await self._connected("NavigatorReactivePTG3D")
-        for key in HEARD:
+        for key in REGISTERED:
             self._client.register(key)
 
     async def _connected(self, name, take=lambda _: None):
@@ -114,7 +113,7 @@ class MoosRig(RcaRig):
         self.world.cancel()
 
     async def after_reset(self):
-        self._mode, self._told = MANUAL, ""
+        self._mode, self._reported = MANUAL, ""
         self._plan, self._plan_at = [], math.inf
 
     def freeze(self, *, on):
@@ -122,17 +121,17 @@ class MoosRig(RcaRig):
         self.db.freeze(on=on)
 
     def hang(self, *, on):
-        """Let all modules of the robot hang behind a database that goes on."""
+        """Let all modules of the robot hang behind a database that runs on, or resume them."""
         self.running, self.world.hung = not on, on
         self.loop.call_soon_threadsafe(self._client.hang, on)
 
     def resume(self, goal):
-        """Let OpenMORA drive on by itself."""
+        """Let OpenMORA start a journey."""
         self.loop.call_soon_threadsafe(self._go_to, (goal.x, goal.y))
 
     def _take(self, mail):
         if mail.time < self._began:
-            return  # what was said to a robot before this one
+            return  # for an earlier robot
         world, value = self.world, mail.value
         match mail.key:
             case "MOTION_REQUEST":
@@ -143,7 +142,7 @@ class MoosRig(RcaRig):
                 self._set_mode(AUTONOMOUS)
                 self._start_plan("0", [node for node in (VIA.get(value), value) if node in NODES])
             case "GO_TO_RECHARGE":
-                world.cancel()  # all tasks of before
+                world.cancel()  # all earlier tasks
                 self._start_plan("505", ["dock"])
             case "NEW_TASK":
                 assert value == "ROBOT_CONTROLLER 1 UNDOCK"
@@ -196,10 +195,10 @@ class MoosRig(RcaRig):
     def _next_step(self):
         self._plan_at = math.inf
         match self._plan:
-            case []:  # done, or no way to it: both end the plan
+            case []:  # done, or without a route: both end the plan
                 self._end_plan()
             case ["undock"]:
-                # it is a MOTION_CMD_V, which the base obeys in no other mode
+                # a MOTION_CMD_V, which the base obeys only in this mode
                 if self._mode == AUTONOMOUS:
                     self.world.undock()
             case ["dock"]:
@@ -253,13 +252,13 @@ class MoosRig(RcaRig):
             notify("BATTERY_IS_CHARGING", float(sim.docked))
         if count % 5 == 1:
             notify("BUMPERS", self.bumped)
-        self._tell_of_journey(notify)
+        self._report_journey(notify)
 
-    def _tell_of_journey(self, notify):
+    def _report_journey(self, notify):
         journey, kind = self.world.journey, self.world.kind
-        if journey == self._told:
+        if journey == self._reported:
             return
-        self._told = journey
+        self._reported = journey
         if kind == "goto":
             event = {"done": "NAV_EVENT_END", "failed": "NAV_EVENT_ERROR"}.get(journey)
             if event:

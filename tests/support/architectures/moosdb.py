@@ -1,9 +1,9 @@
-"""A MOOSDB that speaks the real wire: greeting, registration, the last value on registration,
-clients that fall silent, names taken.
+"""A MOOSDB with the real wire format: greeting, registration, the last value on registration,
+silent clients, duplicate names.
 
-As core-moos has it: a message of timing is answered when it leads its packet, and only then, after
-the packets of before (Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). `python -m
-tests.support.architectures.moosdb HOST PORT` is one in a process of its own.
+As in core-moos, a timing message is answered only if it is the first of its packet, after the
+packets before it (Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). As a process: `python
+-m tests.support.architectures.moosdb HOST PORT`.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ class MoosDb:
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def stop(self):
-        """Die with everything that was in memory."""
+        """Abort all connections and lose all values."""
         self._server.close()
         for writer in list(self.clients.values()):
             writer.transport.abort()
@@ -71,31 +71,22 @@ class MoosDb:
             (hello,) = await self._packet(reader)
         name = hello.value
         if hello.type != wire.DATA or name in self.clients:
-            writer.write(
-                wire.pack(
-                    [Mail(wire.POISON, value=f'A client of this name ("{name}") already exists')]
-                )
-            )
+            refusal = f'A client of this name ("{name}") already exists'
+            writer.write(wire.pack([Mail(wire.POISON, value=refusal)]))
             with contextlib.suppress(OSError):
                 await writer.drain()
             return None
         self.clients[name] = writer
-        skew = time.time() - hello.time
-        writer.write(
-            wire.pack(
-                [
-                    Mail(
-                        wire.WELCOME,
-                        "",
-                        skew,
-                        time.time(),
-                        helper="hostname=localhost",
-                        community=self.community,
-                        text="asynchronous",
-                    )
-                ]
-            )
+        welcome = Mail(
+            wire.WELCOME,
+            "",
+            time.time() - hello.time,
+            time.time(),
+            helper="hostname=localhost",
+            community=self.community,
+            text="asynchronous",
         )
+        writer.write(wire.pack([welcome]))
         return name
 
     def _take(self, name, mail):

@@ -1,5 +1,5 @@
-"""A server's client of a real broker, in a thread of its own: hears everything of one robot, and
-says what the test wants.
+"""A server's client of a real broker, in a thread of its own, which subscribes to all topics of a
+robot.
 """
 
 import threading
@@ -43,7 +43,7 @@ class Ear:
         try:
             message = codec.decode(suffix, delivery.payload) if delivery.payload else None
         except Rejection:
-            return  # the test's own nonsense, which this ear hears as well
+            return  # malformed messages of the test itself
         with self._news:
             self.heard.append((suffix, message, bool(delivery.retain)))
             self._news.notify_all()
@@ -70,10 +70,7 @@ class Ear:
                 for name, message, _ in self.heard[since:]:
                     if name == suffix and wanted(message):
                         return message
-                if (
-                    not self._news.wait(deadline - time.monotonic())
-                    and time.monotonic() >= deadline
-                ):
-                    raise AssertionError(
-                        f"no such {suffix}; heard {[name for name, *_ in self.heard[-30:]]}"
-                    )
+                self._news.wait(deadline - time.monotonic())
+                if time.monotonic() >= deadline:
+                    received = [name for name, *_ in self.heard[-30:]]
+                    raise AssertionError(f"no such {suffix}; received {received}")

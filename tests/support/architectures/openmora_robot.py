@@ -1,12 +1,11 @@
-"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs,
-its habits.
+"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: topics, time-outs and quirks.
 
-From MQTTMosquitto/CMQTTMosquitto.cpp: it does all of its work when a message arrives, or after a
-second without one (`loop(-1)` in Iterate), and a variable that was never published is 0.00. From
-RobotControlManager/CRobotControllerApp.cpp: a journey to a point leaves the robot in autonomous
-mode when it is over, one to a node ends in manual mode, and a client that is silent for
-`max_client_ack_interval` ends everything. From Executor/TExecutor.cpp: a plan that starts forgets a
-cancel that came before.
+From MQTTMosquitto/CMQTTMosquitto.cpp: it works only when a message arrives, or after a second
+without one (`loop(-1)` in Iterate), and a variable that was never published is 0.00. From
+RobotControlManager/CRobotControllerApp.cpp: after a journey to a point the robot stays in
+autonomous mode, after one to a node it is in manual mode, and without an acknowledgement of the
+client for `max_client_ack_interval` all motion ends. From Executor/TExecutor.cpp: a plan that
+starts ignores an earlier cancel.
 """
 
 import asyncio
@@ -24,7 +23,7 @@ from tests.support.programs.mosquitto import Mosquitto
 
 MOTION_TIME = 0.5
 ACK_TIME = 2.0  # max_client_ack_interval, as shipped
-LOOP_TIME = 1.0  # libmosquitto's default, which -1 asks for
+LOOP_TIME = 1.0  # libmosquitto's default, which -1 selects
 PLANNING = 0.2  # s from a task to its plan
 PERIODS = {"Status": 0.1, "LaserScan": 0.1, "RobotACK": 0.5, "Topology": 1.0}
 EPOCH_MS = 11_644_473_600_000
@@ -40,7 +39,7 @@ class OpenMoraRig(RcaRig):
         super().__init__(series)
         self.name = name
         self.broker = Mosquitto(directory, host=host)
-        self.said = []  # (topic, text) that reached the robot
+        self.received = []  # (topic, text)
         self.ack_interval = patient(ACK_TIME)
         self.error = ""
         self._client = None
@@ -70,7 +69,7 @@ class OpenMoraRig(RcaRig):
 
     async def down(self):
         with contextlib.suppress(MqttError):
-            await cancel(self._listening)  # `publish` forgets a cancellation until Python 3.12
+            await cancel(self._listening)  # `publish` loses a cancellation before Python 3.12
         with contextlib.suppress(MqttError):
             await self._client.__aexit__(None, None, None)
         self.world.cancel()
@@ -79,7 +78,7 @@ class OpenMoraRig(RcaRig):
         self.broker.freeze(on=on)
 
     def hang(self, *, on):
-        """Let all modules of the robot hang behind a broker that goes on."""
+        """Let all modules of the robot hang behind a broker that runs on, or resume them."""
         self.running, self.world.hung = not on, on
         self.loop.call_soon_threadsafe(self._hang, on)
 
@@ -92,7 +91,7 @@ class OpenMoraRig(RcaRig):
             self.loop.add_reader(socket, paho.loop_read)
 
     def resume(self, goal):
-        """Let OpenMORA drive on by itself."""
+        """Let OpenMORA start a journey."""
         self.loop.call_soon_threadsafe(self._on_gotopoint, goal.x, goal.y)
 
     async def after_reset(self):
@@ -105,7 +104,7 @@ class OpenMoraRig(RcaRig):
             assert abs(late) < patient(5.0) or text == "StopGiraff"  # a will is stamped long before
             topic = str(delivery.topic).split("/")[1]
             if topic != "ClientACK":
-                self.said.append((topic, text))
+                self.received.append((topic, text))
             self._take(topic, text, time.monotonic() - max(0.0, late))
             await self._iterate()
 
@@ -165,7 +164,7 @@ class OpenMoraRig(RcaRig):
             self.world.drive(0.0, 0.0)
 
     async def say(self, count):
-        """Let the other modules work, and this one if a second has passed."""
+        """Run the other modules, and this one if a second has passed."""
         now = time.monotonic()
         if self._plan is not None and now > self._plan[1]:
             self._start_plan()
@@ -178,7 +177,7 @@ class OpenMoraRig(RcaRig):
         now = self._iterated_at = time.monotonic()
         if self._motion_at is not None and now - self._motion_at > MOTION_TIME:
             self._motion_at = None
-            self._cancel()  # as the real one: whatever runs by then
+            self._cancel()  # as the real one, which also ends a journey that runs by then
         for topic, period in PERIODS.items():
             if now - self._published[topic] > period:
                 self._published[topic] = now

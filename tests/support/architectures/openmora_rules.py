@@ -1,4 +1,4 @@
-"""What the modules of OpenMORA accept or silently ignore, from the source that each rule names."""
+"""Which texts the modules of OpenMORA accept or silently ignore, by the source of each rule."""
 
 from robots.api.geometry import Pose2D
 
@@ -9,8 +9,8 @@ GOAL_COLUMNS, AREA_COLUMNS = 2, 5
 
 
 def matrix(text):
-    """MRPT's CMatrix.fromMatlabStringFormat: rows of equal length in brackets, by semicolon; None
-    for what is none.
+    """MRPT's CMatrix.fromMatlabStringFormat: rows of equal length in brackets, separated by
+    semicolons; None if malformed.
     """
     text = text.strip()
     if not (text.startswith("[") and text.endswith("]")):
@@ -37,8 +37,8 @@ def relocalize(world, text):
     """RELOCALIZE_IN_AREA (Localization2D_PF/CPFLocalizationApp.cpp, ProcessParticleFilter): a row
     of at least five columns, else nothing.
 
-    The particles are spread around the middle of the box as wide as the filter's own limits say: a
-    robot that really is there finds itself, another one takes itself to be in the middle.
+    The particles are spread around the middle of the box as wide as the filter's own limits: a
+    robot within them is localized, another one is believed to be in the middle.
     """
     rows = matrix(text)
     if world.deaf or not rows or len(rows[0]) < AREA_COLUMNS or rows[0][4] < 1:

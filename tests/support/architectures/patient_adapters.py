@@ -1,4 +1,4 @@
-"""Adapters that wait as long as a busy machine takes."""
+"""Longer time limits of adapters, for tests on a busy machine."""
 
 import dataclasses
 
@@ -19,8 +19,8 @@ SECONDS = (
 
 
 def make_patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have adapters wait longer for a silent robot, because a busy computer may delay its readings
-    and answers. tests/timing tests the real limits.
+    """Let adapters wait longer for a silent robot, because a busy computer may delay its readings.
+    tests/timing tests the real limits.
     """
     for module, names in SECONDS:
         for name in names:

@@ -1,8 +1,6 @@
-"""What every adapter of an outside RCA must do besides `AdapterConformance`, with the same
-simulated robot behind each protocol.
-
-A test module subclasses `RcaConformance` and gives a rig (tests/support/architectures/rca_world.py)
-once a class.
+"""What every adapter of a robot control architecture (RCA) must do besides `AdapterConformance`,
+with the same simulated robot behind each protocol. A test module subclasses `RcaConformance` and
+makes a rig (tests/support/architectures/rca_world.py).
 """
 
 import asyncio
@@ -34,12 +32,12 @@ from tests.support.host_jitter import HostJitter
 from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
-AGAIN = 0.5  # s between two cancels of the agent
+CANCEL_INTERVAL = 0.5  # s between two cancels of the agent
 LATE = 1.5  # s until a goal is accepted
 
 
 async def heard(adapter: Adapter, until, seconds: float = 10.0):
-    """Read progress until a condition, while states are read as the agent does."""
+    """Return the progress until a condition holds, while states are read as the agent does."""
 
     async def reading():
         async for _ in adapter.states():
@@ -60,17 +58,17 @@ async def heard(adapter: Adapter, until, seconds: float = 10.0):
 
 
 async def cancelled(adapter: Adapter, action_id: str, seconds: float = 15.0) -> int:
-    """Cancel an action every 0.5 s, as the agent does, until its end is certain; count."""
+    """Cancel an action as often as the agent does, until its end is confirmed; return how often."""
     async with asyncio.timeout(patient(seconds)):
         for count in itertools.count(1):
             if await adapter.cancel(action_id):
                 return count
-            await asyncio.sleep(AGAIN)
+            await asyncio.sleep(CANCEL_INTERVAL)
     raise AssertionError
 
 
 async def stays(rig: RcaRig, seconds: float) -> None:
-    """Watch that a robot does not leave its place."""
+    """Assert for some seconds that a robot does not move."""
     place = rig.world.truth
     for _ in range(round(seconds / 0.05)):
         await asyncio.sleep(0.05)
@@ -84,7 +82,7 @@ def ended(action_id):
 
 
 async def lost(adapter: Adapter, velocity: Velocity, seconds: float = 8.0) -> str:
-    """Drive until the adapter says that the RCA is gone; return its sentence."""
+    """Drive until the adapter has lost the RCA; return the text of its error."""
     with pytest.raises(AdapterError) as caught:
         await drive(adapter, velocity, lambda _: False, seconds)
     return str(caught.value)
@@ -100,8 +98,6 @@ async def connected(adapter: Adapter):
 
 
 class RcaConformance(AdapterConformance):
-    """Subclass me with a `rig` fixture of scope class."""
-
     rig: RcaRig
 
     @abstractmethod
@@ -129,16 +125,14 @@ class RcaConformance(AdapterConformance):
         return moves[-1] + time.time() - time.monotonic() if moves else 0.0
 
     def error_of(self, state: RcaState) -> tuple[float, float]:
-        """Return how far a state is from the truth, metres and radians: as the robot counted, or as
-        it knows where it is.
-        """
-        told = state.odometry or Pose2D(state.pose.x, state.pose.y, state.pose.theta)
-        really = self.rig.world.truth if state.odometry is None else self.rig.world.sim.odometry
-        return told.distance(really), abs(wrap_angle(told.theta - really.theta))
+        """Return the error of a state's odometry, or else of its pose: metres and radians."""
+        measured = position(state)
+        true = self.rig.world.truth if state.odometry is None else self.rig.world.sim.odometry
+        return measured.distance(true), abs(wrap_angle(measured.theta - true.theta))
 
     async def here(self, adapter: Adapter) -> RcaState:
-        """Return a state of this place: the first may still be one of before the robot was put
-        here, kept or on its way.
+        """Return a state of the present position: earlier ones, stored or in transit, may be from
+        before the robot was placed.
         """
         return await wait_for(adapter, lambda s: max(self.error_of(s)) < 0.02)
 
@@ -148,7 +142,7 @@ class RcaConformance(AdapterConformance):
         async with connected(self.make()) as adapter:
             yield adapter
 
-    async def test_it_goes_where_it_is_told_and_its_state_says_so(self, adapter: Adapter) -> None:
+    async def test_measured_motion_matches_the_robots_motion(self, adapter: Adapter) -> None:
         before, began = self.rig.world.truth, await self.here(adapter)
 
         # The watchdog brakes a robot whose velocities are late, and it accelerates again.
@@ -162,48 +156,30 @@ class RcaConformance(AdapterConformance):
         await drive(adapter, Velocity(linear=0.2, angular=0.2), goes_as_told)
         await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
         await standing(self.rig)
-        told = await self.here(adapter)
         moved = before.inverse().compose(self.rig.world.truth)
-        if told.odometry is not None:
-            counted = began.odometry.inverse().compose(told.odometry)
-        else:
-            counted = (
-                Pose2D(began.pose.x, began.pose.y, began.pose.theta)
-                .inverse()
-                .compose(Pose2D(told.pose.x, told.pose.y, told.pose.theta))
-            )
-        assert math.hypot(counted.x - moved.x, counted.y - moved.y) < 0.12
-        assert abs(wrap_angle(counted.theta - moved.theta)) < 0.15
+        measured = position(began).inverse().compose(position(await self.here(adapter)))
+        assert measured.distance(moved) < 0.12
+        assert abs(wrap_angle(measured.theta - moved.theta)) < 0.15
 
-    async def test_it_says_where_it_is_when_its_architecture_knows(self, adapter: Adapter) -> None:
+    async def test_pose_is_that_of_the_architectures_localization(self, adapter: Adapter) -> None:
         if "localization" not in adapter.profile.capabilities:
             assert not (await some(adapter.states(), 1))[0].pose.localized
             return
 
         def is_right(state: RcaState) -> bool:
-            truth = self.rig.world.truth
-            near = math.hypot(state.pose.x - truth.x, state.pose.y - truth.y) < 0.05
+            truth, pose = self.rig.world.truth, state.pose
+            turned = abs(wrap_angle(pose.theta - truth.theta))
             return (
-                state.pose.localized
-                and near
-                and abs(wrap_angle(state.pose.theta - truth.theta)) < 0.05
+                pose.localized and math.dist((pose.x, pose.y), truth[:2]) < 0.06 and turned < 0.06
             )
 
         # The architecture may first repeat the pose from before the robot was placed here.
         await wait_for(adapter, is_right)
         await drive(adapter, AHEAD, lambda s: s.distance > 0.12)
-        stood = await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
-        here = await wait_for(
-            adapter,
-            lambda s: (
-                math.hypot(s.pose.x - self.rig.world.truth.x, s.pose.y - self.rig.world.truth.y)
-                < 0.06
-            ),
-        )
-        assert stood.distance > 0.12
-        assert here.pose.localized
+        await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
+        await wait_for(adapter, is_right)
 
-    async def test_its_scan_shows_the_walls(self, adapter: Adapter, computer: HostJitter) -> None:
+    async def test_scan_shows_the_walls(self, adapter: Adapter, computer: HostJitter) -> None:
         if "scan" not in adapter.profile.capabilities:
             return
         await self.here(adapter)
@@ -213,13 +189,12 @@ class RcaConformance(AdapterConformance):
         assert len(scan.ranges) == laser.beams
         now = time.time()
         assert abs(scan.stamp - now) < patient(0.5) + computer.excuse(scan.stamp, now)
-        really = self.rig.world.ranges()
-        pairs = [
-            (told, true)
-            for told, true in zip(scan.ranges, really, strict=True)
-            if told is not None and true < laser.range_max
+        errors = [
+            abs(measured - true)
+            for measured, true in zip(scan.ranges, self.rig.world.ranges(), strict=True)
+            if measured is not None and true < laser.range_max
         ]
-        assert sum(abs(told - true) < 0.08 for told, true in pairs) > 0.9 * len(pairs) > 50
+        assert sum(error < 0.08 for error in errors) > 0.9 * len(errors) > 50
 
     async def test_battery_is_reported(self, adapter: Adapter) -> None:
         state = await wait_for(
@@ -231,7 +206,7 @@ class RcaConformance(AdapterConformance):
         assert not state.battery.charging
         assert not state.charger_contact
 
-    async def test_it_is_sent_somewhere_and_says_when_it_is_there(self, adapter: Adapter) -> None:
+    async def test_goto_reports_its_arrival(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         goal = await self.start_goto(adapter, 0.4)
@@ -240,7 +215,7 @@ class RcaConformance(AdapterConformance):
         assert self.rig.world.truth.distance(goal) < 0.25
 
     async def start_goto(self, adapter: Adapter, ahead: float = 2.0) -> Pose2D:
-        """Start the action "g" to a point so many metres ahead; return that."""
+        """Start the action "g" to a point so many metres ahead; return the point."""
         goal = self.rig.world.truth.compose(Pose2D(ahead, 0.0, 0.0))
         await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
         return goal
@@ -255,7 +230,7 @@ class RcaConformance(AdapterConformance):
         assert self.rig.world.journey != "running"
         await stays(self.rig, 0.5)
 
-    async def test_a_journey_that_is_cancelled_stops(self, adapter: Adapter) -> None:
+    async def test_cancelled_goto_stops_the_robot(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         await self.start_driving(adapter)
@@ -263,7 +238,7 @@ class RcaConformance(AdapterConformance):
         assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
         await self.has_stopped()
 
-    async def test_a_cancel_that_was_lost_does_not_count(self, adapter: Adapter) -> None:
+    async def test_lost_cancel_is_not_confirmed(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         await self.start_driving(adapter)
@@ -272,7 +247,7 @@ class RcaConformance(AdapterConformance):
         assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
         await self.has_stopped()
 
-    async def test_a_journey_runs_for_as_long_as_its_cancels_are_ignored(
+    async def test_goto_counts_as_running_while_its_cancels_are_ignored(
         self, adapter: Adapter
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -281,7 +256,7 @@ class RcaConformance(AdapterConformance):
         self.rig.world.ignored_cancels = math.inf
         for _ in range(4):
             assert not await adapter.cancel("g")
-            await asyncio.sleep(AGAIN)
+            await asyncio.sleep(CANCEL_INTERVAL)
         assert self.rig.world.cancels >= 4
         with pytest.raises(ActionRefusedError):
             await adapter.start(Goto(action_id="h", stamp=0.0, x=0.0, y=0.0))
@@ -290,7 +265,7 @@ class RcaConformance(AdapterConformance):
         assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
         await self.has_stopped()
 
-    async def test_a_goal_that_is_accepted_after_its_cancel_does_not_run(
+    async def test_goal_that_is_accepted_after_its_cancel_does_not_run(
         self, adapter: Adapter
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -302,7 +277,7 @@ class RcaConformance(AdapterConformance):
         await self.has_stopped()
         await stays(self.rig, LATE)
 
-    async def test_a_docking_that_begins_after_its_cancel_does_not_run(
+    async def test_docking_that_begins_after_its_cancel_does_not_run(
         self, near_dock: Adapter
     ) -> None:
         if "dock" not in near_dock.profile.capabilities:
@@ -315,7 +290,7 @@ class RcaConformance(AdapterConformance):
         await stays(self.rig, LATE)
         assert not self.rig.world.sim.docked
 
-    async def test_a_goal_that_is_never_accepted_fails_and_is_cancelled(
+    async def test_goal_that_is_never_accepted_fails_and_is_cancelled(
         self, adapter: Adapter
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -331,7 +306,7 @@ class RcaConformance(AdapterConformance):
         assert self.rig.world.cancels > before
 
     @pytest.mark.parametrize("by", ["the same agent", "the next agent"])
-    async def test_a_connection_cancels_what_an_earlier_one_left(
+    async def test_connecting_cancels_a_goto_of_an_earlier_connection(
         self, adapter: Adapter, by: str
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -351,7 +326,7 @@ class RcaConformance(AdapterConformance):
         assert self.rig.world.cancels > before
         await self.has_stopped()
 
-    async def test_a_journey_that_fails_says_so(self, adapter: Adapter) -> None:
+    async def test_failed_goto_reports_the_reason(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         await self.start_driving(adapter)
@@ -360,9 +335,7 @@ class RcaConformance(AdapterConformance):
         assert last.status == "FAILED"
         assert last.reason
 
-    async def test_it_docks_and_undocks_where_its_architecture_can(
-        self, near_dock: Adapter
-    ) -> None:
+    async def test_robot_docks_and_undocks(self, near_dock: Adapter) -> None:
         own = near_dock.profile.capabilities
         if "dock" in own:
             await near_dock.start(Dock(action_id="d", stamp=0.0))
@@ -374,7 +347,7 @@ class RcaConformance(AdapterConformance):
             assert (await heard(near_dock, ended("u"), 15.0))[-1].status == "FINISHED"
             await wait_for(near_dock, lambda s: not s.charger_contact)
 
-    async def test_it_can_be_told_where_it_is(self, adapter: Adapter) -> None:
+    async def test_relocalizing_at_the_true_pose_succeeds(self, adapter: Adapter) -> None:
         if "relocalize" not in adapter.profile.capabilities:
             with pytest.raises(AdapterError):
                 await adapter.start(Relocalize(action_id="r", stamp=0.0, x=1.0, y=1.0, theta=0.0))
@@ -382,9 +355,7 @@ class RcaConformance(AdapterConformance):
         await adapter.start(relocalize("r", self.rig.world.truth))
         assert (await heard(adapter, ended("r")))[-1].status == "FINISHED"
 
-    async def test_told_where_it_is_it_says_so_itself_when_it_has_been_relocalized(
-        self, adapter: Adapter
-    ) -> None:
+    async def test_relocalized_robot_reports_the_new_pose(self, adapter: Adapter) -> None:
         if "relocalize" not in adapter.profile.capabilities:
             return
         await self.here(adapter)
@@ -396,7 +367,7 @@ class RcaConformance(AdapterConformance):
             pose = (await some(adapter.states(), 1))[0].pose
             assert math.hypot(pose.x - place.x, pose.y - place.y) < 0.1
 
-    async def test_a_localization_that_does_not_listen_makes_relocalizing_fail_with_the_reason(
+    async def test_relocalizing_fails_with_the_reason_if_the_localization_ignores_it(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         if "relocalize" not in adapter.profile.capabilities:
@@ -411,11 +382,11 @@ class RcaConformance(AdapterConformance):
         assert last.status == "FAILED"
         assert last.reason.partition(": ")[0] in {"pose_disagrees", "no_answer"}
 
-    async def test_an_architecture_killed_while_it_drives_stops_the_robot_and_is_found_again(
+    async def test_robot_stops_when_its_architecture_is_killed_and_drives_after_its_restart(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
-        dying = asyncio.get_running_loop().run_in_executor(None, self.rig.kill)
+        dying = asyncio.create_task(asyncio.to_thread(self.rig.kill))
         reason = await lost(adapter, AHEAD)
         await dying
         assert len(reason) > 10
@@ -430,13 +401,13 @@ class RcaConformance(AdapterConformance):
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
 
-    async def test_an_action_of_a_lost_architecture_fails_once_its_end_is_confirmed(
+    async def test_action_of_a_lost_architecture_fails_once_its_end_is_confirmed(
         self, adapter: Adapter
     ) -> None:
         if "goto" not in adapter.profile.capabilities:
             return
         await self.start_driving(adapter)
-        dying = asyncio.get_running_loop().run_in_executor(None, self.rig.kill)
+        dying = asyncio.create_task(asyncio.to_thread(self.rig.kill))
         with pytest.raises(AdapterError):
             await wait_for(adapter, lambda _: False)
         await dying
@@ -446,12 +417,17 @@ class RcaConformance(AdapterConformance):
         assert await adapter.cancel("g")
 
 
+def position(state: RcaState) -> Pose2D:
+    """Return the odometry of a state, or else its pose."""
+    return state.odometry or Pose2D(state.pose.x, state.pose.y, state.pose.theta)
+
+
 def relocalize(action_id: str, place: Pose2D) -> Relocalize:
     return Relocalize(action_id=action_id, stamp=0.0, **place._asdict())
 
 
 async def standing(rig: RcaRig, seconds: float = 3.0) -> None:
-    """Wait until the robot itself stands: its watchdog, and braking."""
+    """Wait until the robot itself is at rest, by its watchdog and braking."""
     async with asyncio.timeout(patient(seconds)):
         while rig.world.sim.motion.linear != 0.0:
             await asyncio.sleep(0.02)
@@ -470,9 +446,7 @@ async def again(adapter: Adapter, seconds: float = 15.0) -> None:
 
 
 async def sees_grey(adapter: Adapter) -> None:
-    """The pictures of the robot's topic come out of the adapter's camera, stamped when they were
-    made.
-    """
+    """The images of the robot's topic are frames of the adapter's camera, with their own stamps."""
     async with connected(adapter):
         camera = adapter.video()
         camera.start()

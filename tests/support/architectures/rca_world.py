@@ -1,5 +1,5 @@
-"""The simulated robot behind an architecture of its own, for the tests of adapters: it obeys
-velocities, plans short paths, and docks. `RcaRig` runs it in a thread beside the test.
+"""The simulated robot behind a robot control architecture (RCA), for the tests of adapters: it
+obeys velocities, plans short paths, and docks. `RcaRig` runs it in a thread beside the test.
 """
 
 import asyncio
@@ -27,11 +27,11 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 
 
 class RcaWorld:
-    """One robot, in real time. `journey` is "", "running", "done" or "failed"; a velocity that
-    moves ends it.
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; a non-zero velocity
+    ends it.
 
-    `believed` is where its localization takes it to be; `deaf` is a localization that ignores what
-    it is told. Its planner accepts a goal after `accept_after` seconds, disregards the next
+    `believed` is the pose that its localization reports; a `deaf` localization ignores poses that
+    it is given. Its planner accepts a goal after `accept_after` seconds, disregards the next
     `ignored_cancels` of the `cancels` that it receives, and does nothing while it is `hung`.
     """
 
@@ -109,13 +109,13 @@ class RcaWorld:
         return True
 
     def pause(self):
-        """End a journey without a word."""
+        """End a journey without an event."""
         if self.journey == "running":
             self.journey = ""
             self._command(0.0, 0.0)
 
     def tick(self):
-        """Let time pass up to now."""
+        """Advance the simulation to now."""
         self.playback.advance(time.monotonic(), time.time())
         if self._late is not None and time.monotonic() > self._late[2]:
             self.goal, self.kind, _ = self._late
@@ -140,15 +140,13 @@ class RcaWorld:
             )
 
     def ranges(self):
+        """Return the beams in metres; (beams,), beyond the laser's range without an echo."""
         return np.nan_to_num(self.sim.scan(), posinf=self.sim.model.laser.range_max + 1.0)
 
 
 class RcaRig:
-    """A world and an RCA before it. A subclass says how the RCA is brought `up`, what it says each
-    tick, and how it goes `down`.
-
-    Runs in a thread with a loop of its own, so that one rig serves many tests; use as a context
-    manager.
+    """A world and its RCA, on a loop in a thread, so that one rig serves many tests; use as a
+    context manager. A subclass starts the RCA in `up`, publishes in `say` and ends it in `down`.
     """
 
     series = "giraff"
@@ -163,26 +161,26 @@ class RcaRig:
         self._thread = threading.Thread(target=self._serve, name="rca", daemon=True)
         self._ending = threading.Event()
 
-    # what a subclass says
+    # of a subclass
 
     def options(self):
-        """What an adapter is told to find this RCA, by name."""
+        """Return the options with which an adapter finds this RCA."""
         raise NotImplementedError
 
     async def up(self):
-        """Bring the RCA up."""
+        """Start the RCA."""
 
     async def down(self):
         """Kill it."""
 
     async def say(self, count):
-        """Say what is due in this tick."""
+        """Publish the messages of this tick."""
 
     def freeze(self, *, on):
-        """Stop the process that takes the adapter's orders in its tracks, or let it go on."""
+        """Stop the process that receives the adapter's velocities (SIGSTOP), or resume it."""
         raise NotImplementedError
 
-    # what a test uses
+    # for tests
 
     def __enter__(self):
         self._thread.start()

@@ -1,17 +1,17 @@
-"""Two nodes of ROS 1 in processes of their own, run by the Python that has rospy.
+"""Two nodes of ROS 1 in processes of their own, run by the Python that has rospy, which print what
+they do as JSON lines.
 
-`base LOG` is a mobile base: it accelerates with 0.8 m/s², obeys the newest velocity on /cmd_vel,
-stops 0.5 s after it, and writes what it does as JSON lines.
+`base` is a mobile base: it accelerates with 0.8 m/s², obeys the newest velocity on /cmd_vel, and
+stops 0.5 s after it.
 
-`planner HABIT TOPIC LOG` is move_base, by actionlib's SimpleActionServer, and docks by services: it
+`planner HABIT TOPIC` is move_base, by actionlib's SimpleActionServer, and docks by services: it
 publishes 0.3 m/s ten times a second while a goal is active or it docks. Habits: `obeys`; `misses`
 the first two cancels, which the server never receives; `ignores` every cancel; `resumes` a second
 after a cancel; `hesitates` 6 s before it accepts a goal (until then actionlib lists it as PENDING),
-and answers a call to dock as late as 12 s after it; `docks late` only begins to dock then.
+and answers a call to dock 12 s after it; `docks late` begins to dock only 12 s after the call.
 """
 
 import json
-import pathlib
 import sys
 import threading
 import time
@@ -24,25 +24,20 @@ SPEED = 0.3
 MISSED = 2
 
 
-class Log:
-    def __init__(self, path):
-        self.file = pathlib.Path(path).open("a", buffering=1)  # noqa: SIM115 - until the end
-        self.lock = threading.Lock()
-
-    def write(self, **entry):
-        with self.lock:
-            self.file.write(json.dumps({"at": time.monotonic(), **entry}) + "\n")
+def log(**event):
+    sys.stdout.write(json.dumps({"at": time.monotonic(), **event}) + "\n")
+    sys.stdout.flush()
 
 
-def base(log):
+def base():
     from geometry_msgs.msg import Twist
     from nav_msgs.msg import Odometry
 
-    target = [0.0, 0.0]  # m/s, and when it came
+    target = [0.0, 0.0]  # m/s, and its monotonic time
 
     def drive(message):
         target[:] = message.linear.x, time.monotonic()
-        log.write(command=message.linear.x)
+        log(command=message.linear.x)
 
     rospy.init_node("base_driver", disable_signals=True, disable_rosout=True)
     rospy.Subscriber("/cmd_vel", Twist, drive, queue_size=1, tcp_nodelay=True)
@@ -63,10 +58,10 @@ def base(log):
             message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
             message.twist.twist.linear.x = v
             odometry.publish(message)
-            log.write(x=x, v=v)
+            log(x=x, v=v)
 
 
-def planner(habit, topic, log):
+def planner(habit, topic):
     import actionlib
     from geometry_msgs.msg import Twist
     from move_base_msgs.msg import MoveBaseAction
@@ -80,7 +75,7 @@ def planner(habit, topic, log):
         velocity.publish(message)
 
     def execute(goal):
-        log.write(started=goal.target_pose.pose.position.x)
+        log(started=goal.target_pose.pose.position.x)
         cancelled_at = None
         while True:
             if server.is_preempt_requested():
@@ -91,7 +86,7 @@ def planner(habit, topic, log):
             publish(0.0 if habit == "resumes" and waits else SPEED)
             time.sleep(0.1)
         publish(0.0)
-        log.write(ended=goal.target_pose.pose.position.x)
+        log(ended=goal.target_pose.pose.position.x)
         server.set_preempted()
 
     server = actionlib.SimpleActionServer("move_base", MoveBaseAction, execute, auto_start=False)
@@ -101,7 +96,7 @@ def planner(habit, topic, log):
 
     def take_cancel(goal_id):
         received[0] += 1
-        log.write(cancel=goal_id.id)
+        log(cancel=goal_id.id)
         if habit != "misses" or received[0] > MISSED:
             cancelled.add(goal_id.id)
             cancel(goal_id)
@@ -112,7 +107,7 @@ def planner(habit, topic, log):
             server.internal_preempt_callback(goal)
 
     def take_goal(goal):
-        log.write(received=goal.get_goal_id().id)
+        log(received=goal.get_goal_id().id)
         if habit == "hesitates":
             threading.Timer(6.0, accept_late, [goal]).start()
         else:
@@ -121,31 +116,31 @@ def planner(habit, topic, log):
     inner.internal_cancel_callback = take_cancel
     inner.goal_callback = take_goal
     server.start()
-    docking = serve_docking(habit, log)
-    log.write(ready=True)
+    docking = serve_docking(habit)
+    log(ready=True)
     while True:
         docking.wait()
         publish(SPEED)
         time.sleep(0.1)
 
 
-def serve_docking(habit, log):
+def serve_docking(habit):
     from std_srvs.srv import Trigger, TriggerResponse
 
     docking = threading.Event()
 
     def dock(_request):
-        log.write(dock=True)
+        log(dock=True)
         if habit == "docks late":
             time.sleep(12.0)
         docking.set()
-        log.write(docks=True)
+        log(docks=True)
         if habit == "hesitates":
             time.sleep(12.0)
         return TriggerResponse(True, "")
 
     def cancel_dock(_request):
-        log.write(cancel_dock=True)
+        log(cancel_dock=True)
         docking.clear()
         return TriggerResponse(True, "")
 
@@ -155,7 +150,4 @@ def serve_docking(habit, log):
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "base":
-        base(Log(sys.argv[2]))
-    else:
-        planner(sys.argv[2], sys.argv[3], Log(sys.argv[4]))
+    {"base": base, "planner": planner}[sys.argv[1]](*sys.argv[2:])

@@ -1,6 +1,6 @@
-"""The simulated robot's own node of ROS 1: besides what the adapter's node does, it offers
-services, and goes on without a master as every rospy and roscpp node does, which registers once
-(rospy/impl/registration.py, RegManager.start). Run by the Python that has rospy.
+"""The simulated robot's node of ROS 1, run by the Python that has rospy. Unlike the adapter's node,
+it offers services, and runs on without a master as every rospy and roscpp node, which registers
+only once (rospy/impl/registration.py, RegManager.start).
 """
 
 import pathlib
@@ -29,13 +29,13 @@ class RobotNode(ros1_node.Node):
         """Drop the publishers of a topic, as if rospy had not received their list."""
         from rospy.impl.registration import get_topic_manager
 
-        heard = get_topic_manager().get_subscriber_impl(topic)
-        for connection in list(heard.connections):
-            heard.remove_connection(connection)
+        subscriber = get_topic_manager().get_subscriber_impl(topic)
+        for connection in list(subscriber.connections):
+            subscriber.remove_connection(connection)
             connection.close()
 
     def watch_master(self):
-        """Nothing: a driver of ROS 1 does not look after its master."""
+        """Do nothing: a driver of ROS 1 does not watch its master."""
 
 
 if __name__ == "__main__":

@@ -8,13 +8,12 @@ from pathlib import Path
 
 from tests.support.architectures.frozen import freeze
 from tests.support.architectures.rca_world import RcaRig
-from tests.support.architectures.ros_robot import BASE, RosRobot
+from tests.support.architectures.ros_robot import BASE, DOCKING, RosRobot
 from tests.support.paths import ROOT
 
-# `make setup-ros2` installs it there: rclpy, and messages of our own definition.
+# `make setup-ros2` installs rclpy there, and messages that we define.
 PYTHON = ROOT / "var" / "ros2" / "bin" / "python"
 DISCOVERY = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}
 NODE = Path(__file__).with_name("ros2_robot_node.py")
 
 
@@ -24,7 +23,7 @@ class Ros2Rig(RcaRig):
     def __init__(self, series="giraff", base=BASE, **wish):
         super().__init__(series)
         worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-        # another one than that of any other process of this run
+        # unlike that of every other process of this run
         self.domain = 20 + os.getpid() % 20 * 4 + worker % 4
         self.robot = RosRobot(self.world, 2, base)
         self.wish = {
@@ -42,13 +41,7 @@ class Ros2Rig(RcaRig):
         return super().__enter__()
 
     def options(self):
-        tilts = (
-            {"tilt": "/head/command", "tilt_joint": "head_tilt"}
-            if self.world.sim.model.tilt
-            else {}
-        )
-        docking = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
-        return {"python": str(PYTHON), "domain": str(self.domain), **docking, **tilts}
+        return {"python": str(PYTHON), "domain": str(self.domain), **self.robot.options}
 
     async def up(self):
         pipe = asyncio.subprocess.PIPE
@@ -82,7 +75,7 @@ class Ros2Rig(RcaRig):
         self.tell("planner", {"has_ended": True})
 
     def planner(self, **behaviour):
-        """Change how the planner behaves: see ros2_robot_node.py."""
+        """Set attributes of the `Planner` of ros2_robot_node.py."""
 
         async def tell():
             self.tell("planner", behaviour)
@@ -94,7 +87,7 @@ class Ros2Rig(RcaRig):
             topic, message = json.loads(line)
             if topic == "goal":
                 self.goals += 1
-                delay, self.world.accept_after = self.world.accept_after, 0.0  # it has passed
+                delay, self.world.accept_after = self.world.accept_after, 0.0  # the node waited
                 self.robot.go(message, str(self.goals))
                 self.world.accept_after, self._journey = delay, "running"
             elif topic == "cancel":
@@ -115,7 +108,7 @@ class Ros2Rig(RcaRig):
             self._node.stdin.write((json.dumps([topic, message]) + "\n").encode())
 
     async def say(self, count):
-        for topic, message in self.robot.says(count):
+        for topic, message in self.robot.due(count):
             self.tell(topic, message)
         if self._journey == "running" and self.world.journey != "running":
             self._journey = self.world.journey

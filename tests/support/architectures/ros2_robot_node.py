@@ -2,9 +2,9 @@
 
 Lines of JSON on standard input are published; what it receives is written to standard output.
 
-Its NavigateToPose server drives the simulated robot; the line "planner" changes how it behaves:
-`accept` false rejects. How long it takes to accept a goal, and whether it obeys a cancel, it asks
-the rig.
+Its NavigateToPose server drives the simulated robot; the line "planner" sets attributes of it:
+with `accept` false it rejects goals. It asks the rig how long to wait before it accepts a goal, and
+whether to obey a cancel.
 """
 
 import json
@@ -31,7 +31,7 @@ import guarded_node
 import ros2_node
 
 LATCHED = ("/amcl_pose", "/estop_latched")
-# Fast DDS logs on standard output: it gets standard error instead, so that no line mixes with ours.
+# Fast DDS logs to standard output, which becomes standard error, so that its lines are not ours.
 OUTPUT = os.fdopen(os.dup(sys.stdout.fileno()), "w")
 os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 

@@ -1,9 +1,8 @@
-"""What the simulated robot says and hears as a robot of ROS, whatever carries it: messages as JSON
-objects, both generations.
+"""The messages that the simulated robot publishes and obeys as a robot of ROS 1 or 2, as JSON
+objects, whatever carries them.
 """
 
 import base64
-import math
 import time
 
 from robots.agent.adapters.ros import messages
@@ -12,13 +11,14 @@ from tests.support.media.picture_server import jpeg_of
 GREY = base64.b64encode(jpeg_of(128)).decode()
 BASE = ("/cmd_vel", "geometry_msgs/Twist")
 STAMPED = "geometry_msgs/TwistStamped"
+DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}  # service: method
 
 
 class RosRobot:
-    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of
-    ROS, `base` the topic and type of velocities.
+    """Drives a world by the messages of the topics that it `hears`, and returns what it publishes
+    as (topic, message) pairs; `version` is that of ROS, `base` the topic and type of velocities.
 
-    Its move_base and Nav2 are the world's own way of going somewhere.
+    Its move_base and Nav2 are the navigation of the world.
     """
 
     def __init__(self, world, version, base=BASE):
@@ -41,12 +41,21 @@ class RosRobot:
         "/initialpose": "geometry_msgs/PoseWithCovarianceStamped",
         "/head/command": "std_msgs/Float64",
     }
-    MOVE_BASE = {
+    MOVE_BASE_HEARS = {
         "/move_base/goal": "move_base_msgs/MoveBaseActionGoal",
         "/move_base/cancel": "actionlib_msgs/GoalID",
+    }
+    MOVE_BASE_SAYS = {
         "/move_base/status": "actionlib_msgs/GoalStatusArray",
         "/move_base/result": "move_base_msgs/MoveBaseActionResult",
     }
+
+    @property
+    def options(self):
+        """An adapter's options for the docking services and the head."""
+        docking = {service.removeprefix("/"): service for service in DOCKING}
+        head = {"tilt": "/head/command", "tilt_joint": "head_tilt"}
+        return docking | (head if self.world.sim.model.tilt else {})
 
     def header(self, frame):
         return messages.header(frame, time.time(), self.version)
@@ -68,7 +77,7 @@ class RosRobot:
             self.cancel()
 
     def cancel(self):
-        """End the goal, also one that the planner has not received yet (RECALLED)."""
+        """End the goal, even if the planner has not received it yet (RECALLED)."""
         if self.world.cancel():
             self.cancelled = self.goal
 
@@ -76,7 +85,7 @@ class RosRobot:
         """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage;
         nav2_amcl, initialPoseReceived).
 
-        What it believes is published once, with the next scan, and again when the robot has moved.
+        The new pose is published once, with the next scan, and again when the robot has moved.
         """
         if message["header"]["frame_id"] == "map" and not self.world.deaf:
             self.world.localize_at(messages.pose_in(message["pose"]["pose"]))
@@ -89,32 +98,28 @@ class RosRobot:
         self._told = ""
         self.world.go_to(place.x, place.y)
 
-    def says(self, count):
-        """What is due in this tick of 20 ms."""
+    def due(self, count):
+        """Return the messages of this tick of 20 ms."""
         sim = self.world.sim
-        said = []
+        found = []
         if count % 2 == 0:
-            said.append(("/odom", self.odometry(sim)))
+            found.append(("/odom", self.odometry(sim)))
             self._measured = True
         if count % 5 == 1:
-            said.append(("/scan", self.scan(sim)))
+            found.append(("/scan", self.scan(sim)))
         if count % 10 == 2:
-            said.append(("/battery_state", self.battery(sim)))
+            found.append(("/battery_state", self.battery(sim)))
         if count % 3 == 0:
-            said.append(("/joint_states", self.joints(sim)))
+            found.append(("/joint_states", self.joints(sim)))
         if count % 5 == 3:
-            said.append(
-                (
-                    "/camera/compressed",
-                    {"header": self.header("camera"), "format": "jpeg", "data": GREY},
-                )
-            )
-        # As amcl: only while it moves, and after the odometry with which it is put together.
+            frame = {"header": self.header("camera"), "format": "jpeg", "data": GREY}
+            found.append(("/camera/compressed", frame))
+        # As amcl: only while it moves, and after the odometry with which it is combined.
         is_due = sim.distance - self._fixed > 0.2 or self._fixed == 0.0
         if count % 2 and self._measured and is_due:
             self._fixed = max(sim.distance, 1e-6)
-            said.append(("/amcl_pose", self.fix()))
-        return said
+            found.append(("/amcl_pose", self.fix()))
+        return found
 
     def restarted(self):
         self._fixed, self._measured = 0.0, False
@@ -144,25 +149,16 @@ class RosRobot:
 
     def scan(self, sim):
         laser = sim.model.laser
-        times = {
+        return {
+            "header": self.header("laser"),
+            "angle_min": laser.angle_min,
+            "angle_max": -laser.angle_min,
+            "angle_increment": laser.angle_increment,
             "time_increment": 0.0,
             "scan_time": 0.1,
             "range_min": 0.05,
             "range_max": laser.range_max,
-        }
-        angles = {
-            "angle_min": laser.angle_min,
-            "angle_max": -laser.angle_min,
-            "angle_increment": laser.angle_increment,
-        }
-        ranges = [
-            float(value) if math.isfinite(value) else math.inf for value in self.world.ranges()
-        ]
-        return {
-            "header": self.header("laser"),
-            **angles,
-            **times,
-            "ranges": ranges,
+            "ranges": self.world.ranges().tolist(),
             "intensities": [],
         }
 
@@ -191,26 +187,22 @@ class RosRobot:
             return 8 if is_cancelled else None
         return {"running": 1, "done": 3, "failed": 2 if is_cancelled else 4}[self.world.journey]
 
-    def move_base_says(self, count):
+    def move_base_due(self, count):
         """Its status five times a second, also without a goal (actionlib/action_server.py)."""
         entry = {
             "goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": self.goal},
             "status": self.goal_status(),
             "text": "",
         }
-        entries = [entry] if self.goal is not None and entry["status"] is not None else []
-        said = (
-            [("/move_base/status", {"header": self.header(""), "status_list": entries})]
-            if count % 10 == 0
-            else []
-        )
+        header, found = self.header(""), []
+        if count % 10 == 0:
+            entries = [entry] if self.goal is not None and entry["status"] is not None else []
+            found.append(("/move_base/status", {"header": header, "status_list": entries}))
         if self.goal is not None and self.over():
-            said.append(
-                ("/move_base/result", {"header": self.header(""), "status": entry, "result": {}})
-            )
-        return said
+            found.append(("/move_base/result", {"header": header, "status": entry, "result": {}}))
+        return found
 
     def over(self):
-        """Whether the journey has ended since this was asked last."""
+        """Return whether the journey has ended since the last call."""
         before, self._told = self._told, self.world.journey
         return before == "running" and self._told in {"done", "failed"}

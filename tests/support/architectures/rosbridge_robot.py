@@ -11,11 +11,12 @@ from websockets.exceptions import ConnectionClosed
 
 from tests.support.architectures.frozen import ServerProcess
 from tests.support.architectures.rca_world import RcaRig
-from tests.support.architectures.ros_robot import BASE, RosRobot
+from tests.support.architectures.ros_robot import BASE, DOCKING, RosRobot
 
-DOCKING = ("/dock", "/undock", "/cancel_dock")
 NAVIGATE = "/navigate_to_pose"
 STATUS, CANCEL = f"{NAVIGATE}/_action/status", f"{NAVIGATE}/_action/cancel_goal"
+STATUSES = {STATUS: "action_msgs/GoalStatusArray"}
+CANCELS = {CANCEL: "action_msgs/srv/CancelGoal"}
 
 
 class RosbridgeRig(RcaRig):
@@ -40,65 +41,29 @@ class RosbridgeRig(RcaRig):
         return self._url or f"ws://{self.server.host}:{self.server.port}"
 
     def options(self):
-        named = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
-        if self.series_tilts():
-            named |= {"tilt": "/head/command", "tilt_joint": "head_tilt"}
-        return {"url": self.url, "version": str(self.version), **named}
-
-    def series_tilts(self):
-        return self.world.sim.model.tilt is not None
+        return {"url": self.url, "version": str(self.version), **self.robot.options}
 
     async def up(self):
         if self.server:
             await asyncio.to_thread(self.server.start)
         self._socket = await connect(self.url, max_size=None, compression=None)
-        topics = self.robot.TOPICS | (
-            {"/move_base/status": "", "/move_base/result": ""}
-            if self.version == 1
-            else {STATUS: ""}
-        )
-        for topic in topics:
-            await self._send(
-                {
-                    "op": "advertise",
-                    "topic": topic,
-                    "type": self._type(topic),
-                    "latch": topic in {"/amcl_pose", STATUS},
-                }
-            )
-        for topic in self.robot.hears | (
-            {"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}
-        ):
-            await self.listen(topic)
-        for service in DOCKING:
-            await self._send(
-                {
-                    "op": "advertise_service",
-                    "service": service,
-                    "type": self._spelled("std_srvs/Trigger", "srv"),
-                }
-            )
-        if self.version == 2:
-            await self._send(
-                {
-                    "op": "advertise_service",
-                    "service": CANCEL,
-                    "type": "action_msgs/srv/CancelGoal",
-                }
-            )
-            await self._send(
-                {
-                    "op": "advertise_action",
-                    "action": NAVIGATE,
-                    "type": "nav2_msgs/action/NavigateToPose",
-                }
-            )
-        self.robot.restarted()
+        robot, one = self.robot, self.version == 1
+        for topic, kind in (robot.TOPICS | (robot.MOVE_BASE_SAYS if one else STATUSES)).items():
+            latch = topic in {"/amcl_pose", STATUS}
+            spelled = self._spelled(kind, "msg")
+            await self._send(op="advertise", topic=topic, type=spelled, latch=latch)
+        for topic, kind in (robot.hears | (robot.MOVE_BASE_HEARS if one else {})).items():
+            await self._send(op="subscribe", topic=topic, type=self._spelled(kind, "msg"))
+        trigger = self._spelled("std_srvs/Trigger", "srv")
+        services = dict.fromkeys(DOCKING, trigger) | ({} if one else CANCELS)
+        for service, kind in services.items():
+            await self._send(op="advertise_service", service=service, type=kind)
+        if not one:
+            kind = "nav2_msgs/action/NavigateToPose"
+            await self._send(op="advertise_action", action=NAVIGATE, type=kind)
+        robot.restarted()
         self._nav_goal = None
         self._listening = asyncio.ensure_future(self._listen())
-
-    async def listen(self, topic):
-        await self._send({"op": "subscribe", "topic": topic, "type": self._type(topic)})
 
     async def down(self):
         self._listening.cancel()
@@ -116,15 +81,10 @@ class RosbridgeRig(RcaRig):
         self.robot.restarted()
         self._nav_goal = None
 
-    def _type(self, topic):
-        robot = self.robot
-        own = {STATUS: "action_msgs/GoalStatusArray"}
-        return self._spelled((robot.TOPICS | robot.hears | robot.MOVE_BASE | own)[topic], "msg")
-
     def _spelled(self, kind, group):
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")
 
-    async def _send(self, message):
+    async def _send(self, **message):
         with contextlib.suppress(ConnectionClosed):
             await self._socket.send(json.dumps(message))
 
@@ -145,58 +105,43 @@ class RosbridgeRig(RcaRig):
                     self.errors.append(message)
 
     async def _answer(self, call):
-        if call["service"] == CANCEL:
+        service = call["service"]
+        if service == CANCEL:
             if self.robot.goal is not None:
                 self.robot.cancel()
             running = self.world.journey == "running" and self.world.kind == "goto"
             values = {"return_code": 0, "goals_canceling": [{}] if running else []}
-            answer = {"op": "service_response", "service": CANCEL, "id": call["id"]}
-            await self._send(answer | {"values": values, "result": True})
-            return
-        {"/dock": self.world.dock, "/undock": self.world.undock, "/cancel_dock": self.world.cancel}[
-            call["service"]
-        ]()
-        answer = {
-            "op": "service_response",
-            "service": call["service"],
-            "id": call["id"],
-            "values": {"success": True, "message": ""},
-        }
-        await self._send(answer | {"result": True})
+        else:
+            getattr(self.world, DOCKING[service])()
+            values = {"success": True, "message": ""}
+        await self._send(
+            op="service_response", service=service, id=call["id"], values=values, result=True
+        )
 
     async def say(self, count):
-        said = self.robot.says(count)
+        due = self.robot.due(count)
         if self.version == 1:
-            said += self.robot.move_base_says(count)
+            due += self.robot.move_base_due(count)
         elif self._nav_goal is not None:
-            await self._tell_of_goal(count)
+            await self._report_goal(count)
         if self.version == 2 and count % 10 == 0:
-            said.append((STATUS, {"status_list": self._nav_statuses()}))
-        for topic, message in said:
-            await self._send({"op": "publish", "topic": topic, "msg": message})
+            due.append((STATUS, {"status_list": self._nav_statuses()}))
+        for topic, message in due:
+            await self._send(op="publish", topic=topic, msg=message)
 
     def _nav_statuses(self):
-        """Nav2 publishes it on each change; action_msgs/GoalStatus."""
+        """action_msgs/GoalStatus, which Nav2 publishes on each change."""
         if self.robot.goal is None or self.world.journey == "":
             return []
         failed = 5 if self.robot.cancelled == self.robot.goal else 6
         status = {"running": 2, "done": 4, "failed": failed}.get(self.world.journey, 6)
         return [{"goal_info": {"goal_id": {"uuid": self.robot.goal}}, "status": status}]
 
-    async def _tell_of_goal(self, count):
-        about = {"action": NAVIGATE, "id": self._nav_goal}
+    async def _report_goal(self, count):
+        goal = {"action": NAVIGATE, "id": self._nav_goal}
         if self.robot.over():
-            await self._send(
-                {
-                    "op": "action_result",
-                    "values": {},
-                    "status": self._nav_statuses()[0]["status"],
-                    "result": True,
-                    **about,
-                }
-            )
+            status = self._nav_statuses()[0]["status"]
+            await self._send(op="action_result", values={}, status=status, result=True, **goal)
             self._nav_goal = None
         elif count % 10 == 0 and self.world.journey == "running":
-            await self._send(
-                {"op": "action_feedback", "values": {"distance_remaining": 1.0}, **about}
-            )
+            await self._send(op="action_feedback", values={"distance_remaining": 1.0}, **goal)

@@ -1,22 +1,21 @@
-"""A rosbridge without ROS behind it: the same protocol (version 2), between its clients.
+"""A rosbridge without ROS behind it: version 2 of the protocol, between its clients, of which the
+robot is one.
 
-Topics, services that a client advertises, and actions of ROS 2 that a client advertises are carried
-as the real one carries them: by type, latched where it was advertised so, without NaN, with a
-status message for a malformed request. A robot is a client, too.
-
-As rosbridge_suite has it: a type other than the established one is refused, with these words
+It carries topics, services and actions of ROS 2 that a client advertises as the real one: by type,
+latched if advertised so, without NaN, with a status message for a malformed request. From
+rosbridge_suite: a type other than the established one is refused in these words
 (rosbridge_library/internal/publishers.py, MultiPublisher; internal/topics.py,
-TypeConflictException); a publisher, and with it its type, stays for ten seconds after its last
-client has gone (PublisherManager.unregister_timeout); a message with a field that its type has not
-is refused (internal/message_conversion.py, NonexistentFieldException). rosapi says who has to do
-with a topic, by nodes, and all clients are one (rosapi/proxy.py).
+TypeConflictException); a publisher keeps its type for ten seconds after its last client has left
+(PublisherManager.unregister_timeout); a message with a field that its type lacks is refused
+(internal/message_conversion.py, NonexistentFieldException). rosapi lists the nodes of a topic, and
+all clients are one node (rosapi/proxy.py).
 
-What a client sends goes into a queue that is worked off in order, while pings are answered beside
-it (rosbridge_server/websocket_handler.py, IncomingQueue). With `blocking_goals` or
-`blocking_services` (send_action_goals_in_new_thread, call_services_in_new_thread: false) the queue
-waits for each result. `held` are the `clients` whose queue hangs. `python -m
+The messages of a client are queued and handled in order, while pings are answered beside the queue
+(rosbridge_server/websocket_handler.py, IncomingQueue). With `blocking_goals` or `blocking_services`
+(send_action_goals_in_new_thread, call_services_in_new_thread: false) the queue waits for each
+result. `held` are the `clients` whose queue hangs. As a process: `python -m
 tests.support.architectures.rosbridge_server HOST PORT [no-rosapi] [blocking-goals]
-[blocking-services]` is one in a process of its own.
+[blocking-services]`.
 """
 
 import asyncio
@@ -53,7 +52,7 @@ class RosbridgeServer:
         self._server = None
         self.types, self.latched, self._last = {}, set(), {}
         self._publishers = {}  # topic: clients
-        self._leaving = {}  # topic: when its publisher goes
+        self._leaving = {}  # topic: when its publisher is removed
         self._subscribers = {}  # topic: {client: ids}
         self._services, self._actions = {}, {}  # name: client
         self._waiting = {}  # our id: (client, its id)
@@ -117,17 +116,16 @@ class RosbridgeServer:
             return
         await handler(client, message)
 
-    async def _complain(self, client, why, of=None):
-        await self._send(
-            client, {"op": "status", "level": "error", "msg": why} | ({"id": of} if of else {})
-        )
+    async def _complain(self, client, why, request=None):
+        of = {"id": request} if request else {}
+        await self._send(client, {"op": "status", "level": "error", "msg": why} | of)
 
     async def _send(self, client, message):
         with contextlib.suppress(ConnectionClosed):
             await client.send(json.dumps(_json(message)))
 
     async def _typed(self, client, message, of, op):
-        """The first client of a topic fixes its type, until its last client has left."""
+        """The first client of a topic sets its type, until its last client has left."""
         self._forget()
         topic, kind = message["topic"], message.get("type")
         if kind is not None and self.types.setdefault(topic, kind) != kind:
@@ -140,18 +138,11 @@ class RosbridgeServer:
 
     def _forget(self):
         now = time.monotonic()
-        for topic in [topic for topic, at in self._leaving.items() if at < now]:
-            del self._leaving[topic]
-        for topic in [
-            topic
-            for topic in self.types
-            if not (
-                self._publishers.get(topic)
-                or self._subscribers.get(topic)
-                or topic in self._leaving
-            )
-        ]:
-            del self.types[topic]
+        self._leaving = {topic: at for topic, at in self._leaving.items() if at >= now}
+        for topic in list(self.types):
+            used = self._publishers.get(topic) or self._subscribers.get(topic)
+            if not used and topic not in self._leaving:
+                del self.types[topic]
 
     def _unregister(self, client, topic):
         self._publishers.get(topic, set()).discard(client)
@@ -201,29 +192,18 @@ class RosbridgeServer:
 
     async def _on_call_service(self, client, message):
         name = message["service"]
-        if self.rosapi and name.startswith("/rosapi/"):
-            answer = {
-                "op": "service_response",
-                "service": name,
-                "id": message.get("id"),
-                "result": True,
-            }
-            await self._send(
-                client,
-                answer
-                | {"values": self._rosapi(name.rpartition("/")[2], message.get("args") or {})},
-            )
+        if name in self._services:
+            owner = self._services[name]
+            await self._pass_on(client, message, owner, blocking=self.blocking_services)
             return
-        if name not in self._services:
-            answer = {
-                "op": "service_response",
-                "service": name,
-                "values": f"Service {name} does not exist",
-                "result": False,
-            }
-            await self._send(client, answer | {"id": message.get("id")})
-            return
-        await self._pass_on(client, message, self._services[name], blocking=self.blocking_services)
+        known = self.rosapi and name.startswith("/rosapi/")
+        answer = {"op": "service_response", "service": name, "id": message.get("id")}
+        answer["values"] = (
+            self._rosapi(name.rpartition("/")[2], message.get("args") or {})
+            if known
+            else f"Service {name} does not exist"
+        )
+        await self._send(client, answer | {"result": known})
 
     def _rosapi(self, name, arguments):
         self._forget()
@@ -242,26 +222,19 @@ class RosbridgeServer:
 
     async def _on_send_action_goal(self, client, message):
         name = message["action"]
-        if name not in self._actions:
-            answer = {
-                "op": "action_result",
-                "action": name,
-                "values": f"Action server {name} is not available",
-                "status": 6,
-                "result": False,
-            }
-            await self._send(client, answer | {"id": message.get("id")})
+        if name in self._actions:
+            owner = self._actions[name]
+            await self._pass_on(client, message, owner, blocking=self.blocking_goals)
             return
-        await self._pass_on(client, message, self._actions[name], blocking=self.blocking_goals)
+        answer = {"op": "action_result", "action": name, "id": message.get("id")}
+        answer["values"] = f"Action server {name} is not available"
+        await self._send(client, answer | {"status": 6, "result": False})
 
     async def _on_cancel_action_goal(self, client, message):
-        for ours, (owner, theirs) in self._waiting.items():
-            if (
-                owner is client
-                and theirs == message.get("id")
-                and message["action"] in self._actions
-            ):
-                await self._send(self._actions[message["action"]], message | {"id": ours})
+        server = self._actions.get(message["action"])
+        for ours, waiting in self._waiting.items():
+            if server is not None and waiting == (client, message.get("id")):
+                await self._send(server, message | {"id": ours})
 
     async def _on_action_feedback(self, client, message):
         await self._pass_back(message, last=False)

@@ -20,7 +20,7 @@ from tests.support.browsers.html_page import Page
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
-UNSENT = ("checkbox", "radio")  # none of which is checked to begin with, or has a meaning here
+UNSENT = ("checkbox", "radio")  # none of which is checked or needed here
 YAML = b"image: m.png\nresolution: 0.05\norigin: [-1.6, -1.6, 0.0]\nnegate: 0\n"
 
 
@@ -41,7 +41,7 @@ def staff(client):
 
 @pytest.fixture(scope="module")
 def proposed():
-    """A mapped hall, and the plan that is proposed for it."""
+    """The proposed plan of a mapped hall, and its map."""
     grid = mapped(building(furnished=True), np.random.default_rng(2))
     return propose(grid, "hall", "Hall"), grid
 
@@ -62,7 +62,7 @@ def shown(response) -> Page:
 
 
 def fields(response) -> dict[str, str]:
-    """Return what a browser would send of the form as it is."""
+    """Return the values that a browser would send."""
     page, result, select = shown(response), {}, ""
     for element in page.elements:
         name = element.attributes.get("name", "")
@@ -81,7 +81,7 @@ def send(client, row: FloorPlan, action: str, before=None, **changes: str):
     return client.post(page_of(row), values | changes | {"action": action})
 
 
-def test_a_map_without_a_plan_gets_one(client, staff):
+def test_plan_is_proposed_for_a_map_without_one(client, staff):
     grid = mapped(building(), np.random.default_rng(3))
     row = FloorPlan.objects.create(
         **read_upload(YAML, encode_png(grid.image), None, name="bare", title="Bare")
@@ -96,7 +96,7 @@ def test_a_map_without_a_plan_gets_one(client, staff):
     assert AuditEntry.objects.filter(act="plan_proposed").count() == 1
 
 
-def test_a_map_of_which_nothing_can_be_proposed_says_why(client, staff):
+def test_map_without_a_proposal_shows_the_reason(client, staff):
     image = encode_png(np.full((200, 200), 254, dtype=np.uint8))
     row = FloorPlan.objects.create(**read_upload(YAML, image, None, name="bare", title="Bare"))
     text = client.post(page_of(row), {"action": "propose"}).content.decode()
@@ -126,7 +126,7 @@ def test_saving_twice_without_a_change_changes_nothing(client, row):
 
 
 @pytest.mark.parametrize("kind", ["place", "dock", "checkpoint", "opening"])
-def test_an_added_part_is_shown_but_not_stored_before_it_is_saved(client, row, kind):
+def test_added_part_is_shown_but_not_stored_before_it_is_saved(client, row, kind):
     before, plan = fields(client.get(page_of(row))), row.plan
     response = send(client, row, kind, at_x="2.0", at_y="3.0")
     after = fields(response)
@@ -145,7 +145,7 @@ def test_checkpoints_are_added_one_after_another_and_saved(client, row):
     assert numbers == [0, 1, 2]
 
 
-def test_an_impossible_plan_is_reported_and_kept_on_the_page_but_not_stored(client, row):
+def test_impossible_plan_is_reported_and_kept_on_the_page_but_not_stored(client, row):
     before = row.plan
     for action in ("check", "save"):
         response = send(
@@ -159,13 +159,13 @@ def test_an_impossible_plan_is_reported_and_kept_on_the_page_but_not_stored(clie
 
 
 @pytest.mark.parametrize("text", ["north", "nan", "", "1e99"])
-def test_a_number_that_is_none_is_said(client, row, text):
+def test_invalid_number_is_reported(client, row, text):
     response = send(client, row, "save", **{"docks.0.x": text})
     assert "is not a valid number here" in response.content.decode()
 
 
 @pytest.mark.parametrize("draft", ["", "{", "[]", '{"rooms": 7}', "null"])
-def test_a_draft_that_was_tampered_with_is_not_believed(client, row, draft):
+def test_malformed_draft_is_ignored(client, row, draft):
     before = row.plan
     response = send(client, row, "save", draft=draft)
     assert response.status_code == 302
@@ -173,14 +173,14 @@ def test_a_draft_that_was_tampered_with_is_not_believed(client, row, draft):
     assert row.plan == before
 
 
-def test_an_unknown_action_stores_nothing(client, row):
+def test_unknown_action_stores_nothing(client, row):
     before = row.plan
     assert send(client, row, "explode", **{"rooms.0.title": "X"}).status_code == 200
     row.refresh_from_db()
     assert row.plan == before
 
 
-def test_an_owner_who_may_only_view_the_plan_cannot_open_the_page(client, row):
+def test_owner_who_may_only_view_the_plan_cannot_open_the_page(client, row):
     owner = person("owner", is_staff=True)
     Robot.objects.create(name="r1", title="R", owner=owner, floor_plan=row)
     client.force_login(owner)
@@ -193,13 +193,13 @@ def test_an_owner_who_may_only_view_the_plan_cannot_open_the_page(client, row):
     assert client.get(page_of(row)).status_code == 302
 
 
-def test_a_plan_that_is_not_there_is_not_found(client, row):
+def test_missing_plan_is_not_found(client, row):
     address = page_of(row)
     FloorPlan.objects.all().delete()
     assert client.get(address).status_code == 404
 
 
-def test_the_page_leads_to_the_finishing_page_and_every_field_has_a_label(client, row):
+def test_plans_page_links_to_the_finishing_page(client, row):
     change = client.get(reverse("admin:robots_floorplan_change", args=[row.pk]))
     assert page_of(row) in change.content.decode()
     page = shown(client.get(page_of(row)))

@@ -1,4 +1,4 @@
-"""The top of a robot's page: how it is, how to start it, who came; and when visitors see it."""
+"""The top of a robot's page: its state, how to start it, its sessions; and when visitors see it."""
 
 import datetime
 import re
@@ -74,7 +74,7 @@ def seen(robot):
 
 
 @pytest.mark.nightly
-def test_the_top_of_its_page_leads_to_what_one_does_with_a_robot(client, robot):
+def test_top_of_the_page_links_to_the_robots_other_pages(client, robot):
     text = client.get(address(robot)).content.decode()
     tools = re.search(r'<ul class="object-tools">.*?</ul>', text, re.DOTALL)[0]
     for page in ("credentials", "screen", "doors"):
@@ -82,10 +82,10 @@ def test_the_top_of_its_page_leads_to_what_one_does_with_a_robot(client, robot):
         assert client.get(address(robot, page)).status_code == 200
 
 
-# --- who sees it ----------------------------------------------------------------------------------
+# --- visibility -----------------------------------------------------------------------------------
 
 
-def test_a_robot_that_is_added_is_hidden_and_its_page_says_how_to_connect_it(client, boss):
+def test_new_robot_is_hidden_and_its_page_shows_how_to_connect_it(client, boss):
     answer = client.post(ADD, NEW | {"shown_to_visitors": "on"})
     robot = Robot.objects.get()
     assert answer["Location"] == address(robot)
@@ -96,28 +96,22 @@ def test_a_robot_that_is_added_is_hidden_and_its_page_says_how_to_connect_it(cli
     assert "Create the command" in text
 
 
-def test_adding_a_robot_asks_for_nothing_that_only_the_robot_can_tell(client, boss):
+def test_form_of_a_new_robot_has_no_reported_fields(client, boss):
     text = client.get(ADD).content.decode()
-    for field in (
-        "online_now",
-        "battery",
-        "docked",
-        "driver",
-        "shown_to_visitors",
-        "reported_state",
-    ):
+    reported = ("online_now", "battery", "docked", "driver", "reported_state")
+    for field in (*reported, "shown_to_visitors"):
         assert f"field-{field}" not in text
     assert "field-title" in text
     assert "field-adapter" in text
 
 
-def test_no_form_of_a_robot_takes_its_state(client, robot):
+def test_form_of_a_robot_has_no_inputs_for_its_state(client, robot):
     text = client.get(address(robot)).content.decode()
     names = set(re.findall(r'<(?:input|select|textarea)[^>]*\sname="(\w+)"', text))
     assert not names & {"connection", "online", "docked", "battery", "report", "last_seen_at"}
 
 
-def test_a_robot_is_shown_once_it_was_seen_and_hidden_again_at_any_time(client, robot):
+def test_robot_can_be_shown_once_it_was_online_and_hidden_again(client, robot):
     form, visitor = NEW | {"shown_to_visitors": "on"}, person("visitor")
     assert "disabled" in checkbox(client, robot)
     refused = client.post(address(robot), form).content.decode()
@@ -131,33 +125,35 @@ def test_a_robot_is_shown_once_it_was_seen_and_hidden_again_at_any_time(client, 
         assert robots_visible_to(visitor).exists() is robot.shown_to_visitors
 
 
-def test_a_robot_that_was_shown_before_it_was_seen_stays_so(client, robot):
+def test_robot_that_was_shown_before_it_was_online_stays_shown(client, robot):
     Robot.objects.update(shown_to_visitors=True)
     assert "disabled" not in checkbox(client, robot)
     assert client.post(address(robot), NEW | {"shown_to_visitors": "on"}).status_code == 302
     assert Robot.objects.get().shown_to_visitors
 
 
-def test_the_list_says_that_a_robot_is_hidden(client, robot):
+def test_list_marks_a_hidden_robot(client, robot):
     assert ">hidden<" in client.get(reverse("admin:robots_robot_changelist")).content.decode()
 
 
-def test_its_owner_drives_a_hidden_robot(robot, owner):
+def test_owner_drives_a_hidden_robot(robot, owner):
     assert may_drive(owner, robot)
     assert may_drive(person("ada"), robot).reason == "disabled"
 
 
-# --- what is there --------------------------------------------------------------------------------
+# --- the overview ---------------------------------------------------------------------------------
 
 
-def test_a_robot_that_has_its_screen_is_not_asked_whether_it_has_a_display(client, robot):
+def test_question_about_a_display_disappears_with_a_screen_key(client, robot):
     seen(robot)
     assert "Does the robot have a display?" in overview(client, robot)
     make_screen_key(robot, timezone.now())
     assert "Does the robot have a display?" not in overview(client, robot)
 
 
-def test_the_page_tells_an_owner_what_they_want_to_know_in_this_order(client, robot, owner):
+def test_overview_shows_state_command_battery_versions_and_sessions_in_this_order(
+    client, robot, owner
+):
     make_credentials(robot, timezone.now())
     seen(robot)
     RobotPresence.objects.update(
@@ -183,7 +179,7 @@ def test_the_page_tells_an_owner_what_they_want_to_know_in_this_order(client, ro
     assert "Waiting for the robot" not in text
 
 
-def test_a_command_with_a_token_is_shown_once_and_the_page_is_saved_as_ever(client, robot):
+def test_command_with_a_token_is_shown_once(client, robot):
     answer = client.post(address(robot, "enrol"))
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
@@ -197,49 +193,44 @@ def test_a_command_with_a_token_is_shown_once_and_the_page_is_saved_as_ever(clie
     assert "run_robot giraff" in overview(client, robot)
 
 
-def test_a_user_who_may_only_view_the_robot_gets_no_command(client, robot):
+def test_user_who_may_only_view_the_robot_gets_no_command(client, robot):
     client.force_login(viewer := person("viewer", is_staff=True))
     viewer.user_permissions.add(Permission.objects.get(codename="view_robot"))
     assert "Create the command" not in overview(client, robot)
     assert client.post(address(robot, "enrol")).status_code == 403
 
 
-def test_the_last_ten_visits_lead_to_their_replays_where_names_may_be_seen(client, robot):
+def test_last_ten_sessions_have_names_and_replays_for_superusers_only(client, robot):
     for day in range(12):
         visitor = person(f"zaphod{day}", display_name=f"Zaphod {day}")
-        replays.session(
-            robot,
-            visitor,
-            granted=replays.GRANTED + datetime.timedelta(days=day),
-            seconds=60,
-        )
+        granted = replays.GRANTED + datetime.timedelta(days=day)
+        replays.session(robot, visitor, granted=granted, seconds=60)
     text = overview(client, robot)
     assert text.count(">someone<") == 10
     assert "Zaphod" not in text
     assert "/studies/replay/" not in text
-    assert text.count("/admin/telepresence_sessions/session/") == 11  # and the list of all
+    assert text.count("/admin/telepresence_sessions/session/") == 11  # ten, and the list of all
     client.force_login(person("boss", is_staff=True, is_superuser=True))
     text = overview(client, robot)
     assert re.findall(r">Zaphod (\d+)<", text) == [str(day) for day in range(11, 1, -1)]
     assert text.count("/studies/replay/") == 10
 
 
-def test_an_owner_who_researches_a_study_gets_mail_about_the_robot(client, robot, owner):
+def test_overview_tells_a_researcher_when_they_get_mail_about_the_robot(client, robot, owner):
     owner.email = "owner@example.org"
     owner.save()
     assert "No. Only researchers of a published study" in overview(client, robot)
     study = replays.study(status=Study.Status.PUBLISHED)
     assert "No. Only researchers" in overview(client, robot)
     StudyMember.objects.create(slug=study.slug, user=owner, role=StudyMember.Role.RESEARCHER)
-    assert "Yes, when the robot can't get ready, as a researcher of: Cabin." in overview(
-        client, robot
-    )
+    expected = "Yes, when the robot can't get ready, as a researcher of: Cabin."
+    assert expected in overview(client, robot)
 
 
-# --- what keeps it fresh --------------------------------------------------------------------------
+# --- its updates ----------------------------------------------------------------------------------
 
 
-def test_the_state_changes_with_the_first_sign_of_life(client, robot):
+def test_status_changes_when_the_robot_connects(client, robot):
     before = client.get(address(robot, "status")).json()
     assert (before["connected"], before["tone"], before["agent"]) == (False, "off", "")
     seen(robot)
@@ -258,7 +249,7 @@ def test_the_state_changes_with_the_first_sign_of_life(client, robot):
         {"turnaround": "charging", "turnaround_reason": "charging"},
     ],
 )
-def test_the_top_of_the_page_and_its_settings_say_one_state(client, robot, changes):
+def test_overview_and_settings_show_the_same_state(client, robot, changes):
     seen(robot)
     update_robots(**changes)
     status = client.get(address(robot, "status")).json()
@@ -273,7 +264,7 @@ def test_the_top_of_the_page_and_its_settings_say_one_state(client, robot, chang
     assert shown == status["fields"]
 
 
-def test_the_settings_say_since_when_a_robot_is_not_ready_and_why(client, robot):
+def test_settings_show_since_when_a_robot_is_not_ready_and_why(client, robot):
     seen(robot)
     at = datetime.datetime(2026, 3, 1, 11, 0, tzinfo=datetime.UTC)
     update_robots(
@@ -283,7 +274,7 @@ def test_the_settings_say_since_when_a_robot_is_not_ready_and_why(client, robot)
     assert between.startswith("Not ready: it is not docked (since 2026-03-01 ")
 
 
-def test_the_page_learns_that_its_own_token_was_used(client, robot):
+def test_status_reports_that_the_pages_token_was_used(client, robot):
     def made():
         text = client.post(address(robot, "enrol")).content.decode()
         token = re.search(r"--enrol ([\w-]+)", text)[1]
@@ -303,7 +294,7 @@ def test_the_page_learns_that_its_own_token_was_used(client, robot):
     assert enrolment != another
 
 
-def test_the_state_is_read_by_who_may_see_the_robot_alone(client, robot):
+def test_status_is_visible_only_to_users_who_may_see_the_robot(client, robot):
     client.force_login(person("other", is_staff=True))
     assert client.get(address(robot, "status")).status_code == 404
     client.logout()

@@ -1,4 +1,4 @@
-"""The agent as a whole: its processes, its ends, and its coming back."""
+"""The agent as a whole: how its process starts, fails, restarts and ends."""
 
 import random
 import signal
@@ -25,20 +25,7 @@ from tests.support.agents.scripted_robot import ScriptedRobot
 from tests.support.architectures.mqtt_ear import Ear
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.programs.mosquitto import Mosquitto
 from tests.support.sessions.site import wait_for
-
-
-@pytest.fixture
-def broker(tmp_path):
-    with Mosquitto(tmp_path) as broker:
-        yield broker
-
-
-@pytest.fixture
-def ear(broker):
-    with Ear(broker.port) as ear:
-        yield ear
 
 
 def config(broker, tmp_path, **fields):
@@ -62,7 +49,7 @@ class RunningAgent:
 
     def __init__(self, config, *robots):
         self.robots = list(robots) or [ScriptedRobot()]
-        # each time all was loaded: how often the robot had been connected
+        # `built`: how often the robot had been connected when the interpreter was set up
         self.made, self.built, self.media = [], [], []
         self.agent = Agent(
             config,
@@ -93,16 +80,11 @@ class RunningAgent:
 
 
 @pytest.mark.broker
-def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
+def test_agent_publishes_online_factsheet_state_and_offline(broker, ear, tmp_path):
     with RunningAgent(config(broker, tmp_path)):
         sheet = ear.wait("factsheet")
-        # these are the agent's
-        assert sheet.capabilities == (
-            *ScriptedRobot().profile.capabilities,
-            "call",
-            "point",
-            "network_lab",
-        )
+        own = ("call", "point", "network_lab")
+        assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, *own)
         assert sheet.limits.deadman == 0.3
         assert ear.wait("state", lambda s: s.pose.x == 1.0).boot == sheet.boot
     assert ear.wait("connection", lambda c: c.state == "OFFLINE").boot == sheet.boot
@@ -110,25 +92,23 @@ def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
 
 @pytest.mark.broker
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(
+def test_agent_restarts_with_a_new_boot_when_its_control_thread_dies(
     broker, ear, tmp_path, monkeypatch
 ):
     with RunningAgent(config(broker, tmp_path), ScriptedRobot(), ScriptedRobot()) as running:
         first = ear.wait("state", lambda s: s.pose.x == 1.0).boot
         with monkeypatch.context() as patch:
             patch.setattr(Reports, "tick", lambda _: 1 / 0)
-            wait_for(lambda: running.made[0].closed, 10, "the old robot to be let go of")
+            wait_for(lambda: running.made[0].closed, 10, "the closing of the old robot")
         second = ear.wait("state", lambda s: s.boot != first and s.pose.x == 1.0)
-        assert running.built == [0, 0], (
-            "the interpreter is set up before each run and not during it"
-        )
+        assert running.built == [0, 0], "the interpreter is set up before each run"
         assert second.boot > first
         ear.say("command/action", m.Stop(action_id="s2", stamp=0.0))
         ear.wait("state", lambda s: s.safety.stop_id == "s2")
 
 
 @pytest.mark.broker
-def test_an_agent_whose_media_loop_ends_comes_back_with_a_new_boot(broker, ear, tmp_path):
+def test_agent_restarts_with_a_new_boot_when_its_media_loop_ends(broker, ear, tmp_path):
     with RunningAgent(config(broker, tmp_path), ScriptedRobot(), ScriptedRobot()) as running:
         first = ear.wait("state", lambda s: s.pose.x == 1.0).boot
         running.media[0].ended = True
@@ -137,7 +117,7 @@ def test_an_agent_whose_media_loop_ends_comes_back_with_a_new_boot(broker, ear, 
 
 
 @pytest.mark.broker
-def test_an_agent_asks_its_server_for_the_broker(broker, ear, tmp_path):
+def test_agent_gets_the_brokers_address_from_its_server(broker, ear, tmp_path):
     answer = (200, {"robot": "giraff", "mqttUrl": broker.url, "iceServers": []})
     with (
         AgentServer((503, b""), answer) as server,
@@ -147,19 +127,9 @@ def test_an_agent_asks_its_server_for_the_broker(broker, ear, tmp_path):
 
 
 @pytest.mark.broker
-def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "robots.agent",
-        "giraff",
-        "--mqtt",
-        broker.url,
-        "--var",
-        str(tmp_path / "var"),
-        "--option",
-        "camera=no",
-    ]
+def test_agent_process_drives_the_simulated_robot_and_ends_on_sigterm(broker, ear, tmp_path):
+    arguments = f"-m robots.agent giraff --mqtt {broker.url} --option camera=no --var"
+    command = [sys.executable, *arguments.split(), str(tmp_path / "var")]
     agent = subprocess.Popen(command, cwd=ROOT)
     try:
         ear.wait("state", lambda s: s.safety.inhibited == "no_lease", within=30.0)
@@ -176,14 +146,14 @@ def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, t
 
 
 def drive_forwards(ear, *, command_age=None, until=None):
-    """Give a lease, make the clocks known, and drive over MQTT until the robot moves."""
+    """Publish a lease, synchronise the clocks, and drive over MQTT until the robot moves."""
     until = until or (lambda: any(s.velocity.linear > 0.1 for s in ear.all("state")[-3:]))
     limits = m.LeaseLimits(command_age=command_age)
     deadline = time.monotonic() + patient(16.0)
     number = 0
     while time.monotonic() < deadline:
         number += 1
-        # an echo that a busy computer kept waiting makes every command look old: it is given again
+        # an echo that a busy computer delayed makes every command look old: it is repeated
         if number % 20 == 1:
             lease = m.Lease(
                 session="s1",
@@ -201,7 +171,7 @@ def drive_forwards(ear, *, command_age=None, until=None):
             ear.say(
                 "command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo)
             )
-        # nothing pressed at first: a robot that has just come up, or was stopped, waits for that
+        # released at first, which a robot waits for after its start or a stop
         speed = 0.0 if number % 60 < 5 else 0.3
         command = m.VelocityCommand(
             session="s1",
@@ -216,12 +186,12 @@ def drive_forwards(ear, *, command_age=None, until=None):
         if until():
             return
         time.sleep(0.04)
-    raise AssertionError(f"it does not move: {ear.all('state')[-1]}")
+    raise AssertionError(f"the robot does not move: {ear.all('state')[-1]}")
 
 
 @pytest.mark.nightly
 @pytest.mark.broker
-def test_a_worse_network_makes_commands_older_by_about_its_delay(broker, tmp_path):
+def test_network_lab_delays_commands_by_about_its_delay(broker, tmp_path):
     ages = {}
     for words in ("delay=1", "delay=200,jitter=20"):
         networks = Networks(network_words.parse(words, seed=7))
@@ -238,11 +208,11 @@ def test_a_worse_network_makes_commands_older_by_about_its_delay(broker, tmp_pat
 
 
 def commands_of(ear):
-    """The commands that have reached the wheels."""
+    """Return the commands that have reached the wheels."""
     return [command for state in ear.all("state") for command in state.applied]
 
 
-def test_an_estop_is_let_go_of_by_whoever_stands_beside_the_robot(broker, tmp_path):
+def test_clear_estop_releases_a_stored_emergency_stop(broker, tmp_path):
     running = RunningAgent(config(broker, tmp_path, clear_estop=True))
     running.agent._store.prepare()
     (tmp_path / "var" / "agent" / "giraff" / "estop.json").write_text("unreadable")
@@ -250,7 +220,7 @@ def test_an_estop_is_let_go_of_by_whoever_stands_beside_the_robot(broker, tmp_pa
         assert not ear.wait("state").safety.estop
 
 
-def test_wrong_settings_end_with_a_sentence(broker, tmp_path, capsys):
+def test_wrong_settings_end_the_agent_with_a_sentence(broker, tmp_path, capsys):
     def refuse(_config):
         raise AdapterError("no such profile")
 
@@ -282,19 +252,19 @@ def test_boots_sort_by_time():
     assert sorted(boots := [new_boot(at) for at in (1.0, 1.7e9, 1.8e9, 9e9)]) == boots
 
 
-def test_a_robot_with_a_camera_can_take_photos(broker, tmp_path):
+def test_robot_with_a_camera_can_take_photos(broker, tmp_path):
     robot = ScriptedRobot()
     robot.video = object
     settings = config(broker, tmp_path)
     assert "photo" in factsheet_of(robot, equipment_of(robot, settings), settings, "b").capabilities
 
 
-def test_a_device_that_nobody_can_mean_ends_the_agent_with_a_sentence(broker, tmp_path):
+def test_impossible_device_ends_the_agent_with_a_sentence(broker, tmp_path):
     with pytest.raises(ConfigError, match=r"^'talk\.mp4' is not a loudspeaker"):
         Agent(
             config(broker, tmp_path, loudspeaker="talk.mp4"), make_adapter=lambda _: ScriptedRobot()
         ).run()
 
 
-def test_the_factsheet_says_the_projects_version():
+def test_agents_version_is_that_of_the_project():
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == VERSION

@@ -4,6 +4,7 @@ import asyncio
 import json
 import random
 import time
+from collections import Counter
 
 import pytest
 
@@ -16,7 +17,7 @@ from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 CASES = 420
-PACE = 1 / 100  # s, below what floods: every case shall reach the codec and the kernel
+PACE = 1 / 100  # s, slower than a flood, so that each case reaches the codec and the kernel
 A_STOP_EVERY = 20
 
 
@@ -44,7 +45,7 @@ async def rig(tmp_path, exchange):
 
 
 def velocity(rig, **fields):
-    """A driver's command as text, so that it may contain what no message can."""
+    """Return a driver's command as text, with values that no message could have."""
     rig.seq += 1
     good = {
         "session": "s1",
@@ -70,8 +71,7 @@ def mangled(rig, noise):
     return broken[: len(broken) // 2]
 
 
-# Each makes a frame that must not move the robot; the name is the reason that must be counted, ""
-# where several fit.
+# Each makes a frame that must not move the robot; its name begins with the counted reason.
 KINDS = {
     "malformed noise": lambda rig, noise: noise.randbytes(noise.randrange(1, 300)),
     "malformed json": mangled,
@@ -104,9 +104,7 @@ KINDS = {
 }
 
 
-async def test_hundreds_of_bad_messages_by_a_real_data_channel_move_nothing_and_stops_always_pass(
-    rig, exchange
-):
+async def test_bad_messages_on_a_data_channel_move_nothing_and_stops_always_pass(rig, exchange):
     await asyncio.to_thread(rig.lease)
     driver = LoopbackPage(rig.media, exchange, "p1", decode=False)
     observer = LoopbackPage(rig.media, exchange, "p2", decode=False)
@@ -114,13 +112,13 @@ async def test_hundreds_of_bad_messages_by_a_real_data_channel_move_nothing_and_
         await driver.connect("driver")
         await observer.connect("observer")
         await asyncio.to_thread(rig.grant, renewal=1)
-        await sends_nonsense(rig, driver, observer)
+        await send_bad_messages(rig, driver, observer)
     finally:
         await driver.close()
         await observer.close()
 
 
-async def sends_nonsense(rig, driver, observer):
+async def send_bad_messages(rig, driver, observer):
     noise, began = random.Random(11), time.monotonic()
     kinds = list(KINDS)
     for number in range(CASES):
@@ -131,43 +129,23 @@ async def sends_nonsense(rig, driver, observer):
         if number % 40 == 0:
             await asyncio.to_thread(rig.lease, renewal=2 + number)
         if number % A_STOP_EVERY == 0:
-            await a_stop_passes(
-                rig, (driver, observer)[number // A_STOP_EVERY % 2], f"stop-{number}"
-            )
-    refused = await until(lambda: enough(rig), 10, f"all refusals: {counted(rig)}")
-    assert all(speed == ZERO for _, speed in rig.robot.velocities(began)), "something moved"
-    assert set(refused) >= {
-        "malformed",
-        "oversized",
-        "stale",
-        "future",
-        "wrong_session",
-        "wrong_epoch",
-        "old_seq",
-        "not_from_server",
-        "observer",
-    }
+            await stop_passes(rig, (driver, observer)[number // A_STOP_EVERY % 2], f"stop-{number}")
+    enough = lambda: counted(rig).total() >= 2 * CASES * 0.99
+    await until(enough, 10, f"all refusals: {counted(rig)}")
+    assert all(speed == ZERO for _, speed in rig.robot.velocities(began)), "the robot moved"
+    assert set(counted(rig)) >= {name.split()[0] for name in KINDS} | {"observer"}
 
 
-async def a_stop_passes(rig, page, action_id):
+async def stop_passes(rig, page, action_id):
     page.channel.send(encode_frame("command/action", m.Stop(action_id=action_id, stamp=0.0)))
-    # Unreliable as the channel is, what is sent on loopback arrives; one that was refused would
-    # never be echoed.
-    await until(
-        lambda: any(s.safety.stop_id == action_id for s in rig.link.all("state")),
-        5,
-        f"the echo of {action_id}",
-    )
+    # The channel is unreliable, but loses nothing on loopback.
+    echoed = lambda: any(s.safety.stop_id == action_id for s in rig.link.all("state"))
+    await until(echoed, 5, f"the echo of {action_id}")
 
 
 def counted(rig):
-    total = {}
+    """Return how often each reason was counted."""
+    total = Counter()
     for state in rig.link.all("state"):
-        for reason, count in state.refused.items():
-            total[reason] = total.get(reason, 0) + count
+        total.update(state.refused)
     return total
-
-
-def enough(rig):
-    total = counted(rig)
-    return total if sum(total.values()) >= 2 * CASES * 0.99 else None

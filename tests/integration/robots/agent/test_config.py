@@ -1,7 +1,8 @@
-"""An agent's settings, and the one sentence when they are not enough."""
+"""An agent's settings, and the sentence that reports a missing or invalid one."""
 
 import argparse
 import random
+import shlex
 
 import pytest
 
@@ -14,15 +15,16 @@ from robots.api.messages import NetworkLab
 from tests.support.agents.agent_server import AgentServer
 
 
-def told(*arguments, environment=None):
+def loaded(line, environment=None):
+    """Return the settings of a command line and environment."""
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    return load(vars(parser.parse_args(list(arguments))), environment or {})
+    return load(vars(parser.parse_args(shlex.split(line))), environment or {})
 
 
 @pytest.fixture(autouse=True)
-def _nobodys_folder(tmp_path, monkeypatch):
-    """Where a demo has run there are credentials in `var`."""
+def _empty_folder(tmp_path, monkeypatch):
+    """Where a demo has run, there are credentials in `var`."""
     monkeypatch.chdir(tmp_path)
 
 
@@ -36,8 +38,8 @@ def credentials(tmp_path):
     return file
 
 
-def test_a_credentials_file_says_everything(credentials):
-    config = told("giraff", "--credentials", str(credentials))
+def test_credentials_file_contains_all_settings(credentials):
+    config = loaded(f"giraff --credentials {credentials}")
     assert (config.server, config.mqtt_url, config.token, config.viewers) == (
         "https://file.example",
         None,
@@ -47,126 +49,96 @@ def test_a_credentials_file_says_everything(credentials):
     assert (config.adapter, config.profile, config.options) == ("moos", "giraff", {"seed": 7})
 
 
-def test_the_command_line_overrules_the_environment_and_that_the_file(credentials):
+def test_command_line_overrides_environment_and_environment_overrides_file(credentials):
     environment = {
         "TELEPRESENCE_CREDENTIALS": str(credentials),
         "TELEPRESENCE_SERVER": "https://env.example",
         "TELEPRESENCE_VIEWERS": "5",
     }
-    config = told("giraff", environment=environment)
+    config = loaded("giraff", environment)
     assert (config.server, config.viewers) == ("https://env.example", 5)
-    config = told(
-        "giraff",
-        "--server",
-        "https://line.example/",
-        "--option",
-        "seed=8",
-        "--option",
-        "plan=office",
-        environment=environment,
-    )
+    line = "giraff --server https://line.example/ --option seed=8 --option plan=office"
+    config = loaded(line, environment)
     assert config.server == "https://line.example"
     assert config.options == {"seed": "8", "plan": "office"}
 
 
-def test_on_the_servers_own_machine_the_name_is_enough(tmp_path):
+def test_name_is_enough_on_the_servers_machine(tmp_path):
     (tmp_path / "credentials").mkdir()
     (tmp_path / "credentials" / "giraff.toml").write_text(
         'robot = "giraff"\ntoken = "t"\nmqtt_url = "mqtt://127.0.0.1:1883"\n'
     )
-    config = told("giraff", "--var", str(tmp_path))
+    config = loaded(f"giraff --var {tmp_path}")
     assert (config.mqtt_url, config.server, config.token) == ("mqtt://127.0.0.1:1883", None, "t")
     assert (config.adapter, config.profile) == ("simulator", "giraff")
 
 
-def test_an_agent_that_reaches_its_site_from_elsewhere_says_what_it_drives(tmp_path):
+def test_remote_agent_needs_an_adapter(tmp_path):
     file = tmp_path / "giraff.toml"
     file.write_text('token = "t"\nserver = "https://file.example"\n')
-    for where in (
-        ["--credentials", str(file)],
-        ["--credentials", str(file), "--server", "https://line.example"],
-    ):
+    for server in ("", " --server https://line.example"):
+        line = f"giraff --credentials {file}{server}"
         with pytest.raises(ConfigError, match="no adapter is given"):
-            told("giraff", *where)
-        assert told("giraff", *where, "--adapter", "ros1").adapter == "ros1"
-        assert (
-            told("giraff", *where, environment={"TELEPRESENCE_ADAPTER": "moos"}).adapter == "moos"
-        )
+            loaded(line)
+        assert loaded(f"{line} --adapter ros1").adapter == "ros1"
+        assert loaded(line, {"TELEPRESENCE_ADAPTER": "moos"}).adapter == "moos"
 
 
-def test_a_server_on_the_command_line_overrules_a_broker_in_the_file(tmp_path):
+def test_server_on_the_command_line_overrides_a_broker_in_the_file(tmp_path):
     file = tmp_path / "c.toml"
     file.write_text('token = "t"\nmqtt_url = "mqtt://old.example"\n')
-    config = told(
-        "giraff",
-        "--server",
-        "https://new.example",
-        "--credentials",
-        str(file),
-        "--adapter",
-        "simulator",
-    )
+    config = loaded(f"giraff --server https://new.example --credentials {file} --adapter simulator")
     assert (config.server, config.mqtt_url) == ("https://new.example", None)
 
 
-def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
-    networks = told(
-        "giraff",
-        "--mqtt",
-        "mqtt://x",
-        "--control-network",
-        "delay=150,jitter=30,loss=2",
-        "--video-network",
-        "rate=400",
-        "--network-seed",
-        "7",
+def test_networks_are_given_in_milliseconds_percent_and_kbit_per_second():
+    networks = loaded(
+        "giraff --mqtt mqtt://x --control-network delay=150,jitter=30,loss=2"
+        " --video-network rate=400 --network-seed 7"
     ).networks
     assert networks.control == NetworkLab(delay=0.15, jitter=0.03, loss=0.02, seed=7)
     assert networks.video == NetworkLab(bitrate=400_000.0, seed=8)
-    assert told("giraff", "--mqtt", "mqtt://x").networks == CLEAN
+    assert loaded("giraff --mqtt mqtt://x").networks == CLEAN
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("line", "sentence"),
     [
         (
-            ["giraff", "--mqtt", "mqtt://x", "--control-network", "delay=soon"],
+            "giraff --mqtt mqtt://x --control-network delay=soon",
             "--control-network: delay must be a number of milliseconds from 0 to 10000",
         ),
         (
-            ["giraff", "--mqtt", "mqtt://x", "--video-network", "fast"],
+            "giraff --mqtt mqtt://x --video-network fast",
             "--video-network: 'fast' is not a network setting",
         ),
         (
-            ["giraff", "--mqtt", "mqtt://x", "--network-seed", "-1"],
+            "giraff --mqtt mqtt://x --network-seed -1",
             "--network-seed must be a whole number from 0 to 2147483647, not '-1'",
         ),
-        (["Giraff!"], "is not a valid robot name"),
-        (["server", "--mqtt", "mqtt://x"], "is not a valid robot name"),
-        (
-            ["giraff", "--server", "https://x", "--mqtt", "mqtt://x"],
-            "give --server or --mqtt, not both",
-        ),
-        (["giraff", "--server", "x.example"], "must begin with https"),
-        (["giraff", "--server", "https://x.example"], "requires credentials"),
-        (["giraff", "--server", "https://", "--adapter", "moos"], "name a host.*not 'https://'"),
-        (["giraff", "--server", "https://x:many"], "--server, TELEPRESENCE_SERVER"),
-        (["giraff", "--server", "https://x y"], "such as https://robots.example.org"),
-        (["giraff", "--mqtt", "mqtt://x", "--option", "seed"], "NAME=VALUE, not 'seed'"),
-        (["giraff", "--mqtt", "mqtt://x", "--option", "=8"], "NAME=VALUE, not '=8'"),
-        (["giraff", "--mqtt", "mqtt://x", "--viewers", "1000"], "between 0 and 64"),
-        (["giraff", "--credentials", "/nowhere.toml"], "cannot be read"),
+        ("Giraff!", "is not a valid robot name"),
+        ("server --mqtt mqtt://x", "is not a valid robot name"),
+        ("giraff --server https://x --mqtt mqtt://x", "give --server or --mqtt, not both"),
+        ("giraff --server x.example", "must begin with https"),
+        ("giraff --server https://x.example", "requires credentials"),
+        ("giraff --server https:// --adapter moos", "name a host.*not 'https://'"),
+        ("giraff --server https://x:many", "--server, TELEPRESENCE_SERVER"),
+        ("giraff --server 'https://x y'", "such as https://robots.example.org"),
+        ("giraff --mqtt mqtt://x --option seed", "NAME=VALUE, not 'seed'"),
+        ("giraff --mqtt mqtt://x --option =8", "NAME=VALUE, not '=8'"),
+        ("giraff --mqtt mqtt://x --viewers 1000", "between 0 and 64"),
+        ("giraff --credentials /nowhere.toml", "cannot be read"),
     ],
 )
-def test_missing_setting_is_reported_in_one_sentence(tmp_path, arguments, sentence):
+def test_invalid_setting_is_reported_in_one_sentence(tmp_path, line, sentence):
     with pytest.raises(ConfigError, match=sentence) as error:
-        told(*arguments, "--var", str(tmp_path))
+        loaded(f"{line} --var {tmp_path}")
     assert "\n" not in str(error.value)
 
 
-def test_an_agent_that_knows_no_site_says_what_to_do_next_in_each_case(tmp_path):
+def test_agent_without_a_site_lists_what_to_do_next(tmp_path):
     with pytest.raises(ConfigError, match="no site is known for the robot giraff") as error:
-        told("giraff", "--var", str(tmp_path))
+        loaded(f"giraff --var {tmp_path}")
     for command in ("manage.py enrol giraff", "--credentials FILE", "make demo", "--check"):
         assert command in str(error.value)
 
@@ -183,11 +155,11 @@ def test_an_agent_that_knows_no_site_says_what_to_do_next_in_each_case(tmp_path)
         ("options = 3\n", "options has the wrong type: it must be a table"),
     ],
 )
-def test_a_credentials_file_that_is_wrong_is_named(tmp_path, content, sentence):
+def test_error_in_a_credentials_file_is_named(tmp_path, content, sentence):
     file = tmp_path / "c.toml"
     file.write_text(content)
     with pytest.raises(ConfigError, match=sentence):
-        told("giraff", "--mqtt", "mqtt://x", "--credentials", str(file))
+        loaded(f"giraff --mqtt mqtt://x --credentials {file}")
 
 
 @pytest.mark.parametrize(
@@ -201,14 +173,14 @@ def test_a_credentials_file_that_is_wrong_is_named(tmp_path, content, sentence):
         ("CREDENTIALS", "/nowhere.toml", "/nowhere.toml cannot be read"),
     ],
 )
-def test_a_malformed_environment_is_named_with_what_is_expected(name, value, sentence):
+def test_malformed_environment_variable_is_named_with_what_is_expected(name, value, sentence):
     environment = {
         "TELEPRESENCE_SERVER": "https://x.example",
         "TELEPRESENCE_TOKEN": "t",
         "TELEPRESENCE_ADAPTER": "simulator",
     }
     with pytest.raises(ConfigError, match=sentence) as error:
-        told("giraff", environment={**environment, f"TELEPRESENCE_{name}": value})
+        loaded("giraff", {**environment, f"TELEPRESENCE_{name}": value})
     assert "secret" not in str(error.value)
 
 
@@ -225,10 +197,8 @@ def test_a_malformed_environment_is_named_with_what_is_expected(name, value, sen
         ("mqtt://broker.example, ws://[", "Invalid IPv6 URL"),
     ],
 )
-def test_a_malformed_address_of_the_broker_is_named_with_its_fault_and_where_it_was_given(
-    address, fault, tmp_path
-):
-    agent = Agent(told("giraff", "--mqtt", address, "--var", str(tmp_path)))
+def test_malformed_broker_address_is_named_with_its_fault_and_source(address, fault, tmp_path):
+    agent = Agent(loaded(f"giraff --mqtt '{address}' --var {tmp_path}"))
     with pytest.raises(ConfigError) as error:
         agent.run()
     assert fault in str(error.value)
@@ -237,16 +207,16 @@ def test_a_malformed_address_of_the_broker_is_named_with_its_fault_and_where_it_
     assert "--mqtt, TELEPRESENCE_MQTT_URL" in str(error.value)
 
 
-def test_the_password_in_a_malformed_address_of_the_broker_is_not_repeated(tmp_path):
-    agent = Agent(told("giraff", "--mqtt", "mqtt://me:xyz/zyx@b:1883", "--var", str(tmp_path)))
+def test_password_in_a_malformed_broker_address_is_not_repeated(tmp_path):
+    agent = Agent(loaded(f"giraff --mqtt mqtt://me:xyz/zyx@b:1883 --var {tmp_path}"))
     with pytest.raises(ConfigError, match=r"mqtt://…@b:1883") as error:
         agent.run()
     assert "xyz" not in str(error.value)
     assert "zyx" not in str(error.value)
 
 
-def test_the_token_is_not_in_what_is_printed(credentials):
-    assert "from-file" not in repr(told("giraff", "--credentials", str(credentials)))
+def test_token_is_not_in_the_representation(credentials):
+    assert "from-file" not in repr(loaded(f"giraff --credentials {credentials}"))
 
 
 # --- asking the server ----------------------------------------------------------------------------
@@ -255,14 +225,8 @@ GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceSe
 
 
 def ask(server, *, give_up_after=10):
-    config = told(
-        "giraff",
-        "--server",
-        server.url,
-        "--adapter",
-        "simulator",
-        environment={"TELEPRESENCE_TOKEN": "secret"},
-    )
+    line = f"giraff --server {server.url} --adapter simulator"
+    config = loaded(line, {"TELEPRESENCE_TOKEN": "secret"})
     waits = []
 
     def pause(seconds):
@@ -272,31 +236,31 @@ def ask(server, *, give_up_after=10):
     return broker_urls(config, Backoff(random.Random(1), first=0.001), pause), waits
 
 
-def test_the_server_says_where_the_broker_is():
+def test_server_returns_the_brokers_address():
     with AgentServer(GOOD) as server:
         assert ask(server) == (("mqtt://broker.example:1883",), [])
-    assert server.asked == [("/api/v1/agent/", "Bearer giraff:secret")]
+    assert server.requests == [("/api/v1/agent/", "Bearer giraff:secret", b"")]
 
 
-def test_of_several_ways_to_the_broker_the_agent_is_told_all_in_their_order():
-    ways = ["mqtts://broker.example:8883", "wss://broker.example/mqtt"]
-    with AgentServer((200, {"robot": "giraff", "mqttUrl": ways[0], "mqttUrls": ways})) as server:
-        assert ask(server) == (tuple(ways), [])
-    config = told("giraff", "--mqtt", ", ".join(ways))
-    assert broker_urls(config, Backoff(random.Random(1)), lambda _: True) == tuple(ways)
+def test_agent_gets_all_broker_addresses_in_order():
+    urls = ["mqtts://broker.example:8883", "wss://broker.example/mqtt"]
+    with AgentServer((200, {"robot": "giraff", "mqttUrl": urls[0], "mqttUrls": urls})) as server:
+        assert ask(server) == (tuple(urls), [])
+    config = loaded(f"giraff --mqtt '{', '.join(urls)}'")
+    assert broker_urls(config, Backoff(random.Random(1)), lambda _: True) == tuple(urls)
 
 
 @pytest.mark.parametrize(
     "bad", [(500, b""), (429, {}), (200, b"<html>"), (200, {"robot": "giraff"}), (200, [])]
 )
-def test_a_server_that_is_unwell_is_asked_again(bad):
+def test_failing_server_is_asked_again(bad):
     with AgentServer(bad, bad, GOOD) as server:
         urls, waits = ask(server)
     assert urls == ("mqtt://broker.example:1883",)
     assert len(waits) == 2
 
 
-def test_a_server_that_is_away_is_asked_until_the_agent_is_to_end():
+def test_unreachable_server_is_asked_until_the_agent_ends():
     server = AgentServer(GOOD)
     server._server.server_close()
     assert ask(server, give_up_after=3)[0] is None
@@ -323,9 +287,9 @@ def test_permanent_refusal_ends_the_agent_with_a_sentence(answer, sentence):
         ask(server)
 
 
-def test_a_broker_of_the_servers_that_cannot_be_used_is_named_with_the_setting_to_correct(tmp_path):
+def test_unusable_broker_of_the_server_is_named_with_the_setting_to_correct(tmp_path):
     with AgentServer((200, {"robot": "giraff", "mqttUrl": "https://broker.example"})) as server:
-        arguments = ("--server", server.url, "--adapter", "simulator", "--var", str(tmp_path))
-        agent = Agent(told("giraff", *arguments, environment={"TELEPRESENCE_TOKEN": "secret"}))
+        line = f"giraff --server {server.url} --adapter simulator --var {tmp_path}"
+        agent = Agent(loaded(line, {"TELEPRESENCE_TOKEN": "secret"}))
         with pytest.raises(ConfigError, match=r"https://broker\.example.*correct MQTT"):
             agent.run()

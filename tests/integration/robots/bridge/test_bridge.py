@@ -1,6 +1,4 @@
-"""The web process's bridge on real brokers: relay both ways, reconnection, and no replay of old
-messages.
-"""
+"""The web process's bridge on real brokers: relay, reconnection, and no replay."""
 
 import asyncio
 import contextlib
@@ -27,8 +25,8 @@ pytestmark = pytest.mark.broker
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
 
 
-class Ear:
-    """A listener that keeps what it hears."""
+class Listener:
+    """Records what it receives."""
 
     def __init__(self):
         self.inbound_messages = []
@@ -61,8 +59,8 @@ async def bridge_of(rig, seed=1):
 
 @contextlib.asynccontextmanager
 async def robot_of(rig):
-    """The robot's side: `got` are the (suffix, message, retained) of its inputs, except for
-    `beats`, which the bridge sends while a page is open.
+    """Yield the robot's client: `got` are the (suffix, message, retained) that it received, without
+    the `beats`, which the bridge sends while a page is open.
     """
     async with rig.client("giraff") as client:
         client.got, client.beats = [], []
@@ -77,16 +75,11 @@ async def robot_of(rig):
         async def read():
             async for message in client.messages:
                 _, suffix = topics.parse(str(message.topic))
+                content = codec.decode(suffix, message.payload) if message.payload else None
                 if suffix == "command/heartbeat":
-                    client.beats.append(codec.decode(suffix, message.payload))
-                    continue
-                client.got.append(
-                    (
-                        suffix,
-                        codec.decode(suffix, message.payload) if message.payload else None,
-                        message.retain,
-                    )
-                )
+                    client.beats.append(content)
+                else:
+                    client.got.append((suffix, content, message.retain))
 
         reading = asyncio.create_task(read())
         try:
@@ -96,9 +89,14 @@ async def robot_of(rig):
             await asyncio.gather(reading, return_exceptions=True)
 
 
-async def listen(bridge, *ears):
-    """Have ears listen to the robot, and wait until the broker knows."""
-    known = [bridge.listen("giraff", ear) for ear in ears].pop()
+def actions(robot):
+    """Return the ids of the actions that the robot received."""
+    return [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"]
+
+
+async def listen(bridge, *listeners):
+    """Subscribe listeners to the robot, and wait until the broker has confirmed it."""
+    known = [bridge.listen("giraff", each) for each in listeners].pop()
     await until(lambda: not bridge._in_flight)
     return known
 
@@ -107,9 +105,7 @@ async def say(client, suffix, message, *, qos=1, retain=False):
     await client.publish(topics.of("giraff", suffix), codec.encode(message), qos=qos, retain=retain)
 
 
-async def test_a_subscription_that_the_broker_refuses_for_a_moment_is_asked_for_again(
-    rig, monkeypatch
-):
+async def test_refused_subscription_is_repeated(rig, monkeypatch):
     subscribe, refusals = aiomqtt.Client.subscribe, 2
 
     async def busy(client, topic, *rest, **more):
@@ -121,26 +117,26 @@ async def test_a_subscription_that_the_broker_refuses_for_a_moment_is_asked_for_
 
     async with robot_of(rig) as robot, bridge_of(rig) as bridge:
         monkeypatch.setattr(aiomqtt.Client, "subscribe", busy)
-        ear = Ear()
-        bridge.listen("giraff", ear)
+        listener = Listener()
+        bridge.listen("giraff", listener)
         for seq in range(1, 200):
             await say(robot, "state", words.state(seq=seq))
             await asyncio.sleep(0.1)
-            if ear.received("state"):
+            if listener.received("state"):
                 break
-        assert ear.received("state")
+        assert listener.received("state")
         assert refusals == 0
 
 
-async def test_messages_of_a_robot_reach_listeners_and_messages_to_it_arrive(rig):
+async def test_messages_are_relayed_from_and_to_a_robot(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        ear = Ear()
-        known = await listen(bridge, ear)
+        listener = Listener()
+        known = await listen(bridge, listener)
         await say(robot, "connection", words.online(), retain=True)
         await until(lambda: known.online)
         await say(robot, "state", words.state(seq=1))
         await say(robot, "signal/p1/reply", m.SdpAnswer(sdp="v=0"))
-        await until(lambda: ear.received("state") and ear.received("signal/p1/reply"))
+        await until(lambda: listener.received("state") and listener.received("signal/p1/reply"))
         assert bridge.send("giraff", "command/velocity", words.velocity())
         assert bridge.send("giraff", "signal/p1", m.Bye(reason="left"))
         assert bridge.publish_lease("giraff", LEASE)
@@ -148,33 +144,33 @@ async def test_messages_of_a_robot_reach_listeners_and_messages_to_it_arrive(rig
     assert {suffix for suffix, _, _ in robot.got} == {"command/velocity", "signal/p1", "lease"}
 
 
-async def test_a_page_that_opens_wakes_the_robot_and_goes_on_until_it_is_closed(rig):
+async def test_open_page_keeps_the_robot_awake(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        ear, began = Ear(), time.monotonic()
-        await listen(bridge, ear)
+        listener, began = Listener(), time.monotonic()
+        await listen(bridge, listener)
 
         await until(lambda: robot.beats)
         assert time.monotonic() - began < patient(0.5)
         await until(lambda: len(robot.beats) >= 3)
         assert {(beat.peer, beat.needed) for beat in robot.beats} == {(WATCHER, True)}
-        bridge.ignore("giraff", ear)
+        bridge.ignore("giraff", listener)
         assert bridge._delivery.beats_due(time.monotonic() + 60.0) == []
 
 
-async def test_a_listener_that_comes_later_learns_what_is_retained(rig):
+async def test_later_listener_gets_retained_messages(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
         await say(robot, "connection", words.online(), retain=True)
         await say(robot, "factsheet", words.factsheet(), retain=True)
         bridge.publish_lease("giraff", LEASE)
         await until(lambda: robot.got)
-        known = bridge.listen("giraff", Ear())
+        known = bridge.listen("giraff", Listener())
         await until(lambda: known.online and known.factsheet and known.lease)
         assert known.lease == LEASE
 
 
-async def test_a_robot_that_nobody_listens_to_costs_nothing(rig):
+async def test_robot_without_listeners_is_not_subscribed(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        one, two = Ear(), Ear()
+        one, two = Listener(), Listener()
         await listen(bridge, one, two)
         await say(robot, "state", words.state(seq=1))
         await until(lambda: one.received("state") and two.received("state"))
@@ -191,9 +187,9 @@ async def test_a_robot_that_nobody_listens_to_costs_nothing(rig):
         assert bridge.counts["arrived"] == 3
 
 
-async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
+async def test_notices_of_a_session_reach_followers_in_every_web_process(rig):
     async with bridge_of(rig, 1) as here, bridge_of(rig, 2) as there:
-        one, two, other = Ear(), Ear(), Ear()
+        one, two, other = Listener(), Listener(), Listener()
         here.follow("s1", one)
         there.follow("s1", two)
         there.follow("s2", other)
@@ -206,75 +202,68 @@ async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
         assert len(two.received(NOTICE)) == 1
 
 
-async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
+async def test_bad_messages_are_counted_and_the_next_one_is_delivered(rig):
     async with bridge_of(rig) as bridge, rig.client("giraff") as robot:
-        ear = Ear()
-        await listen(bridge, ear)
-        for payload in (
-            b"",
-            b"{",
-            b"\xff\xff",
-            b"[]",
-            b'{"stamp": NaN}',
-            b"x" * 40_000,
-            b"[" * 5000,
-        ):
+        listener = Listener()
+        await listen(bridge, listener)
+        malformed = (b"", b"{", b"\xff\xff", b"[]", b'{"stamp": NaN}', b"[" * 5000)
+        for payload in (*malformed, b"x" * 40_000):
             await robot.publish("telepresence/v1/giraff/state", payload, qos=1)
         await say(robot, "state", words.state(seq=2))
-        await until(lambda: ear.received("state"))
-        assert ear.received("state")[0].seq == 2
+        await until(lambda: listener.received("state"))
+        assert listener.received("state")[0].seq == 2
         assert bridge.counts["malformed"] == 6
         assert bridge.counts["oversized"] == 1
 
 
-async def test_listeners_are_served_again_after_a_restart_of_the_broker(rig):
+async def test_listeners_get_messages_again_after_a_restart_of_the_broker(rig):
     async with bridge_of(rig) as bridge:
-        ear = Ear()
-        await listen(bridge, ear)
+        listener = Listener()
+        await listen(bridge, listener)
         await rig.restart()
-        await until(lambda: ear.received(LINK) == [False, True])
+        await until(lambda: listener.received(LINK) == [False, True])
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=9))
-            await until(lambda: ear.received("state"))
+            await until(lambda: listener.received("state"))
 
 
-class Broken(Ear):
-    """A listener whose every message is an error of ours."""
+class Broken(Listener):
+    """Raises on every message."""
 
     def handle_message(self, inbound):
         super().handle_message(inbound)
         raise LookupError("an error of ours")
 
 
-async def test_a_listener_that_raises_costs_the_others_nothing(rig):
+async def test_listener_that_raises_does_not_affect_the_others(rig):
     async with bridge_of(rig) as bridge:
-        ears = [Broken(), Ear(), Broken()]
-        await listen(bridge, *ears)
-        bridge.follow("s1", ears[0])
-        bridge.follow("s1", ears[1])
+        listeners = [Broken(), Listener(), Broken()]
+        await listen(bridge, *listeners)
+        bridge.follow("s1", listeners[0])
+        bridge.follow("s1", listeners[1])
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=1))
             bridge.publish_notice("s1", "session/turn_warning\n{}")
-            for ear in ears:
-                await until(lambda ear=ear: ear.received("state"))
-            await until(lambda: ears[1].received(NOTICE))
-        assert ears[1].received(LINK) == [], "the connection was lost"
+            for each in listeners:
+                await until(lambda each=each: each.received("state"))
+            await until(lambda: listeners[1].received(NOTICE))
+        assert listeners[1].received(LINK) == [], "the connection was lost"
         await rig.restart()
-        await until(lambda: ears[1].received(LINK) == [False, True])
+        await until(lambda: listeners[1].received(LINK) == [False, True])
         assert bridge.connected
         assert bridge.serves(asyncio.get_running_loop())
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=2))
-            await until(lambda: [state.seq for state in ears[1].received("state")] == [1, 2])
+            await until(lambda: [state.seq for state in listeners[1].received("state")] == [1, 2])
 
 
 @pytest.mark.parametrize("where", ["arrive", "bring_everybody", "bring_faults", "beats_due"])
-async def test_an_error_within_the_bridge_ends_neither_of_its_tasks(rig, monkeypatch, where):
+async def test_error_in_the_bridge_ends_neither_of_its_tasks(rig, monkeypatch, where):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        ear, failed = Ear(), []
-        await listen(bridge, ear)
+        listener, failed = Listener(), []
+        await listen(bridge, listener)
         right = getattr(bridge._delivery, where)
 
         def fails_once(*arguments):
@@ -293,17 +282,19 @@ async def test_an_error_within_the_bridge_ends_neither_of_its_tasks(rig, monkeyp
         await until(lambda: bridge.connected)
         async with robot_of(rig) as again:
             await say(again, "state", words.state(seq=2))
-            await until(lambda: ear.received("state") and ear.received("state")[-1].seq == 2)
-            ear.inbound_messages.clear()
-            await until(lambda: ear.received(FAULTS))
+            await until(
+                lambda: listener.received("state") and listener.received("state")[-1].seq == 2
+            )
+            listener.inbound_messages.clear()
+            await until(lambda: listener.received(FAULTS))
 
 
 async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(rig):
     async with bridge_of(rig) as bridge:
-        ear = Ear()
-        await listen(bridge, ear)
+        listener = Listener()
+        await listen(bridge, listener)
         await rig.stop()
-        await until(lambda: ear.received(LINK) == [False])
+        await until(lambda: listener.received(LINK) == [False])
         assert not bridge.connected
         assert not bridge.send("giraff", "command/velocity", words.velocity(seq=1))
         assert not bridge.send("giraff", "command/action", m.Dock(action_id="d", stamp=1.0))
@@ -319,18 +310,16 @@ async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(
             ]
 
 
-async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_kept(
-    rig, monkeypatch
-):
-    # as long as a broker takes to begin on a busy machine
+async def test_stop_is_repeated_and_a_report_is_kept_until_the_broker_is_back(rig, monkeypatch):
+    # as long as a broker takes to start on a busy machine
     monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", patient(STOP_SECONDS * 5))
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Ear())
+        await listen(bridge, Listener())
         await rig.stop()
         await until(lambda: not bridge.connected)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
         bridge.report("telepresence/v1/server/page/s1", m.Bye(reason="kept"))
-        # so that the robot is back before the bridge
+        # so that the robot reconnects before the bridge
         node = bridge._failover.node
         bridge._failover = Failover((replace(node, port=1),), random.Random(1))
         await rig._start()
@@ -338,24 +327,13 @@ async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_ke
         async with robot_of(rig) as robot, rig.client("web") as manager:
             await manager.subscribe("telepresence/v1/server/page/+", qos=1)
             bridge._failover = Failover((replace(node, port=rig.port),), random.Random(1))
-            await until(
-                lambda: (
-                    [
-                        message.action_id
-                        for suffix, message, _ in robot.got
-                        if suffix == "command/action"
-                    ]
-                    == ["stop-1"]
-                )
-            )
+            await until(lambda: actions(robot) == ["stop-1"])
             async with asyncio.timeout(patient(10.0)):
                 message = await anext(aiter(manager.messages))
             assert msgspec.json.decode(message.payload)["reason"] == "kept"
 
 
-async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_lives(
-    rig, monkeypatch
-):
+async def test_stop_that_could_not_be_sent_is_repeated_on_the_same_connection(rig, monkeypatch):
     async with robot_of(rig) as robot, bridge_of(rig) as bridge:
         publish, refused = bridge._client.publish, []
 
@@ -367,16 +345,7 @@ async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_
 
         monkeypatch.setattr(bridge._client, "publish", refuses_twice)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
-        await until(
-            lambda: (
-                [
-                    message.action_id
-                    for suffix, message, _ in robot.got
-                    if suffix == "command/action"
-                ]
-                == ["stop-1"]
-            )
-        )
+        await until(lambda: actions(robot) == ["stop-1"])
         assert len(refused) == 2
 
 
@@ -398,10 +367,10 @@ async def test_queued_reports_are_sent_in_parts_that_leave_room_for_a_stop(rig, 
         assert max(most) == REPORTS_IN_FLIGHT
 
 
-async def test_a_stop_that_is_older_than_its_patience_is_not_sent(rig, monkeypatch):
+async def test_expired_stop_is_not_sent(rig, monkeypatch):
     monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", 0.05)
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Ear())
+        await listen(bridge, Listener())
         await rig.stop()
         await until(lambda: not bridge.connected)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
@@ -412,11 +381,11 @@ async def test_a_stop_that_is_older_than_its_patience_is_not_sent(rig, monkeypat
             await until(lambda: bridge.connected)
             bridge.send("giraff", "command/action", m.Undock(action_id="after", stamp=1.0))
             await until(lambda: robot.got)
-            assert [message.action_id for _, message, _ in robot.got] == ["after"]
+            assert actions(robot) == ["after"]
     assert STOP_SECONDS == 3.0
 
 
-async def test_a_bridge_with_the_wrong_password_keeps_trying_and_says_so(rig, caplog):
+async def test_bridge_with_a_wrong_password_logs_it_and_keeps_trying(rig, caplog):
     bridge = Bridge(f"mqtt://{HOST}:{rig.port}", ("web", "wrong"), random.Random(1))
     try:
         await until(lambda: "bridge_lost" in caplog.text)
@@ -426,9 +395,9 @@ async def test_a_bridge_with_the_wrong_password_keeps_trying_and_says_so(rig, ca
         await bridge.close()
 
 
-async def test_a_broker_that_does_not_read_is_not_fed_without_a_bound(rig):
+async def test_unconfirmed_messages_are_bounded(rig):
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Ear())
+        await listen(bridge, Listener())
         sent = [
             bridge.send("giraff", "command/action", m.Undock(action_id=f"a{number}", stamp=1.0))
             for number in range(600)
@@ -439,40 +408,41 @@ async def test_a_broker_that_does_not_read_is_not_fed_without_a_bound(rig):
         assert bridge.send("giraff", "command/action", m.Undock(action_id="again", stamp=1.0))
 
 
-async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig):
+async def test_picture_reaches_listeners_whole_and_malformed_ones_are_counted(rig):
     jpeg = b"\xff\xd8\xff" + bytes(range(256)) * 150 + b"\xff\xd9"
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        ear = Ear()
-        bridge.listen("giraff", ear)
+        listener = Listener()
+        bridge.listen("giraff", listener)
         assert bridge.send("giraff", "command/picture", m.PictureRequest(stamp=1.0, peer="p1"))
-        await until(
-            lambda: [message for suffix, message, _ in robot.got if suffix == "command/picture"]
-        )
-        await robot.publish(topics.of("giraff", "picture"), b"\0" * 8 + jpeg[:-1])
-        await robot.publish(
-            topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:])
-        )
-        await robot.publish(topics.of("giraff", "picture"), picture.pack(12.5, jpeg))
-        await until(lambda: ear.received("picture"))
-        (inbound,) = [inbound for inbound in ear.inbound_messages if inbound.suffix == "picture"]
+        await until(lambda: any(suffix == "command/picture" for suffix, _, _ in robot.got))
+        large = picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:])
+        for payload in (b"\0" * 8 + jpeg[:-1], large, picture.pack(12.5, jpeg)):
+            await robot.publish(topics.of("giraff", "picture"), payload)
+        await until(lambda: listener.received("picture"))
+        (inbound,) = [
+            inbound for inbound in listener.inbound_messages if inbound.suffix == "picture"
+        ]
         assert inbound.frame == b"picture\n" + picture.pack(12.5, jpeg)
         assert bridge.counts["malformed"] == 1
         assert bridge.counts["oversized"] == 1
 
 
-async def test_dots_travel_both_ways_and_are_kept_for_nobody(rig):
+async def test_pointers_travel_in_both_directions_and_are_not_retained(rig):
     dot, command = (
         m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)),
         m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1"),
     )
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        ear = Ear()
-        await listen(bridge, ear)
+        listener = Listener()
+        await listen(bridge, listener)
         assert bridge.send("giraff", "command/point", command)
         await say(robot, "pointer", dot, qos=0)
-        await until(lambda: ear.received("pointer") and robot.got)
-        assert (ear.received("pointer"), robot.got) == ([dot], [("command/point", command, False)])
-        later = Ear()
+        await until(lambda: listener.received("pointer") and robot.got)
+        assert (listener.received("pointer"), robot.got) == (
+            [dot],
+            [("command/point", command, False)],
+        )
+        later = Listener()
         async with bridge_of(rig, seed=2) as second, robot_of(rig) as returned:
             await listen(second, later)
             await say(robot, "state", words.state(seq=1))

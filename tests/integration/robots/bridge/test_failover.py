@@ -1,6 +1,4 @@
-"""A broker of two nodes, one of which goes away: one connection at a time, always to one that
-answers.
-"""
+"""A broker of two nodes, one of which fails: one connection at a time, to a node that answers."""
 
 import asyncio
 import random
@@ -37,7 +35,7 @@ def port_of(bridge):
     return bridge._failover.node.port if bridge.connected else None
 
 
-async def test_a_web_process_goes_on_to_the_next_node_and_back_when_that_one_is_lost(nodes, bridge):
+async def test_web_process_connects_to_the_other_node_when_its_node_is_lost(nodes, bridge):
     first, second = nodes
     assert port_of(bridge) == first.port
     await asyncio.to_thread(first.kill)
@@ -49,7 +47,7 @@ async def test_a_web_process_goes_on_to_the_next_node_and_back_when_that_one_is_
 
 
 @pytest.mark.nightly
-async def test_a_node_that_stands_still_is_left_within_seconds(nodes, bridge):
+async def test_hung_node_is_left_within_seconds(nodes, bridge):
     first, second = nodes
     first.freeze(on=True)
     await until(lambda: port_of(bridge) == second.port)

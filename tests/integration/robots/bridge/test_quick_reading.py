@@ -16,10 +16,8 @@ from tests.support.sessions.recorder_rig import HOST, running_mosquitto
 
 @pytest.mark.broker
 @pytest.mark.parametrize("chunk", [CHUNK, 4096])
-async def test_everything_arrives_in_order_whatever_its_size(chunk):
-    """Fails when paho or aiomqtt are not any more what robots/bridge/quick_reading.py takes them
-    for.
-    """
+async def test_messages_of_all_sizes_arrive_in_order(chunk):
+    """Fails when paho or aiomqtt no longer are as robots/bridge/quick_reading.py assumes."""
     sizes = [1, 20, 70_000, 3, 200_000, *([500] * 2000), 65_535, 65_536, 2]
     with running_mosquitto() as broker:
         async with (
@@ -60,7 +58,7 @@ class Decrypted:
         return len(self.left)
 
 
-async def test_the_rest_of_a_tls_record_is_read_at_once():
+async def test_rest_of_a_tls_record_is_read_at_once():
     ours = Decrypted(b"a" * 10_000)
     got = []
 
@@ -78,13 +76,13 @@ async def test_the_rest_of_a_tls_record_is_read_at_once():
 
     pieces = _Pieces(Paho(), 4096, ours.pending)
     pieces.read_all()
-    assert len(b"".join(got)) == 4096, "a piece in a turn"
+    assert len(b"".join(got)) == 4096, "one piece per turn of the loop"
     for _ in range(5):
         await asyncio.sleep(0)
     assert b"".join(got) == b"a" * 10_000
 
 
-def test_one_turn_of_the_loop_reads_one_piece_and_the_rest_of_its_last_packet():
+def test_one_turn_of_the_loop_reads_one_piece_and_the_packet_in_which_it_ends():
     size, count = 500, 150
     client = paho.mqtt.client.Client(paho.mqtt.client.CallbackAPIVersion.VERSION2)
     got = []

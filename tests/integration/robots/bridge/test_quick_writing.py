@@ -1,4 +1,4 @@
-"""Messages that go straight into the socket of a client of ours."""
+"""Messages that are written directly into the socket of a client."""
 
 import asyncio
 import collections
@@ -23,7 +23,7 @@ def lease(stamp):
 
 
 class Paho:
-    """What a writer uses of paho: a queue of bytes that wait."""
+    """The part of paho that a writer uses: a queue of unsent bytes."""
 
     _pack_remaining_length = Client._pack_remaining_length
 
@@ -51,7 +51,9 @@ def drained(theirs):
     return found
 
 
-def test_a_slow_broker_gets_every_byte_in_order_from_a_bounded_queue(pair):
+def test_slow_broker_gets_all_bytes_in_order_up_to_a_bound(
+    pair,
+):
     ours, theirs = pair
     paho, written = Paho(), 0
     writer = QuickWriter(paho, ours)
@@ -59,7 +61,7 @@ def test_a_slow_broker_gets_every_byte_in_order_from_a_bounded_queue(pair):
         written += 1
     assert len(paho._out_packet) == MAX_PENDING
     arrived = drained(theirs)
-    while paho._out_packet:  # as paho does it when the socket has room
+    while paho._out_packet:  # as paho does when the socket has room
         rest = paho._out_packet.popleft()
         sent = ours.send(rest)
         if sent < len(rest):
@@ -78,15 +80,23 @@ def test_publishing_on_a_closed_socket_returns_false(pair):
     assert not writer.publish("t", b"2")
 
 
-def test_a_client_that_is_not_what_it_was_is_left_alone():
+def test_unknown_client_gets_no_writer():
     assert writer_of(object()) is None
+
+
+def received(ear):
+    """Return the numbers of the velocities, and the leases."""
+    return [
+        message.seq if suffix == "command/velocity" else f"lease {message.stamp:.0f}"
+        for suffix, message, _ in ear.heard
+    ]
 
 
 @pytest.mark.broker
 @pytest.mark.parametrize("quick", [True, False])
-async def test_velocities_arrive_in_order_and_after_earlier_messages(quick, monkeypatch):
-    """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py
-    takes them for.
+async def test_commands_arrive_in_order_after_earlier_messages(quick, monkeypatch):
+    """Fails with `quick` when paho or aiomqtt no longer are as robots/bridge/quick_writing.py
+    assumes.
     """
     if not quick:
         monkeypatch.setattr("robots.bridge.bridge.writer_of", lambda _: None)
@@ -107,35 +117,26 @@ async def test_velocities_arrive_in_order_and_after_earlier_messages(quick, monk
             bridge.send("giraff", "command/velocity", velocity(seq))
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 149)
         await bridge.close()
-    received = [
-        message.seq if suffix == "command/velocity" else f"lease {message.stamp:.0f}"
-        for suffix, message, _ in ear.heard
-    ]
     expected = [
         entry
         for number in range(1, 6)
         for entry in (f"lease {number}", *range(number * 10, number * 10 + 5))
     ]
-    assert received == [*expected, *range(100, 150)]
+    assert received(ear) == [*expected, *range(100, 150)]
 
 
 @pytest.mark.broker
-async def test_a_velocity_does_not_wait_for_messages_that_the_broker_has_not_confirmed():
-    """Else one report a second from each of many pages would keep all their commands on the long
-    way.
-    """
+async def test_commands_do_not_wait_for_confirmations_of_the_broker():
+    """Otherwise one report per second and page would delay the commands of all pages."""
     with running_mosquitto() as broker, Ear(broker.port) as ear:
         bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
         assert await bridge.wait_connected(patient(10))
         bridge.publish_lease("giraff", lease(1.0))
         bridge.send("giraff", "command/velocity", velocity(1))
-        assert len(bridge._in_flight) == 2, "what was said before is not with the client yet"
+        assert len(bridge._in_flight) == 2, "the client has not taken the lease yet"
         await asyncio.sleep(0)
         bridge.send("giraff", "command/velocity", velocity(2))
-        assert len(bridge._in_flight) == 2, "neither is confirmed"
+        assert len(bridge._in_flight) == 2, "one of them is confirmed"
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 2)
         await bridge.close()
-    received = [
-        message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard
-    ]
-    assert received == ["lease", 1, 2]
+    assert received(ear) == ["lease 1", 1, 2]

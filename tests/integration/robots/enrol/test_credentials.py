@@ -1,4 +1,4 @@
-"""Tokens, their hashes in Mosquitto's form, and who remembers what."""
+"""Tokens, their hashes in Mosquitto's and bcrypt's format, and the cache of verified ones."""
 
 import datetime
 import subprocess
@@ -28,7 +28,12 @@ from tests.support.robots import create_robot
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 
-def test_a_token_matches_its_hash_and_no_other():
+@pytest.fixture
+def robot(db):
+    return Robot.objects.create(name="giraff", title="Giraff")
+
+
+def test_token_matches_only_its_own_hash():
     token = new_token()
     assert len(token) >= 43  # 256 bits in base64
     assert matches(token, hash_token(token))
@@ -36,7 +41,7 @@ def test_a_token_matches_its_hash_and_no_other():
     assert hash_token(token) != hash_token(token)
 
 
-def test_no_token_is_taken_for_an_option_of_the_command_that_it_stands_behind(monkeypatch):
+def test_token_does_not_begin_with_a_dash(monkeypatch):
     drawn = ["-begins-with-a-dash", "--with-two", "and-not"]
     monkeypatch.setattr(credentials.secrets, "token_urlsafe", lambda _bytes: drawn.pop(0))
     parser = ArgumentParser()
@@ -44,8 +49,8 @@ def test_no_token_is_taken_for_an_option_of_the_command_that_it_stands_behind(mo
     assert parser.parse_args(["giraff", "--enrol", new_token()]).enrol == "and-not"
 
 
-def test_the_hash_is_the_one_that_mosquitto_makes(tmp_path):
-    # the Debian package of mosquitto has mosquitto_passwd
+def test_hash_of_mosquitto_passwd_matches(tmp_path):
+    # The Debian package of mosquitto contains mosquitto_passwd.
     assert ENGINES["mosquitto"].find() is not None
     path = tmp_path / "passwords"
     path.write_text("giraff:a token\n")
@@ -59,24 +64,16 @@ def test_the_hash_is_the_one_that_mosquitto_makes(tmp_path):
 @pytest.mark.parametrize(
     "broken",
     [
-        "",
-        "$7$",
-        "$7$x$AA==$AA==",
-        "$6$101$AA==$AA==",
-        "$7$0$AA==$AA==",
-        "$7$101$!$!",
-        "$7$999999999$AA==$AA==",
-        "plain",
+        *("", "$7$", "plain", "$7$101$!$!", "$7$x$AA==$AA==", "$6$101$AA==$AA=="),
+        *("$7$0$AA==$AA==", "$7$999999999$AA==$AA=="),
     ],
 )
-def test_a_malformed_hash_matches_nothing(broken):
+def test_malformed_hash_matches_no_token(broken):
     assert not matches("", broken)
     assert not matches("token", broken)
 
 
-@pytest.mark.django_db
-def test_making_credentials_replaces_the_old_ones_and_revoking_ends_them():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
+def test_new_credentials_replace_the_old_ones_and_revoking_ends_them(robot):
     first = credentials.make_credentials(robot, NOW)
     second = credentials.make_credentials(robot, NOW)
     assert credentials.robot_of("giraff", first.token) is None
@@ -86,9 +83,7 @@ def test_making_credentials_replaces_the_old_ones_and_revoking_ends_them():
     assert credentials.robot_of("giraff", "") is None
 
 
-@pytest.mark.django_db
-def test_every_token_has_a_bcrypt_hash_which_is_deleted_with_it():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
+def test_every_token_has_a_bcrypt_hash_that_is_revoked_with_it(robot):
     first = credentials.make_credentials(robot, NOW)
     assert bcrypt_hash_fits(first.token, robot.credentials.bcrypt_hash)
     second = credentials.rotate(robot, first.token, NOW)
@@ -99,9 +94,7 @@ def test_every_token_has_a_bcrypt_hash_which_is_deleted_with_it():
     assert robot.credentials.bcrypt_hash == robot.credentials.former_bcrypt_hash == ""
 
 
-@pytest.mark.django_db
-def test_a_token_without_a_bcrypt_hash_gets_one_when_an_agent_sends_it():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
+def test_older_token_gets_a_bcrypt_hash_when_an_agent_uses_it(robot):
     token = credentials.make_credentials(robot, NOW).token
     RobotCredentials.objects.update(bcrypt_hash="")
     assert credentials.robot_of("giraff", "wrong") is None
@@ -114,42 +107,34 @@ def bcrypt_hash_fits(token, made):
     return bcrypt.checkpw(token.encode(), made.encode())
 
 
-@pytest.mark.django_db
-def test_a_disabled_robots_token_is_worthless():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
+def test_token_of_a_disabled_robot_is_refused(robot):
     token = credentials.make_credentials(robot, NOW).token
     Robot.objects.update(enabled=False)
     assert credentials.robot_of("giraff", token) is None
 
 
-@pytest.mark.django_db
-def test_the_token_itself_is_nowhere_in_the_database():
-    robot = Robot.objects.create(name="giraff", title="Giraff")
+def test_token_is_not_in_the_database(robot):
     token = credentials.make_credentials(robot, NOW).token
     assert token not in str(Robot.objects.values().get())
 
 
-def test_the_token_does_not_show_in_a_log():
+def test_token_is_not_in_the_representation_of_credentials():
     assert "secret" not in repr(Credentials("giraff", "secret"))
 
 
-def test_the_credentials_file_is_toml_for_its_owner_alone(tmp_path):
+def test_credentials_file_is_toml_that_only_its_owner_can_read(tmp_path):
     path = tmp_path / "keys" / "giraff.toml"
     path.parent.mkdir()
     path.write_text("old")
     path.chmod(0o644)
-    credentials.keep_credentials(
-        Credentials("giraff", 'a"b\\c'), path, server="https://example.org"
-    )
-    assert tomllib.loads(path.read_text()) == {
-        "robot": "giraff",
-        "token": 'a"b\\c',
-        "server": "https://example.org",
-    }
+    made = Credentials("giraff", 'a"b\\c')
+    credentials.keep_credentials(made, path, server="https://example.org")
+    stored = {"robot": "giraff", "token": 'a"b\\c', "server": "https://example.org"}
+    assert tomllib.loads(path.read_text()) == stored
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_no_robot_can_be_called_like_a_server_process():
+def test_server_users_are_no_valid_robot_names():
     for part in credentials.SERVER_USERS:
         user, password = server_credentials(part)
         assert not ROBOT_NAME.match(user)
@@ -158,7 +143,7 @@ def test_no_robot_can_be_called_like_a_server_process():
     assert server_credentials("web")[1] != server_credentials("session-manager")[1]
 
 
-def test_a_client_id_that_lasts_cannot_be_guessed(settings):
+def test_client_id_of_the_server_depends_on_the_secret_key(settings):
     before = server_client_id("session-manager")
     assert before == server_client_id("session-manager")
     settings.SECRET_KEY = "another"
@@ -166,7 +151,7 @@ def test_a_client_id_that_lasts_cannot_be_guessed(settings):
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_the_brokers_users_are_servers_and_enabled_robots_with_credentials():
+async def test_brokers_users_are_servers_and_enabled_robots_with_credentials():
     hashes = {"giraff": hash_token("a"), "disabled": hash_token("b"), "keyless": ""}
     for name, credential_hash in hashes.items():
         await sync_to_async(create_robot)(

@@ -23,8 +23,13 @@ def bearer(name: str, token: str) -> dict[str, str]:
     return {"Authorization": f"Bearer {name}:{token}"}
 
 
+def enrol(client, robot: str, token: str):
+    content = {"robot": robot, "token": token}
+    return client.post("/api/v1/agent/enrol/", content, content_type="application/json")
+
+
 @pytest.mark.parametrize("is_signed_in", [False, True])
-def test_the_page_of_a_robot_leads_to_the_site_that_serves_it(client, is_signed_in):
+def test_page_of_a_robot_redirects_to_the_site_that_serves_it(client, is_signed_in):
     if is_signed_in:
         client.force_login(get_user_model().objects.create_user("ada"))
     answer = client.get("/robots/giraff/?watch=1")
@@ -33,23 +38,23 @@ def test_the_page_of_a_robot_leads_to_the_site_that_serves_it(client, is_signed_
 
 
 @pytest.mark.parametrize("page", ["account_login", "account_signup"])
-def test_a_visitor_from_another_site_reads_that_accounts_are_separate(client, page):
+def test_visitor_from_another_site_reads_that_accounts_are_separate(client, page):
     Robot.objects.create(name="rhodon", title="Rhodon")
     sent = client.get("/robots/rhodon/?from_site=robots.south.example.org").url
     asked = client.get(f"{reverse(page)}?{sent.partition('?')[2]}").content.decode()
     assert "Sites have separate accounts" in asked
-    assert "robots.south.example.org</" not in asked, "it may be made up"
+    assert "robots.south.example.org</" not in asked, "an unverified site became a link"
     usual = client.get("/robots/rhodon/").url
     asked = client.get(f"{reverse(page)}?{usual.partition('?')[2]}").content.decode()
     assert "Sites have separate accounts" not in asked
 
 
-def test_of_two_sites_that_name_each_other_the_second_one_answers_itself(client):
+def test_two_sites_that_name_each_other_do_not_redirect_in_a_loop(client):
     client.force_login(get_user_model().objects.create_user("ada"))
     assert client.get("/robots/giraff/?from_site=robots.north.example.org").status_code == 404
 
 
-def test_a_robot_that_is_enabled_here_is_served_here(client):
+def test_robot_that_is_enabled_here_is_served_here(client):
     robot = Robot.objects.create(name="giraff", title="Giraff")
     key = make_credentials(robot, timezone.now())
     assert client.get("/robots/giraff/").url.startswith(reverse("account_login"))
@@ -60,7 +65,7 @@ def test_a_robot_that_is_enabled_here_is_served_here(client):
     assert client.get("/api/v1/agent/", headers=bearer("giraff", key.token)).status_code == 421
 
 
-def test_a_robot_that_nobody_knows_is_as_unknown_as_before(client):
+def test_unknown_robot_is_unknown(client):
     assert client.get("/robots/rhodon/").url.startswith(reverse("account_login"))
     for path in ("/api/v1/agent/", "/api/v1/agent/renew/"):
         asked = client.get if path.endswith("agent/") else client.post
@@ -68,7 +73,7 @@ def test_a_robot_that_nobody_knows_is_as_unknown_as_before(client):
 
 
 @pytest.mark.parametrize("path", ["/api/v1/agent/", "/api/v1/agent/renew/"])
-def test_an_agent_with_credentials_of_another_site_is_told_which(client, path):
+def test_agent_of_another_site_gets_its_address(client, path):
     asked = client.get if path == "/api/v1/agent/" else client.post
     answer = asked(path, headers=bearer("giraff", "of the north"))
     assert answer.status_code == 421
@@ -76,23 +81,15 @@ def test_an_agent_with_credentials_of_another_site_is_told_which(client, path):
     assert answer.json()["detail"].startswith(f"giraff is served by {NORTH}. Start the agent with")
 
 
-def test_guesses_for_a_robot_at_another_site_are_limited_too(client):
-    def tried() -> int:
-        asked = {"robot": "giraff", "token": "guessed"}
-        return client.post(
-            "/api/v1/agent/enrol/", asked, content_type="application/json"
-        ).status_code
-
-    statuses = [tried() for _ in range(12)]
+def test_guessed_tokens_for_a_robot_at_another_site_are_limited(client):
+    statuses = [enrol(client, "giraff", "guessed").status_code for _ in range(12)]
     assert statuses[0] == 421
     assert statuses[-1] == 429
 
 
-def test_another_robot_of_this_site_enrols_as_before(client):
+def test_robot_of_this_site_enrols(client):
     token = make_token(Robot.objects.create(name="rhodon", title="Rhodon"), timezone.now())
-    asked = {"robot": "rhodon", "token": token}
-    answer = client.post("/api/v1/agent/enrol/", asked, content_type="application/json")
-    assert answer.json()["robot"] == "rhodon"
+    assert enrol(client, "rhodon", token).json()["robot"] == "rhodon"
 
 
 @pytest.mark.parametrize(
@@ -108,7 +105,7 @@ def test_another_robot_of_this_site_enrols_as_before(client):
         "https://",
     ],
 )
-def test_a_site_is_a_scheme_a_host_and_a_port(entry, site):
+def test_site_is_only_a_scheme_a_host_and_a_port(entry, site):
     entry.site = site
     with pytest.raises(ValidationError):
         entry.full_clean()
@@ -120,14 +117,14 @@ def added(admin_client, name: str, site: str) -> str:
     return page.content.decode()
 
 
-def test_the_administration_takes_the_address_as_browsers_show_it(admin_client):
+def test_administration_accepts_a_trailing_slash_and_no_path(admin_client):
     added(admin_client, "rhodon", f"{NORTH}/")
     assert RobotElsewhere.objects.get(name="rhodon").site == NORTH
     page = added(admin_client, "third", f"{NORTH}/robots/third/")
     assert "without a path" in page
 
 
-def test_the_administration_says_that_an_entry_has_no_effect_yet(admin_client):
+def test_administration_reports_an_entry_without_effect(admin_client):
     assert "has no effect" not in added(admin_client, "third", NORTH).split("<h1>")[0]
     robot = Robot.objects.create(name="rhodon", title="Rhodon")
     page = added(admin_client, "rhodon", NORTH)
@@ -136,6 +133,6 @@ def test_the_administration_says_that_an_entry_has_no_effect_yet(admin_client):
 
 
 @pytest.mark.parametrize("site", ["http://10.0.0.7:8000", "https://north.example.org:8443", NORTH])
-def test_such_an_address_is_taken(entry, site):
+def test_address_with_a_port_is_accepted(entry, site):
     entry.site = site
     entry.full_clean()

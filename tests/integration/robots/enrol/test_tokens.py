@@ -1,4 +1,4 @@
-"""One-time tokens and new credentials: the server's side, and the agent's against it."""
+"""One-time tokens and renewed credentials, on the server and in an agent."""
 
 import datetime
 import io
@@ -55,7 +55,7 @@ def at_the_broker() -> dict[str, str]:
 # --- tokens ---------------------------------------------------------------------------------------
 
 
-def test_a_token_works_once_and_for_its_own_robot_alone(robot):
+def test_token_works_once_for_its_robot(robot):
     Robot.objects.create(name="rhodon", title="Rhodon")
     token, now = make_token(robot, timezone.now()), timezone.now()
     assert redeem("rhodon", token, now) is None
@@ -64,7 +64,7 @@ def test_a_token_works_once_and_for_its_own_robot_alone(robot):
     assert redeem("giraff", token, now) is None
 
 
-def test_a_token_expires_and_a_newer_one_takes_its_place(robot):
+def test_token_expires_and_is_replaced_by_a_newer_one(robot):
     now = timezone.now()
     old = make_token(robot, now, hours=1)
     assert redeem("giraff", old, now + datetime.timedelta(hours=2)) is None
@@ -73,12 +73,12 @@ def test_a_token_expires_and_a_newer_one_takes_its_place(robot):
     assert redeem("giraff", newer, now) is not None
 
 
-def test_no_token_is_kept_only_its_hash(robot):
+def test_only_the_hash_of_a_token_is_stored(robot):
     token = make_token(robot, timezone.now())
     assert token not in str(Enrolment.objects.values().get())
 
 
-def test_revoking_and_disabling_take_an_unused_token_along(robot):
+def test_revoking_and_disabling_end_an_unused_token(robot):
     token = make_token(robot, timezone.now())
     Robot.objects.update(enabled=False)
     assert redeem("giraff", token, timezone.now()) is None
@@ -90,7 +90,7 @@ def test_revoking_and_disabling_take_an_unused_token_along(robot):
 # --- rotation -------------------------------------------------------------------------------------
 
 
-def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
+def test_old_credentials_are_valid_beside_the_new_ones_for_a_while(robot):
     now = timezone.now()
     old = make_credentials(robot, now)
     new = rotate(robot, old.token, now)
@@ -99,7 +99,7 @@ def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
     assert list(users_of("giraff", robot.credentials, now + GRACE)) == [new.user]
 
 
-def test_both_users_at_the_broker_have_the_permissions_of_one_robot(robot):
+def test_both_users_at_the_broker_have_the_permissions_of_the_robot(robot):
     new = rotate(robot, make_credentials(robot, timezone.now()).token, timezone.now())
     old_user, new_user = sorted(robots_at_the_broker(), key=lambda user: len(user.name))
     assert (old_user.name, new_user.name) == ("giraff", new.user)
@@ -107,7 +107,7 @@ def test_both_users_at_the_broker_have_the_permissions_of_one_robot(robot):
     assert not may_publish(new_user.permissions, "telepresence/v1/rhodon/state")
 
 
-def test_the_broker_loses_the_old_user_when_it_expires(robot, monkeypatch):
+def test_old_user_at_the_broker_expires(robot, monkeypatch):
     now = timezone.now()
     new = rotate(robot, make_credentials(robot, now).token, now)
     assert set(at_the_broker()) == {"giraff", new.user}
@@ -115,7 +115,7 @@ def test_the_broker_loses_the_old_user_when_it_expires(robot, monkeypatch):
     assert set(at_the_broker()) == {new.user}
 
 
-def test_a_robot_of_which_nothing_has_changed_costs_the_broker_no_new_user(robot):
+def test_unchanged_robot_keeps_its_user_object(robot):
     make_credentials(robot, timezone.now())
     other = Robot.objects.create(name="rhodon", title="Rhodon")
     make_credentials(other, timezone.now())
@@ -126,7 +126,7 @@ def test_a_robot_of_which_nothing_has_changed_costs_the_broker_no_new_user(robot
     assert changed.credential_hash != rhodon.credential_hash
 
 
-def test_an_agent_that_lost_the_answer_asks_again_with_what_it_has(robot):
+def test_agent_that_lost_the_answer_renews_again_with_its_old_credentials(robot):
     now = timezone.now()
     old = make_credentials(robot, now)
     lost = rotate(robot, old.token, now)
@@ -135,7 +135,7 @@ def test_an_agent_that_lost_the_answer_asks_again_with_what_it_has(robot):
     assert {robot_of("giraff", one.token) for one in (old, again)} == {robot}
 
 
-def test_former_credentials_cannot_be_prolonged(robot):
+def test_former_credentials_cannot_be_extended(robot):
     now = timezone.now()
     old = make_credentials(robot, now)
     rotate(robot, old.token, now)
@@ -143,7 +143,7 @@ def test_former_credentials_cannot_be_prolonged(robot):
     assert robot.credentials.former_until == now + GRACE
 
 
-def test_revoking_ends_both_at_once(robot):
+def test_revoking_ends_old_and_new_credentials(robot):
     old = make_credentials(robot, timezone.now())
     new = rotate(robot, old.token, timezone.now())
     revoke(robot)
@@ -151,7 +151,7 @@ def test_revoking_ends_both_at_once(robot):
     assert (robot_of("giraff", old.token), robot_of("giraff", new.token)) == (None, None)
 
 
-def test_new_credentials_by_hand_end_everything_before(robot):
+def test_credentials_made_by_hand_end_all_earlier_ones(robot):
     old = make_credentials(robot, timezone.now())
     new = rotate(robot, old.token, timezone.now())
     newest = make_credentials(robot, timezone.now())
@@ -177,7 +177,7 @@ def post(client, address, content, token=""):
     )
 
 
-def test_a_token_is_taken_by_post_alone_and_refused_in_words(client, robot):
+def test_token_is_accepted_only_by_post(client, robot):
     token = make_token(robot, timezone.now())
     assert client.get(ENROL, {"robot": "giraff", "token": token}).status_code == 405
     assert post(client, ENROL, {"robot": "giraff", "token": "guess"}).status_code == 403
@@ -190,7 +190,7 @@ def test_a_token_is_taken_by_post_alone_and_refused_in_words(client, robot):
     assert AuditEntry.objects.get(act="robot_enrolled").robot == "giraff"
 
 
-def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
+def test_credentials_are_renewed_only_on_request(client, robot):
     old = make_credentials(robot, timezone.now())
     assert post(client, RENEW, {}, "giraff:guess").status_code == 401
     assert post(client, RENEW, {}, f"giraff:{old.token}").json() == {"robot": "giraff"}
@@ -205,7 +205,7 @@ def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
 
 @pytest.fixture
 def server(client, monkeypatch):
-    """The site, as the agent reaches it."""
+    """The site as reached by the agent."""
 
     def answer(url, headers, _ca, _reasons, content):
         found = client.post(
@@ -222,7 +222,7 @@ def server(client, monkeypatch):
     return "https://site.example"
 
 
-def test_an_agent_enrols_itself_and_starts_without_the_token_afterwards(robot, server, tmp_path):
+def test_agent_enrols_and_then_starts_without_the_token(robot, server, tmp_path):
     given = {
         "robot": "giraff",
         "server": server,
@@ -253,7 +253,7 @@ def test_an_agent_enrols_itself_and_starts_without_the_token_afterwards(robot, s
         ({"viewers": "all"}, "--viewers"),
     ],
 )
-def test_a_token_is_used_only_by_an_agent_with_valid_arguments(
+def test_token_is_used_only_by_an_agent_with_valid_arguments(
     robot, server, tmp_path, wrong, sentence
 ):
     token = make_token(robot, timezone.now())
@@ -270,12 +270,12 @@ def test_a_token_is_used_only_by_an_agent_with_valid_arguments(
     assert redeem("giraff", token, timezone.now()) is not None
 
 
-@pytest.mark.parametrize("broken", ["a folder stands there", "a file is in the way"])
-def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_path, monkeypatch):
+@pytest.mark.parametrize("broken", ["file is a folder", "folder is a file"])
+def test_token_is_not_used_for_credentials_that_cannot_be_saved(broken, tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(agent_side, "request_json", lambda *_: asked.append(1))
     path = tmp_path / "here" / "giraff.toml"
-    if broken == "a folder stands there":
+    if broken == "file is a folder":
         path.mkdir(parents=True)
     else:
         path.parent.write_text("")
@@ -301,7 +301,7 @@ def test_run_robot_stores_files_in_the_given_folder_or_in_var_dir(
     given, settings, tmp_path, monkeypatch
 ):
     settings.VAR_DIR, folder = tmp_path / "site", tmp_path / "folder"
-    # the command names its robot for all lines of the process, here that of all tests
+    # the command sets the robot for all log lines of the process, here that of all tests
     monkeypatch.setattr(log_ids, "_process", {})
     kept = []
     monkeypatch.setattr(run_robot, "agent_of", lambda given: kept.append(Path(given["var"])))
@@ -312,7 +312,7 @@ def test_run_robot_stores_files_in_the_given_folder_or_in_var_dir(
     assert kept == [settings.VAR_DIR if given == "nothing" else folder]
 
 
-def test_an_agent_changes_only_the_credentials_in_its_file(robot, server, tmp_path):
+def test_agent_changes_only_the_credentials_in_its_file(robot, server, tmp_path):
     file = tmp_path / "giraff.toml"
     content = make_credentials(robot, timezone.now()).toml(server=server)
     file.write_text(content + '# mine\n[options]\nuser = "camera"\n')
@@ -329,9 +329,7 @@ def test_an_agent_changes_only_the_credentials_in_its_file(robot, server, tmp_pa
     assert set(at_the_broker()) == {"giraff", again.user}
 
 
-def test_an_agent_whose_file_is_read_only_requests_no_credentials(
-    robot, server, tmp_path, monkeypatch
-):
+def test_agent_with_a_read_only_file_does_not_renew(robot, server, tmp_path, monkeypatch):
     file = tmp_path / "giraff.toml"
     file.write_text(make_credentials(robot, timezone.now()).toml(server=server))
     config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
@@ -341,7 +339,7 @@ def test_an_agent_whose_file_is_read_only_requests_no_credentials(
     assert robot_of("giraff", config.token).credentials.renewal_asked_at is not None
 
 
-def test_an_agent_repeats_its_request_until_it_has_new_credentials(robot, tmp_path, monkeypatch):
+def test_agent_repeats_its_request_until_it_has_new_credentials(robot, tmp_path, monkeypatch):
     config = load(
         {"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path},
         {"TELEPRESENCE_TOKEN": "t"},
@@ -376,7 +374,7 @@ def test_an_agent_repeats_its_request_until_it_has_new_credentials(robot, tmp_pa
     "server",
     [f"http://{name}" for name in ("robots.example", "localhost.evil.example", "10.0.0.1:8000")],
 )
-def test_no_token_crosses_a_network_in_the_clear(server, tmp_path):
+def test_token_is_not_sent_without_tls(server, tmp_path):
     for address in (server, "ftp://robots.example"):
         with pytest.raises(ConfigError, match="https"):
             agent_side.enrol("giraff", address, "token", tmp_path / "giraff.toml")
@@ -391,7 +389,7 @@ def test_plain_http_is_accepted_on_this_machine(server):
     agent_side.check_private("https://robots.example")
 
 
-def test_a_token_without_a_server_is_refused(tmp_path):
+def test_token_without_a_server_is_refused(tmp_path):
     arguments = {"robot": "giraff", "var": tmp_path}
     with pytest.raises(ConfigError, match="--server"):
         agent_side.enrol_if_asked(arguments, {"TELEPRESENCE_ENROL": "token"})
@@ -400,7 +398,7 @@ def test_a_token_without_a_server_is_refused(tmp_path):
 # --- commands and administration ------------------------------------------------------------------
 
 
-def test_the_command_prints_what_to_run_on_the_robot(robot):
+def test_enrol_command_prints_what_to_run_on_the_robot(robot):
     out = io.StringIO()
     call_command("enrol", "giraff", server="https://site.example/", stdout=out)
     command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
@@ -411,7 +409,7 @@ def test_the_command_prints_what_to_run_on_the_robot(robot):
     assert redeem("giraff", token, timezone.now()) is not None
     server = ["--server", "https://site.example"]
     for wrong, sentence in (
-        (["nobody", *server], "nobody"),
+        (["unknown", *server], "unknown"),
         (["giraff", *server, "--hours", "0"], "--hours"),
         (["giraff"], "--server"),
     ):
@@ -419,7 +417,7 @@ def test_the_command_prints_what_to_run_on_the_robot(robot):
             call_command("enrol", *wrong)
 
 
-def test_the_command_asks_for_new_credentials_of_those_that_have_some(robot):
+def test_rotate_command_requests_new_credentials_of_robots_that_have_some(robot):
     make_credentials(robot, timezone.now())
     Robot.objects.create(name="rhodon", title="Rhodon")
     out = io.StringIO()
@@ -430,7 +428,7 @@ def test_the_command_asks_for_new_credentials_of_those_that_have_some(robot):
         call_command("rotate_credentials", "rhodon")
 
 
-def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administration(client, robot):
+def test_owner_makes_a_token_and_rotates_credentials_in_the_administration(client, robot):
     owner = get_user_model().objects.create(username="owner", is_staff=True)
     Robot.objects.update(owner=owner)
     client.force_login(owner)
@@ -447,9 +445,7 @@ def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administratio
     assert token not in str(list(AuditEntry.objects.values()))
 
 
-def test_of_two_renewals_that_overlap_one_is_refused_and_the_other_holds(
-    client, robot, monkeypatch
-):
+def test_one_of_two_concurrent_renewals_is_refused(client, robot, monkeypatch):
     shown = make_credentials(robot, timezone.now())
     bearer = {"Authorization": f"Bearer giraff:{shown.token}"}
     ask_for_renewal(robot, timezone.now())

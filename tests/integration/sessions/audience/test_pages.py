@@ -1,5 +1,5 @@
-"""Raised hands and questions over the pages' own WebSockets: two watchers, a driver, an operator,
-and the robot's screen.
+"""Raised hands and questions on the WebSockets of watchers, a driver, an operator, and the robot's
+screen.
 """
 
 import pytest
@@ -53,7 +53,7 @@ def shows(**questions):
     return lambda audience: {one.text: one.state for one in audience.questions} == questions
 
 
-async def test_the_driver_sees_hands_and_questions_and_everybody_what_is_being_answered(
+async def test_driver_sees_hands_and_questions_and_watchers_what_is_being_answered(
     bridge, robot, people
 ):
     ada, bob, eve = people
@@ -81,12 +81,12 @@ async def test_the_driver_sees_hands_and_questions_and_everybody_what_is_being_a
         await two.expect("audience", shows(**{"<i>Two?</i>": "waiting"}))
 
         await mark(driver, first, "answering")
-        told = await two.expect("audience", lambda audience: len(audience.questions) == 2)
-        assert [(q.text, q.state, q.who, q.own) for q in told.questions] == [
+        shown = await two.expect("audience", lambda audience: len(audience.questions) == 2)
+        assert [(q.text, q.state, q.who, q.own) for q in shown.questions] == [
             ("One?", "answering", "", False),
             ("<i>Two?</i>", "waiting", "", True),
         ]
-        assert (told.names, told.hands) == ((), 0)
+        assert (shown.names, shown.hands) == ((), 0)
         await mark(driver, second, "declined")
         await two.expect("audience", shows(**{"One?": "answering", "<i>Two?</i>": "declined"}))
         await mark(driver, first, "answered")
@@ -97,7 +97,7 @@ async def test_the_driver_sees_hands_and_questions_and_everybody_what_is_being_a
         await one.expect("audience", lambda audience: not audience.raised)
 
 
-async def test_a_hand_goes_down_with_its_page_and_the_question_stays(bridge, robot, people):
+async def test_closed_page_lowers_its_hand_and_keeps_its_question(bridge, robot, people):
     ada, bob, _ = people
     async with Page("giraff", ada) as driver:
         await driver.take()
@@ -119,7 +119,7 @@ async def test_a_hand_goes_down_with_its_page_and_the_question_stays(bridge, rob
             await driver.expect("audience", lambda audience: audience.hands == 0)
 
 
-async def test_a_hand_is_lowered_by_whose_it_is(bridge, robot, people):
+async def test_watcher_lowers_their_own_hand(bridge, robot, people):
     ada, bob, _ = people
     async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
         await driver.take()
@@ -145,17 +145,17 @@ async def test_updates_of_a_web_process_of_another_version_are_ignored(
         await driver.expect("audience", lambda audience: audience.hands == 1)
 
 
-async def test_while_the_database_is_away_there_are_no_questions_and_afterwards_there_are(
+async def test_questions_are_closed_while_the_database_fails(
     bridge, robot, people, monkeypatch, caplog
 ):
-    def away(_session):
-        raise OperationalError("the database is away")
+    def fail(_session):
+        raise OperationalError("the database is unavailable")
 
     ada, bob, _ = people
     monkeypatch.setattr(audiences, "BEAT_SECONDS", 0.01)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
         with monkeypatch.context() as patched:
-            patched.setattr(audiences.store, "is_study", away)
+            patched.setattr(audiences.store, "is_study", fail)
             await driver.take()
             await page.observe()
             await until(lambda: "audience_closed" in caplog.text)
@@ -176,27 +176,18 @@ async def test_pages_are_limited_to_their_role(bridge, robot, people):
         await page.expect("audience", lambda audience: audience.open)
         await ask(page)
         seen = await driver.expect("audience", lambda audience: audience.questions)
+        answered = protocol.MarkQuestion(question=seen.questions[0].id, state="answered")
+        unknown = protocol.MarkQuestion(question="none", state="answered")
         for sender, suffix, message, reason in (
             (page, "audience/ask", protocol.AskQuestion(text="And?"), "rate"),
             (page, "audience/lower", protocol.LowerHands(), "not_allowed"),
-            (
-                page,
-                "audience/mark",
-                protocol.MarkQuestion(question=seen.questions[0].id, state="answered"),
-                "not_allowed",
-            ),
+            (page, "audience/mark", answered, "not_allowed"),
             (driver, "audience/hand", protocol.RaiseHand(raised=True), "not_watching"),
             (g, "audience/ask", protocol.AskQuestion(text="Me?"), "not_watching"),
-            (
-                driver,
-                "audience/mark",
-                protocol.MarkQuestion(question="none", state="answered"),
-                "unknown",
-            ),
+            (driver, "audience/mark", unknown, "unknown"),
         ):
             await sender.say(suffix, message)
-            denied = await sender.expect("denied")
-            assert (denied.suffix, denied.reason) == (suffix, reason)
+            assert await sender.denied() == (suffix, reason)
         for frame in (
             'audience/ask\n{"text": ""}',
             'audience/ask\n{"text": "%s"}' % ("x" * 281),
@@ -206,16 +197,14 @@ async def test_pages_are_limited_to_their_role(bridge, robot, people):
         ):
             await page.say_frame(frame)
         for suffix in ("audience/ask", "audience/mark", "audience/hand"):
-            denied = await page.expect("denied")
-            assert (denied.suffix, denied.reason) == (suffix, "malformed")
+            assert await page.denied() == (suffix, "malformed")
         await page.settle(bridge)
-        assert [one.text for one in audiences.audience_of("giraff", bridge).board.questions] == [
-            "Why?"
-        ]
+        (question,) = audiences.audience_of("giraff", bridge).board.questions
+        assert question.text == "Why?"
         assert g.told("audience") == []
 
 
-async def test_an_operator_who_watches_moderates_as_long_as_they_are_one(bridge, robot, people):
+async def test_operator_who_watches_moderates_until_they_lose_the_permit(bridge, robot, people):
     ada, bob, eve = people
     permit = await RobotPermit.objects.acreate(
         robot=robot, user=eve, kind=RobotPermit.Privilege.OPERATOR
@@ -233,14 +222,13 @@ async def test_an_operator_who_watches_moderates_as_long_as_they_are_one(bridge,
         assert (seen.moderates, seen.questions[0].who) == (True, "Bob")
         await mark(op, seen.questions[0], "answering")
         await page.expect("audience", shows(**{"Why?": "answering"}))
-        # without the signal by which pages learn of it at once
+        # without the signal on which pages check at once
         await sync_to_async(RobotPermit.objects.filter(pk=permit.pk)._raw_delete)("default")
         await mark(op, seen.questions[0], "answered")
-        denied = await op.expect("denied")
-        assert (denied.suffix, denied.reason) == ("audience/mark", "not_allowed")
+        assert await op.denied() == ("audience/mark", "not_allowed")
 
 
-async def test_with_the_drive_its_questions_end(bridge, robot, people):
+async def test_questions_end_with_their_drive(bridge, robot, people):
     ada, bob, eve = people
     async with Page("giraff", ada) as driver, Page("giraff", bob) as page, Page("giraff", eve) as w:
         await driver.take()
@@ -255,7 +243,7 @@ async def test_with_the_drive_its_questions_end(bridge, robot, people):
         assert again.questions == ()
 
 
-async def test_in_a_study_there_is_no_box(bridge, robot, people):
+async def test_study_has_no_questions(bridge, robot, people):
     ada, bob, _ = people
     with provided() as fixed:
         fixed.terms = Terms(study={"slug": "office"})
@@ -265,12 +253,11 @@ async def test_in_a_study_there_is_no_box(bridge, robot, people):
             await until(lambda: audiences.audience_of("giraff", bridge)._begun == session)
             await ask(page)
             assert (await page.expect("denied")).reason == "closed"
-            assert not any(told.open for told in page.told("audience") + driver.told("audience"))
+            shown = page.told("audience") + driver.told("audience")
+            assert not any(audience.open for audience in shown)
 
 
-async def test_the_robots_screen_shows_what_is_being_answered_and_not_who_asked(
-    bridge, robot, people
-):
+async def test_robots_screen_shows_the_question_without_its_author(bridge, robot, people):
     ada, bob, _ = people
     key = await sync_to_async(make_screen_key)(robot, timezone.now())
     async with (

@@ -1,4 +1,4 @@
-"""A lock that the system takes back from a dead process, held by real processes."""
+"""A lock that the system releases when its process dies, held by real processes."""
 
 import contextlib
 import signal
@@ -36,7 +36,7 @@ def holder(path):
         process.communicate()
 
 
-def test_a_process_that_was_killed_is_known_to_be_dead_by_its_name(tmp_path):
+def test_lock_of_a_killed_process_names_it_as_predecessor(tmp_path):
     life = LockFile(tmp_path / "lock")
     with holder(tmp_path / "lock") as process:
         assert life.predecessor() == ""
@@ -50,13 +50,13 @@ def test_a_process_that_was_killed_is_known_to_be_dead_by_its_name(tmp_path):
     assert LockFile(tmp_path / "lock").predecessor() == "second"
 
 
-def test_a_process_that_is_only_stopped_is_not_dead(tmp_path):
+def test_stopped_process_is_no_predecessor(tmp_path):
     with holder(tmp_path / "lock") as process:
         process.send_signal(signal.SIGSTOP)
         assert LockFile(tmp_path / "lock").predecessor() == ""
 
 
-def test_one_who_does_not_hold_the_file_does_not_write_into_it(tmp_path):
+def test_process_that_does_not_hold_the_file_cannot_sign_it(tmp_path):
     with holder(tmp_path / "lock"):
         life = LockFile(tmp_path / "lock")
         life.predecessor()
@@ -64,20 +64,20 @@ def test_one_who_does_not_hold_the_file_does_not_write_into_it(tmp_path):
     assert (tmp_path / "lock").read_text().startswith("first\n")
 
 
-def test_without_a_writable_folder_the_lock_is_unknown_and_no_error_is_raised(tmp_path):
+def test_lock_in_a_missing_folder_is_ignored_without_an_error(tmp_path):
     life = LockFile(tmp_path / "there is no such folder" / "lock")
     assert life.predecessor() == ""
     life.sign("second")
     life.release()
 
 
-def test_a_copy_of_the_file_names_nobody_for_its_writer_may_live(tmp_path):
+def test_copy_of_the_file_names_no_predecessor_because_its_writer_may_live(tmp_path):
     with holder(tmp_path / "lock"):
         (tmp_path / "copy").write_bytes((tmp_path / "lock").read_bytes())
         assert LockFile(tmp_path / "copy").predecessor() == ""
 
 
-def test_a_file_of_another_computer_names_nobody(tmp_path, monkeypatch):
+def test_file_of_another_boot_names_no_predecessor(tmp_path, monkeypatch):
     with holder(tmp_path / "lock"):
         pass
     life = LockFile(tmp_path / "lock")
@@ -88,7 +88,7 @@ def test_a_file_of_another_computer_names_nobody(tmp_path, monkeypatch):
     life.release()
 
 
-def test_a_file_that_was_removed_names_nobody(tmp_path):
+def test_removed_file_names_no_predecessor(tmp_path):
     with holder(tmp_path / "lock"):
         (tmp_path / "lock").unlink()
         assert LockFile(tmp_path / "lock").predecessor() == ""

@@ -1,18 +1,19 @@
 """The session manager with a real broker, a real database and a robot that follows a script."""
 
 import asyncio
-import datetime
+import contextlib
 import hashlib
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any
 
 import aiomqtt
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
+from django.dispatch import Signal
 from django.utils import timezone
 
 from accounts.models import User
@@ -69,7 +70,7 @@ def take(visitor: User, peer: str = "", **words) -> store.Taken:
     return store.take(robot, visitor, peer or f"peer-{visitor}", now=timezone.now(), **words)
 
 
-async def drive(visitor: User, robot: ScriptedRobot) -> str:
+async def drive(visitor: User) -> str:
     """Take the robot and wait until the session drives."""
     await wait_for(
         lambda: Robot.objects.get(name="giraff").is_online(timezone.now()),
@@ -111,19 +112,51 @@ def leave(session: str, visitor: User) -> bool:
     return store.leave(session, peer=f"peer-{visitor}", now=timezone.now())
 
 
-@sync_to_async
-def set_rules(**fields) -> None:
-    update_robots(**fields)
+async def leave_and_complete(session: str, visitor: User, robot: ScriptedRobot) -> None:
+    """Leave, and wait until the lease has ended and exactly the sent states are stored."""
+    await leave(session, visitor)
+    await wait_for(lambda: robot.session is None)
+    await complete(session, robot)
+
+
+async def closed_record(session: str, **fields: Any) -> Session:
+    row = Session.objects.filter(pk=session, closed_at__isnull=False, **fields)
+    return await wait_for(row.first, 15, "the closed record")
+
+
+@contextlib.asynccontextmanager
+async def driven(broker, visitor: User, **wish: Any) -> AsyncIterator[tuple[ScriptedRobot, str]]:
+    """Run a session manager and a robot, which the visitor drives; yield the robot and the
+    session.
+    """
+    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url, **wish) as robot:
+        yield robot, await drive(visitor)
+
+
+@contextlib.asynccontextmanager
+async def notices_of(broker) -> AsyncIterator["Notices"]:
+    async with aiomqtt.Client(HOST, broker.port) as web:
+        await web.subscribe(topics.session_notices("+"), 1)
+        yield Notices(web)
+
+
+@contextlib.contextmanager
+def receiving(signal: Signal, receiver: Callable[..., None]) -> Iterator[None]:
+    signal.connect(receiver, weak=False)
+    try:
+        yield
+    finally:
+        signal.disconnect(receiver)
 
 
 # --- a drive --------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
-async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker, giraff, visitors):
+async def test_every_state_of_a_drive_is_recorded(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.drives = True
-        session = await drive(visitors["ana"], robot)
+        session = await drive(visitors["ana"])
         await wait_for(
             lambda: Session.objects.get(pk=session).first_motion_at, what="the first motion"
         )
@@ -131,45 +164,34 @@ async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker
         await complete(session, robot)
         # After a late state, the record is closed again.
         whole = len(robot.sent[session])
-        closed = await wait_for(
-            lambda: Session.objects.filter(
-                pk=session, closed_at__isnull=False, summary__states=whole
-            ).first(),
-            15,
-            "the closed record",
-        )
+        closed = await closed_record(session, summary__states=whole)
         assert closed.outcome == "completed"
         assert closed.summary["missing"] == 0
         assert closed.summary["methods"]["keyboard"] > 0
-        assert closed.summary["distance"] == pytest.approx(
-            0.01 * (len(robot.sent[session]) - 1), abs=0.02
-        )
+        assert closed.summary["distance"] == pytest.approx(0.01 * (whole - 1), abs=0.02)
         assert robot.asked == []
 
 
 @pytest.mark.nightly
-async def test_the_lease_is_renewed_with_growing_numbers_and_empty_without_a_driver(
+async def test_lease_is_renewed_with_growing_numbers_and_empty_without_a_driver(
     broker, giraff, visitors
 ):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
-        await wait_for(
-            lambda: len([lease for lease in robot.leases if lease]) >= 3, 10, "three renewals"
-        )
-        renewals = [lease.renewal for lease in robot.leases if lease]
+    async with driven(broker, visitors["ana"]) as (robot, session):
+        await wait_for(lambda: len(list(filter(None, robot.leases))) >= 3, 10, "three renewals")
+        leases = list(filter(None, robot.leases))
+        renewals = [lease.renewal for lease in leases]
         assert renewals == sorted(set(renewals))
-        assert {(lease.session, lease.peer, lease.ttl) for lease in robot.leases if lease} == {
-            (session, "peer-ana", 10.0)
-        }
+        named = {(lease.session, lease.peer, lease.ttl) for lease in leases}
+        assert named == {(session, "peer-ana", 10.0)}
         await leave(session, visitors["ana"])
         await wait_for(lambda: robot.leases[-1] is None, what="the empty lease")
         assert robot.session is None
 
 
-async def test_the_limits_of_the_robots_row_travel_in_the_lease(broker, giraff, visitors):
-    await set_rules(max_linear=0.25, max_angular=0.5)
+async def test_lease_carries_the_limits_of_the_robots_row(broker, giraff, visitors):
+    await sync_to_async(update_robots)(max_linear=0.25, max_angular=0.5)
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        await drive(visitors["ana"], robot)
+        await drive(visitors["ana"])
         assert robot.leases[-1].limits == messages.LeaseLimits(linear=0.25, angular=0.5)
 
 
@@ -179,46 +201,35 @@ async def test_presence_follows_the_robot(broker, giraff):
             await wait_for(
                 lambda: Robot.objects.get(name="giraff").is_online(timezone.now()), what="presence"
             )
-            await robot.publish(
-                "connection",
-                messages.Connection(boot="boot-0", state="CONNECTIONBROKEN", stamp=1.0),
-            )
-            await robot.publish(
-                "connection", messages.Connection(boot="boot-1", state="OFFLINE", stamp=1.0)
-            )
+            for boot, state in (("boot-0", "CONNECTIONBROKEN"), ("boot-1", "OFFLINE")):
+                connection = messages.Connection(boot=boot, state=state, stamp=1.0)
+                await robot.publish("connection", connection)
             await wait_for(
                 lambda: Robot.objects.get(name="giraff").presence.connection == "OFFLINE",
                 what="absence",
             )
-        assert await sync_to_async(
-            lambda: list(SystemLog.objects.order_by("at").values_list("event", flat=True))
-        )() == ["robot_online", "robot_offline"]
+        logged = [entry.event async for entry in SystemLog.objects.order_by("at")]
+        assert logged == ["robot_online", "robot_offline"]
 
 
-async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitors):
+async def test_signal_receives_each_state_once_and_in_order(broker, giraff, visitors):
     seen = []
-    signals.state_received.connect(
-        lambda **news: seen.append((news["session"], news["state"].seq)),
-        weak=False,
-        dispatch_uid="test",
-    )
-    try:
-        async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-            session = await drive(visitors["ana"], robot)
+
+    def receive(**news):
+        seen.append((news["session"], news["state"].seq))
+
+    with receiving(signals.state_received, receive):
+        async with driven(broker, visitors["ana"]) as (robot, session):
             await wait_for(lambda: len(seen) > 20, what="twenty states")
             await robot.publish("state", robot.buffer[seen[3][1]])  # an old one again
             count = len(seen)
             await wait_for(lambda: len(seen) > count + 10)
-    finally:
-        signals.state_received.disconnect(dispatch_uid="test")
     assert seen == [(session, seq) for seq in range(seen[0][1], seen[0][1] + len(seen))]
 
 
-async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
-    broker, giraff, visitors
-):
-    """On a busy computer this takes seconds, and the manager's first reading, without a driver, is
-    out of date by then.
+async def test_robot_that_is_taken_during_the_first_tick_keeps_its_lease(broker, giraff, visitors):
+    """On a busy computer the tick takes seconds: what the manager read before it, without a driver,
+    is then out of date.
     """
     first = iter([True])
 
@@ -233,40 +244,35 @@ async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
         await sync_to_async(RobotPresence.objects.filter(robot__name="giraff").update)(
             connection="ONLINE", last_seen_at=timezone.now()
         )
-        signals.ticked.connect(takes, weak=False, dispatch_uid="test")
-        try:
+        with receiving(signals.ticked, takes):
             async with running_manager(broker.url):
                 await wait_for(lambda: any(robot.leases), what="the lease")
                 await asyncio.sleep(0.5)
-        finally:
-            signals.ticked.disconnect(dispatch_uid="test")
     given = [lease is not None for lease in robot.leases]
     assert given == sorted(given), "the lease was taken away again"
 
 
-async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(
+async def test_receiver_that_raises_stops_neither_the_others_nor_the_record(
     broker, giraff, visitors
 ):
     seen = []
 
     def raises(**_news):
-        raise KeyError("a bug of somebody else")
+        raise KeyError("a bug of another app")
 
-    signals.state_received.connect(raises, weak=False, dispatch_uid="raises")
-    signals.state_received.connect(
-        lambda **news: seen.append(news["state"].seq), weak=False, dispatch_uid="test"
-    )
-    try:
-        async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-            session = await drive(visitors["ana"], robot)
+    def receive(**news):
+        seen.append(news["state"].seq)
+
+    with (
+        receiving(signals.state_received, raises),
+        receiving(signals.state_received, receive),
+    ):
+        async with driven(broker, visitors["ana"]) as (_, session):
             await wait_for(lambda: seen and stored_seqs(session))
-    finally:
-        signals.state_received.disconnect(dispatch_uid="raises")
-        signals.state_received.disconnect(dispatch_uid="test")
 
 
 @pytest.mark.nightly
-async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(
+async def test_disk_that_does_not_answer_delays_neither_leases_nor_the_heartbeat(
     broker, giraff, visitors, monkeypatch
 ):
     answers, asked, published = threading.Event(), threading.Event(), {"faults": (), "count": 0}
@@ -293,10 +299,10 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
     ):
         await client.subscribe(topics.MANAGER_STATUS)
         listening = asyncio.create_task(listen(client))
-        await drive(visitors["ana"], robot)
+        await drive(visitors["ana"])
         answers.clear()
         try:
-            await wait_for(asked.is_set, what="the question")
+            await wait_for(asked.is_set, what="the read of the disk")
             last_received, leases = published["count"], len(robot.leases)
             await wait_for(
                 lambda: published["count"] > last_received + 3 and len(robot.leases) > leases + 1,
@@ -308,7 +314,7 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
         await cancel(listening)
 
 
-async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
+async def test_robot_that_returns_gets_heartbeats_and_no_order_after_a_stop(
     broker, giraff, visitors, monkeypatch
 ):
     """These heartbeats tell the robot that it could still be stopped."""
@@ -333,7 +339,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
         may_look.clear()
         looking.clear()
         try:
-            await wait_for(looking.is_set, what="a look that takes long")
+            await wait_for(looking.is_set, what="a slow tick")
             await wait_for(lambda: len(robot.beats) >= 7, what="heartbeats")
         finally:
             may_look.set()
@@ -362,25 +368,22 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
 
 
 @pytest.mark.nightly
-async def test_states_that_the_broker_never_had_are_asked_for_again(broker, giraff, visitors):
+async def test_states_that_the_broker_lost_are_requested_again(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.loses = lambda seq: seq % 10 in {3, 4}
-        session = await drive(visitors["ana"], robot)
+        session = await drive(visitors["ana"])
         await wait_for(lambda: len(robot.sent[session]) > 40)
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.session is None)
-        await complete(session, robot)
+        await leave_and_complete(session, visitors["ana"], robot)
         assert robot.asked
 
 
 @pytest.mark.nightly
-async def test_the_tail_is_asked_for_when_the_last_states_are_missing(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+async def test_missing_last_states_are_requested_after_the_session(broker, giraff, visitors):
+    async with driven(broker, visitors["ana"]) as (robot, session):
         last = robot.seq + 5
         robot.loses = lambda seq: seq > last and robot.session is not None
         await wait_for(lambda: robot.seq > last + 10)
-        robot.speaks = False  # after the session not even a later state tells of the hole
+        robot.speaks = False  # no later state shows the gap either
         await leave(session, visitors["ana"])
         await wait_for(lambda: robot.session is None)
         await robot.publish("heartbeat", messages.Heartbeat(n=1, stamp=robot.now()), 0)
@@ -390,26 +393,23 @@ async def test_the_tail_is_asked_for_when_the_last_states_are_missing(broker, gi
 @pytest.mark.nightly
 async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, visitors):
     async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+        session = await drive(visitors["ana"])
         await wait_for(lambda: len(stored_seqs(session)) > 10)
         again = robot.sent[session][:10]
         for seq in again:
             await robot.publish("state", robot.buffer[seq])
         await wait_for(lambda: manager.active.recorder.counts["duplicates"] >= len(again))
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.session is None)
-        await complete(session, robot)
+        await leave_and_complete(session, visitors["ana"], robot)
 
 
 @pytest.mark.nightly
-async def test_states_that_an_agent_no_longer_has_are_counted_as_missing(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+async def test_states_that_the_agent_no_longer_has_are_counted_as_missing(broker, giraff, visitors):
+    async with driven(broker, visitors["ana"]) as (robot, session):
         first = robot.seq + 2
-        # however soon it is asked, it is killed before it answers
+        # the agent is killed before it answers
         robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
-        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
+        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and restarted
         robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(
             lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),
@@ -417,24 +417,20 @@ async def test_states_that_an_agent_no_longer_has_are_counted_as_missing(broker,
         )
         assert missing.data == {"boot": "boot-1", "ranges": [[first, first + 3]], "count": 4}
         await leave(session, visitors["ana"])
-        closed = await wait_for(
-            lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(),
-            15,
-            "the closed record",
-        )
+        closed = await closed_record(session)
         assert closed.summary["missing"] == 4
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("how", ["kill", "stop"])
-async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_drive_goes_on(
+async def test_drive_and_record_go_on_when_the_session_manager_is_replaced(
     broker, giraff, visitors, how
 ):
     with ManagerProcess(broker.url) as first:
         async with ScriptedRobot("giraff", broker.url) as robot:
             await first.connected()
             robot.drives = True
-            session = await drive(visitors["ana"], robot)
+            session = await drive(visitors["ana"])
             await wait_for(lambda: len(robot.sent[session]) > 30)
             getattr(first, how)()
             before = len(robot.leases)
@@ -444,29 +440,17 @@ async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_d
                 await wait_for(lambda: len(robot.leases) > before + 1, 15, "renewals")
                 assert robot.session == session, "the drive goes on"
                 assert {lease.epoch for lease in robot.leases if lease} == {1}
-                await leave(session, visitors["ana"])
-                await wait_for(lambda: robot.session is None)
-                await complete(session, robot)
-                closed = await wait_for(
-                    lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(),
-                    15,
-                    "the closed record",
-                )
+                await leave_and_complete(session, visitors["ana"], robot)
+                closed = await closed_record(session)
             assert (closed.outcome, closed.summary["missing"]) == ("completed", 0)
-            assert (
-                await sync_to_async(
-                    SessionEvent.objects.filter(session=session, type="ended").count
-                )()
-                == 1
-            )
+            assert await SessionEvent.objects.filter(session=session, type="ended").acount() == 1
 
 
 @pytest.mark.parametrize("forget", [False, True])
-async def test_a_restarted_broker_gets_the_lease_again_and_no_state_is_missing(
+async def test_restarted_broker_gets_the_lease_again_and_no_state_is_missing(
     broker, giraff, visitors, forget
 ):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+    async with driven(broker, visitors["ana"]) as (robot, session):
         await wait_for(lambda: len(robot.sent[session]) > 20)
         broker.stop()
         # the agent keeps states while it is offline; this script only stops counting
@@ -478,33 +462,32 @@ async def test_a_restarted_broker_gets_the_lease_again_and_no_state_is_missing(
         assert robot.leases[-1].epoch == 1
         await state_of(session, "driving")
         await wait_for(lambda: len(robot.sent[session]) > 40)
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.session is None)
-        await complete(session, robot)
+        await leave_and_complete(session, visitors["ana"], robot)
 
 
-async def test_a_lease_that_the_broker_kept_from_before_a_crash_is_taken_back(broker, giraff):
+async def test_retained_lease_from_before_a_crash_is_cleared(broker, giraff):
     async with aiomqtt.Client(HOST, broker.port) as client:
         stale = messages.Lease(session="old", epoch=7, peer="p", who="ana", renewal=3, stamp=1.0)
         await client.publish(topics.of("giraff", "lease"), codec.encode(stale), 1, retain=True)
     async with ScriptedRobot("giraff", broker.url) as robot:
-        await wait_for(lambda: robot.leases == [stale], what="the lease that was kept")
+        await wait_for(lambda: robot.leases == [stale], what="the retained lease")
         async with running_manager(broker.url):
-            await wait_for(lambda: robot.leases == [stale, None], what="its end")
+            await wait_for(lambda: robot.leases == [stale, None], what="its removal")
         assert robot.session is None
 
 
 # --- outcomes, queue, turns, grace ----------------------------------------------------------------
 
 
-async def test_leaving_without_having_moved_the_robot_is_cancelled(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+async def test_session_without_motion_is_cancelled_when_the_visitor_leaves(
+    broker, giraff, visitors
+):
+    async with driven(broker, visitors["ana"]) as (_, session):
         await leave(session, visitors["ana"])
         assert (await state_of(session, "ended")).outcome == "cancelled"
 
 
-async def test_a_visitor_who_never_connects_is_refused_by_the_connection(
+async def test_visitor_who_never_connects_ends_with_connection_refused(
     broker, giraff, visitors, settings
 ):
     settings.START_SECONDS = 1.5
@@ -517,12 +500,11 @@ async def test_a_visitor_who_never_connects_is_refused_by_the_connection(
 
 
 @pytest.mark.nightly
-async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(
+async def test_lost_visitor_ends_with_connection_lost_after_the_grace_period(
     broker, giraff, visitors, settings
 ):
     settings.GRACE_SECONDS = 2.0
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+    async with driven(broker, visitors["ana"]) as (robot, session):
         robot.silence = 30.0
         await state_of(session, "reconnecting")
         robot.silence = 0.1
@@ -533,15 +515,16 @@ async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(
         events = SessionEvent.objects.filter(session=session, source="server")
         # written after the session's row
         await wait_for(lambda: events.filter(type="ended").exists(), what="the note that it ended")
-        types = await sync_to_async(lambda: list(events.values_list("type", flat=True)))()
+        types = [event.type async for event in events]
         assert types == ["driving", "reconnecting", "driving", "reconnecting", "ended"]
 
 
 @pytest.mark.nightly
-async def test_a_robot_that_stays_away_is_a_robot_fault(broker, giraff, visitors, monkeypatch):
+async def test_robot_that_stays_offline_ends_the_session_as_a_robot_fault(
+    broker, giraff, visitors, monkeypatch
+):
     monkeypatch.setattr("sessions.leases.transitions.ROBOT_SILENCE", 2.0)
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+    async with driven(broker, visitors["ana"]) as (robot, session):
         robot.speaks = False
         ended = await state_of(session, "ended")
         assert ended.outcome == "robot_fault"
@@ -552,11 +535,8 @@ async def test_a_robot_that_stays_away_is_a_robot_fault(broker, giraff, visitors
         )
 
 
-async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(
-    broker, giraff, visitors
-):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"], robot)
+async def test_operators_stop_ends_the_session_and_the_lease(broker, giraff, visitors):
+    async with driven(broker, visitors["ana"]) as (robot, session):
         assert await sync_to_async(store.end)(
             session, Session.Outcome.STOPPED_BY_OPERATOR, "by staff", timezone.now()
         )
@@ -591,19 +571,15 @@ class Notices:
 
 
 @pytest.mark.nightly
-async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked(
+async def test_turn_ends_if_others_wait_and_the_next_is_offered_the_robot(
     broker, giraff, visitors, settings
 ):
     settings.TURN_WARNING_SECONDS = 2.5  # several looks at the clock, of which one may come late
-    await set_rules(turn_minutes=4.0 / 60.0)
+    await sync_to_async(update_robots)(turn_minutes=4.0 / 60.0)
     async with (
-        running_manager(broker.url),
-        ScriptedRobot("giraff", broker.url) as robot,
-        aiomqtt.Client(HOST, broker.port) as web,
+        notices_of(broker) as notices,
+        driven(broker, visitors["ana"]) as (_, ana),
     ):
-        await web.subscribe(topics.session_notices("+"), 1)
-        notices = Notices(web)
-        ana = await drive(visitors["ana"], robot)
         ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
         assert [type(taken) for taken in (ben, cem)] == [store.Queued, store.Queued]
         assert (await notices.of(cem.session, protocol.Queued)).place == 2
@@ -619,20 +595,16 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
 
 
 @pytest.mark.nightly
-async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
+async def test_idle_driver_is_asked_and_then_replaced_by_the_next(
     broker, giraff, visitors, settings, monkeypatch
 ):
     settings.IDLE_SECONDS = 1.0
     monkeypatch.setattr("sessions.leases.transitions.ANSWER_SECONDS", 1.0)
     monkeypatch.setattr("sessions.leases.transitions.ROUND_TRIP_MARGIN_S", 0.5)
     async with (
-        running_manager(broker.url),
-        ScriptedRobot("giraff", broker.url) as robot,
-        aiomqtt.Client(HOST, broker.port) as web,
+        notices_of(broker) as notices,
+        driven(broker, visitors["ana"]) as (_, ana),
     ):
-        await web.subscribe(topics.session_notices("+"), 1)
-        notices = Notices(web)
-        ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
         assert isinstance(ben, store.Queued)
         assert (await notices.of(ana, protocol.PresenceAsked)).seconds == 1.0
@@ -640,27 +612,18 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         assert (ended.outcome, ended.reason) == ("timed_out", "idle")
         await notices.of(ben.session, protocol.Offered)
         asked = SessionEvent.objects.filter(session=ana, source="server", type="asked_there")
-        assert await sync_to_async(asked.count)() == 1
+        assert await asked.acount() == 1
 
 
-# --- what else belongs into the record ------------------------------------------------------------
+# --- other parts of the record --------------------------------------------------------------------
 
 
-async def test_the_clock_offset_of_the_robot_stands_beside_its_states(broker, giraff, visitors):
+async def test_clock_offset_of_the_robot_is_stored_with_its_states(broker, giraff, visitors):
     begun = time.time()
     with watched() as computer:
-        async with (
-            running_manager(broker.url),
-            ScriptedRobot("giraff", broker.url, clock_ahead=3600.0) as robot,
-        ):
-            session = await drive(visitors["ana"], robot)
-            chunk = await wait_for(
-                lambda: (
-                    StateChunk.objects.filter(session=session, clock_offset__isnull=False)
-                    .order_by("-first_seq")
-                    .first()
-                )
-            )
+        async with driven(broker, visitors["ana"], clock_ahead=3600.0) as (_, session):
+            chunks = StateChunk.objects.filter(session=session, clock_offset__isnull=False)
+            chunk = await wait_for(chunks.order_by("-first_seq").first)
             # a beat or a state was under way for so much longer
             late = computer.excuse(begun, time.time())
     assert chunk.clock_offset == pytest.approx(3600.0, abs=0.25 + late)
@@ -669,15 +632,13 @@ async def test_the_clock_offset_of_the_robot_stands_beside_its_states(broker, gi
     )
 
 
-async def test_events_page_reports_network_samples_and_photos_are_kept_once(
+async def test_events_page_reports_network_samples_and_photos_are_stored_once(
     broker, giraff, visitors
 ):
     async with (
-        running_manager(broker.url),
-        ScriptedRobot("giraff", broker.url) as robot,
+        driven(broker, visitors["ana"]) as (robot, session),
         aiomqtt.Client(HOST, broker.port) as web,
     ):
-        session = await drive(visitors["ana"], robot)
         event = await robot.event("collision", detail="left front")
         await robot.publish("event", event)
         jpeg = b"\xff\xd8 a mirror \xff\xd9"
@@ -705,24 +666,16 @@ async def test_events_page_reports_network_samples_and_photos_are_kept_once(
             )
         )
 
-        @sync_to_async
-        def found():
-            kept = SessionEvent.objects.filter(session=session)
-            return (
-                kept.filter(type="collision").count(),
-                kept.get(source="page").data,
-                NetworkSample.objects.get(session=session).data,
-                [
-                    (snapshot.action_id, bytes(snapshot.jpeg))
-                    for snapshot in Snapshot.objects.filter(session=session)
-                ],
-            )
-
+        kept = SessionEvent.objects.filter(session=session)
+        assert await kept.filter(type="collision").acount() == 1
+        assert (await kept.aget(source="page")).data == {"method": "keyboard", "nul": "ab"}
         network = {"way": "datachannel", "roundTrip": 0.02, "fps": 30.0}
-        assert await found() == (1, {"method": "keyboard", "nul": "ab"}, network, [("p1", jpeg)])
+        assert (await NetworkSample.objects.aget(session=session)).data == network
+        (snapshot,) = [one async for one in Snapshot.objects.filter(session=session)]
+        assert (snapshot.action_id, bytes(snapshot.jpeg)) == ("p1", jpeg)
 
 
-async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(
+async def test_robot_cannot_write_into_the_record_of_another_robots_session(
     broker, giraff, visitors
 ):
     await sync_to_async(Robot.objects.create)(name="rogue", title="Rogue")
@@ -731,77 +684,58 @@ async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(
         ScriptedRobot("giraff", broker.url) as robot,
         ScriptedRobot("rogue", broker.url) as rogue,
     ):
-        session = await drive(visitors["ana"], robot)
+        session = await drive(visitors["ana"])
         rogue.session, rogue.epoch = session, 1
         await rogue.event("collision")
         rogue.session = "no-such-session"
         await rogue.event("collision")
         await wait_for(lambda: manager.active.recorder.counts["foreign_session"] > 10)
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.session is None)
-        await complete(session, robot)
-        assert not await sync_to_async(SessionEvent.objects.filter(type="collision").exists)()
+        await leave_and_complete(session, visitors["ana"], robot)
+        assert not await SessionEvent.objects.filter(type="collision").aexists()
 
 
 @pytest.mark.nightly
-async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, giraff, visitors):
-    junk = [
-        b"",
-        b"{",
-        b"[]",
-        b'{"seq": NaN}',
-        b"\xff\xfe",
-        b'{"boot": 1}',
-        b"[" * 20_000,
-        b"x" * 40_000,
-    ]
+async def test_malformed_messages_do_not_disturb_a_drive(broker, giraff, visitors):
+    junk = [b"", b"{", b"[]", b'{"seq": NaN}', b"\xff\xfe", b'{"boot": 1}']
+    junk += [b"[" * 20_000, b"x" * 40_000]
     async with (
-        running_manager(broker.url),
-        ScriptedRobot("giraff", broker.url) as robot,
-        aiomqtt.Client(HOST, broker.port) as anybody,
+        driven(broker, visitors["ana"]) as (robot, session),
+        aiomqtt.Client(HOST, broker.port) as sender,
     ):
-        session = await drive(visitors["ana"], robot)
         for payload in junk:
             for suffix in ("state", "event", "heartbeat", "connection", "factsheet", "action"):
-                await anybody.publish(topics.of("giraff", suffix), payload)
-            await anybody.publish(protocol.page_reports(session), payload)
-            await anybody.publish(topics.session_notices(session), payload)
+                await sender.publish(topics.of("giraff", suffix), payload)
+            await sender.publish(protocol.page_reports(session), payload)
+            await sender.publish(topics.session_notices(session), payload)
         count = len(robot.sent[session])
         await wait_for(lambda: len(robot.sent[session]) > count + 20)
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.session is None)
-        await complete(session, robot)
+        await leave_and_complete(session, visitors["ana"], robot)
 
 
 @pytest.mark.nightly
-async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_closed_by_the_next(
+async def test_session_that_ended_without_a_session_manager_is_closed_by_the_next(
     broker, giraff, visitors
 ):
-    published = []
-    signals.session_ended.connect(
-        lambda **news: published.append(str(news["session"].pk)), weak=False, dispatch_uid="test"
-    )
-    try:
+    ended = []
+
+    def receive(**news):
+        ended.append(str(news["session"].pk))
+
+    with receiving(signals.session_ended, receive):
         async with ScriptedRobot("giraff", broker.url) as robot:
             async with running_manager(broker.url):
-                session = await drive(visitors["ana"], robot)
+                session = await drive(visitors["ana"])
             await leave(session, visitors["ana"])
             async with running_manager(broker.url):
-                await wait_for(lambda: published == [session])
+                await wait_for(lambda: ended == [session])
                 await wait_for(lambda: robot.session is None)
-                await wait_for(lambda: Session.objects.get(pk=session).closed_at, 15)
-        assert published == [session]
-        assert not await sync_to_async(Lease.objects.filter(session__isnull=False).exists)()
-    finally:
-        signals.session_ended.disconnect(dispatch_uid="test")
+                await closed_record(session)
+    assert ended == [session]
+    assert not await Lease.objects.filter(session__isnull=False).aexists()
 
 
-async def test_received_stamps_are_the_recorders_own(broker, giraff, visitors):
-    begun = datetime.datetime.now(datetime.UTC).timestamp()
-    async with (
-        running_manager(broker.url),
-        ScriptedRobot("giraff", broker.url, clock_ahead=-500.0) as robot,
-    ):
-        session = await drive(visitors["ana"], robot)
-        chunk = await wait_for(lambda: StateChunk.objects.filter(session=session).first())
-        assert begun <= chunk.received_at <= datetime.datetime.now(datetime.UTC).timestamp()
+async def test_received_stamps_are_of_the_recorders_clock(broker, giraff, visitors):
+    begun = time.time()
+    async with driven(broker, visitors["ana"], clock_ahead=-500.0) as (_, session):
+        chunk = await wait_for(StateChunk.objects.filter(session=session).first)
+        assert begun <= chunk.received_at <= time.time()

@@ -1,5 +1,5 @@
-"""Two real session managers over one database and one broker share two robots, whose drives go on
-while processes join, are killed, are stopped, and leave.
+"""Two real session managers share two robots, a database and a broker; drives go on while processes
+join, are killed, are stopped, and leave.
 """
 
 import contextlib
@@ -52,7 +52,7 @@ async def served_by(*slots: int, within: float = 20.0) -> None:
 
 
 class Drives:
-    """Both robots, driven without an end, and what must hold of them all the time."""
+    """Both robots, which are driven all the time, and the conditions that must hold."""
 
     def __init__(self, robots: list[ScriptedRobot]) -> None:
         self.robots = robots
@@ -85,7 +85,7 @@ class Drives:
             assert None not in robot.leases[1:]
 
     async def end(self) -> None:
-        """Leave, and look for what was recorded: every state once."""
+        """Leave, and check the record: each state once."""
         for robot in self.robots:
             session = self.sessions[robot.name]
             assert await sync_to_async(store.leave)(session, peer=robot.name, now=timezone.now())
@@ -144,7 +144,7 @@ async def test_drives_go_on_while_session_managers_join_are_killed_stopped_and_l
                     assert "Traceback" not in third.output + second.output + first.output
 
 
-async def test_a_drive_goes_on_while_its_robot_is_given_away_and_comes_back():
+async def test_drive_goes_on_while_its_robot_moves_to_another_manager_and_back():
     for name in NAMES:
         await Robot.objects.acreate(name=name, title=name)
     with running_mosquitto() as broker:

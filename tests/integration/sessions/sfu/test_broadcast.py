@@ -1,4 +1,4 @@
-"""A robot's stream through the real Janus to pages that are aiortc's."""
+"""A robot's stream through the real Janus to pages made with aiortc."""
 
 import asyncio
 import threading
@@ -33,7 +33,7 @@ async def rig(janus, monkeypatch) -> AsyncIterator[SfuRig]:
 
 
 @pytest.mark.nightly
-async def test_the_robot_sends_once_however_many_watch(rig):
+async def test_robot_sends_one_stream_for_any_number_of_watchers(rig):
     broadcast = rig.broadcast()
     pages = [rig.page(broadcast) for _ in range(30)]
     for number in (1, 8, 30):
@@ -43,11 +43,11 @@ async def test_the_robot_sends_once_however_many_watch(rig):
         assert rig.connections() == 1
         await until(lambda n=number: rig.told_viewers()[-1:] == [n], 10.0, "the count")
         await until(lambda n=number: rig.media.connected == n, 10.0, "the robot's count")
-    await until(lambda: all(page.sounds for page in pages), 10.0, "sound for everybody")
+    await until(lambda: all(page.sounds for page in pages), 10.0, "sound on each page")
     assert not any(page.byes for page in pages)
 
 
-async def test_it_ends_when_nobody_watches_and_begins_anew(rig):
+async def test_stream_ends_without_watchers_and_starts_again(rig):
     for round_ in (1, 2):
         page = rig.page(rig.broadcast())
         await page.watch()
@@ -56,7 +56,7 @@ async def test_it_ends_when_nobody_watches_and_begins_anew(rig):
         await until(lambda: rig.connections() == 0, 10.0, "the robot's rest")
 
 
-async def test_a_page_that_asks_again_gets_another_connection(rig):
+async def test_page_that_requests_again_gets_another_connection(rig):
     page = rig.page(rig.broadcast())
     await page.watch()
     await page.watch()
@@ -64,7 +64,7 @@ async def test_a_page_that_asks_again_gets_another_connection(rig):
     await until(lambda: rig.told_viewers()[-1:] == [1], 10.0, "one viewer")
 
 
-async def test_pages_hear_why_when_janus_dies_and_get_it_back(rig, janus):
+async def test_pages_get_the_reason_when_janus_dies_and_reconnect_to_it(rig, janus):
     page = rig.page(rig.broadcast())
     await page.watch()
     janus.kill()
@@ -79,7 +79,7 @@ async def test_pages_hear_why_when_janus_dies_and_get_it_back(rig, janus):
 
 
 @pytest.mark.nightly
-async def test_a_janus_that_is_silent_is_as_good_as_dead(rig, janus):
+async def test_silent_janus_counts_as_lost(rig, janus):
     page = rig.page(rig.broadcast())
     await page.watch()
     janus.stop()
@@ -89,7 +89,7 @@ async def test_a_janus_that_is_silent_is_as_good_as_dead(rig, janus):
     await page.watch()
 
 
-async def test_without_janus_pages_are_told_and_wait(rig, janus):
+async def test_pages_get_the_reason_without_janus_and_wait_for_it(rig, janus):
     janus.kill()
     page = rig.page(rig.broadcast())
     page.want()
@@ -99,7 +99,7 @@ async def test_without_janus_pages_are_told_and_wait(rig, janus):
     await page.watch()
 
 
-async def test_a_robot_that_ends_the_connection_gets_another_and_pages_keep_theirs(rig):
+async def test_pages_keep_their_connections_when_the_robot_reconnects(rig):
     page = rig.page(rig.broadcast())
     await page.watch()
     (peer,) = rig.media.statistics()
@@ -114,7 +114,7 @@ async def test_a_robot_that_ends_the_connection_gets_another_and_pages_keep_thei
     assert peer not in rig.media.statistics()
 
 
-async def test_a_robot_whose_program_was_killed_is_connected_again_as_soon_as_it_is_back(rig):
+async def test_robot_whose_agent_was_killed_is_connected_again_after_its_restart(rig):
     page = rig.page(rig.broadcast())
     await page.watch()
     killed, released = rig.media, threading.Event()
@@ -133,7 +133,7 @@ async def test_a_robot_whose_program_was_killed_is_connected_again_as_soon_as_it
         await asyncio.to_thread(killed.close)
 
 
-async def test_a_robot_without_a_place_turns_the_pages_away(janus, monkeypatch):
+async def test_pages_are_refused_when_the_robot_is_full(janus, monkeypatch):
     monkeypatch.setattr(module, "STEP_SECONDS", 0.2)
     async with SfuRig(janus, viewers=1) as rig:
         first = rig.page(rig.broadcast())
@@ -152,13 +152,13 @@ async def test_two_web_processes_share_one_stream_and_the_second_takes_over(rig,
     await other.watch()
     assert rig.connections() == 1
     await until(lambda: rig.told_viewers()[-1:] == [2], 10.0, "both")
-    await first.close()  # like a process that was killed: it says no goodbye
-    await until(lambda: other.byes, 20.0, "the end of what it watched")
+    await first.close()  # like a killed process, without a message
+    await until(lambda: other.byes, 20.0, "the end of its stream")
     await other.watch()
     assert rig.over == 1
 
 
-async def test_an_error_of_ours_is_told_to_pages_which_may_ask_again(rig, monkeypatch):
+async def test_internal_error_is_reported_to_pages_which_may_request_again(rig, monkeypatch):
     page = rig.page(rig.broadcast())
     await page.watch()
     monkeypatch.setattr(rig, "send", None)

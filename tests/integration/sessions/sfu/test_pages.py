@@ -1,4 +1,4 @@
-"""Which pages watch through the SFU, as the server decides it; Janus is not there."""
+"""Which pages watch through the SFU, as the server decides; Janus does not run."""
 
 import pytest
 from django.contrib.auth import get_user_model
@@ -29,7 +29,7 @@ def signals(bridge, peer):
     return [message for _, suffix, message in bridge.sent if suffix == f"signal/{peer}"]
 
 
-async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, robot, people):
+async def test_page_watches_through_the_sfu_when_all_places_are_taken(bridge, robot, people):
     async with Page("giraff", people[0]) as one, Page("giraff", people[1]) as two:
         peer = (await two.expect("hello")).peer
         assert not (await one.observe()).sfu
@@ -40,11 +40,11 @@ async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, 
         await two.say("session/leave", protocol.Leave())
         await one.say("session/leave", protocol.Leave())
         assert not (await two.observe()).sfu
-        assert signals(bridge, peer) == [], "the robot knows nothing of such a page"
+        assert signals(bridge, peer) == [], "the robot gets no signals of such a page"
     await until(lambda: not broadcast._broadcasts)
 
 
-async def test_a_page_for_which_the_robot_has_no_place_goes_on_to_the_sfu(bridge, robot, people):
+async def test_page_that_the_robot_refuses_as_full_changes_to_the_sfu(bridge, robot, people):
     async with Page("giraff", people[0]) as page:
         peer = (await page.expect("hello")).peer
         assert not (await page.observe()).sfu

@@ -34,7 +34,7 @@ def eve():
     return User.objects.create(username="eve")
 
 
-def test_of_one_user_the_newest_page_operates_under_a_new_epoch(session, eve):
+def test_newest_page_of_a_user_operates_with_a_new_epoch(session, eve):
     first = leases.take(session, eve, "one", NOW)
     second = leases.take(session, eve, "two", NOW)
     assert (first.driver, second.driver) == ("one", "two")
@@ -46,7 +46,7 @@ def test_of_one_user_the_newest_page_operates_under_a_new_epoch(session, eve):
     assert leases.release(session, "two", NOW) is None
 
 
-def test_a_session_in_which_the_visitor_drives_is_operated_by_nobody(giraff, eve, terms):
+def test_session_in_which_the_visitor_drives_cannot_be_operated(giraff, eve, terms):
     terms.terms = None
     ada = User.objects.create(username="ada")
     session = store.take(giraff, ada, "peer", now=NOW).session
@@ -54,14 +54,14 @@ def test_a_session_in_which_the_visitor_drives_is_operated_by_nobody(giraff, eve
     assert leases.take(session, eve, "one", NOW) == "refused"
 
 
-def test_a_session_that_is_over_is_operated_by_nobody(giraff, session, eve):
+def test_ended_session_cannot_be_operated(giraff, session, eve):
     assert str(leases.session_at(giraff).pk) == session
     store.end(session, Session.Outcome.COMPLETED, "left", NOW)
     assert leases.session_at(giraff) is None
     assert leases.take(session, eve, "one", NOW) == "ended"
 
 
-def test_of_two_pages_that_take_it_at_once_the_later_asks_again(session, eve, monkeypatch):
+def test_later_of_two_simultaneous_takeovers_is_refused_as_occupied(session, eve, monkeypatch):
     adam, read, pending = User.objects.create(username="adam"), leases._lease_of, [True]
 
     def slowly(key):
@@ -76,7 +76,7 @@ def test_of_two_pages_that_take_it_at_once_the_later_asks_again(session, eve, mo
     assert Lease.objects.get().wizard_peer == "quicker"
 
 
-def test_a_lease_that_changes_under_every_attempt_is_given_to_nobody(session, eve, monkeypatch):
+def test_takeover_fails_if_the_lease_changes_during_each_attempt(session, eve, monkeypatch):
     monkeypatch.setattr(leases, "ATTEMPTS", 3)
     monkeypatch.setattr(leases, "_change", lambda *_: False)
     assert leases.take(session, eve, "one", NOW) == "ended"

@@ -29,7 +29,7 @@ def users_of(var: Path) -> list[tuple[str, str]]:
 
 
 @pytest.mark.nightly
-def test_a_busy_port_is_named_in_one_sentence(tmp_path):
+def test_busy_port_is_named_in_one_sentence(tmp_path):
     with socket.socket() as taken:
         taken.bind((LOOPBACK, 0))
         taken.listen()
@@ -40,7 +40,7 @@ def test_a_busy_port_is_named_in_one_sentence(tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_second_demo_with_the_same_data_is_refused_in_one_sentence(tmp_path):
+def test_second_demo_with_the_same_data_is_refused_in_one_sentence(tmp_path):
     with (tmp_path / "demo.lock").open("a") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with demo(tmp_path, "--port", str(free_port())) as running:
@@ -48,7 +48,7 @@ def test_a_second_demo_with_the_same_data_is_refused_in_one_sentence(tmp_path):
     assert "A demo is already running" in running.said().strip().splitlines()[-1]
 
 
-def test_a_system_without_file_locks_runs_a_demo_too(tmp_path):
+def test_demo_runs_on_a_system_without_file_locks(tmp_path):
     program = (
         "import sys; sys.modules['fcntl'] = None\n"  # as on Windows, importing it fails
         "import django; django.setup()\n"
@@ -61,7 +61,7 @@ def test_a_system_without_file_locks_runs_a_demo_too(tmp_path):
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "eighty"])
-def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
+def test_malformed_port_is_refused_in_one_sentence(tmp_path, port):
     with demo(tmp_path, "--port", port) as running:
         assert running.process.wait(patient(30.0)) != 0
     assert "PORT must be a number" in running.said()
@@ -74,9 +74,7 @@ ENDINGS = [
 
 
 @pytest.mark.parametrize(("number", "background"), ENDINGS)
-def test_the_demo_opens_the_robot_ends_all_processes_and_keeps_its_data(
-    tmp_path, number, background
-):
+def test_demo_opens_the_robot_ends_all_processes_and_keeps_its_data(tmp_path, number, background):
     port = free_port()
     with demo(tmp_path, "--port", str(port), background=background) as running:
         jar = urllib.request.HTTPCookieProcessor()
@@ -104,7 +102,7 @@ def test_the_demo_opens_the_robot_ends_all_processes_and_keeps_its_data(
 
 
 @pytest.mark.nightly
-def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
+def test_children_of_a_killed_demo_end(tmp_path):
     with demo(tmp_path, "--port", str(free_port())) as running:
         running.link()
         family = running.family()
@@ -114,7 +112,7 @@ def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
 
 
 @pytest.mark.nightly
-def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
+def test_starting_over_deletes_the_data_of_earlier_runs(tmp_path):
     port = str(free_port())
     with demo(tmp_path, "--port", port) as running:
         running.link()

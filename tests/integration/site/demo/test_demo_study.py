@@ -18,7 +18,7 @@ from tests.support.studies.study_site import robot_at
 pytestmark = pytest.mark.django_db
 
 
-def test_a_participant_follows_the_link_without_an_account(client):
+def test_participant_follows_the_link_without_an_account(client):
     office = store_floor_plan(p.OFFICE)
     for series in ("giraff", "rhodon"):
         robot_at(office, series, series)
@@ -42,7 +42,7 @@ def test_a_participant_follows_the_link_without_an_account(client):
     assert publish_study(timezone.now()) == slug
 
 
-def test_a_database_of_an_earlier_version_gets_the_marks_of_todays_robots(settings, tmp_path):
+def test_older_database_gets_the_marks_of_the_present_robots(settings, tmp_path):
     settings.VAR_DIR = tmp_path
     seed("mqtt://127.0.0.1:1")
     Robot.objects.update(for_experienced=False, description="Of an earlier version")
@@ -52,7 +52,7 @@ def test_a_database_of_an_earlier_version_gets_the_marks_of_todays_robots(settin
     assert not Robot.objects.filter(description="Of an earlier version").exists()
 
 
-def test_changes_of_an_owner_stay_at_the_next_start(client, settings, tmp_path):
+def test_changes_of_an_owner_survive_the_next_start(client, settings, tmp_path):
     settings.VAR_DIR = tmp_path
     seed("mqtt://127.0.0.1:1")
     client.force_login(User.objects.get(username=RESEARCHER))

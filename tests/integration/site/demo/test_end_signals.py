@@ -115,7 +115,7 @@ ENDED = {"run_bots": -signal.SIGINT, "rehearse_study": 1}  # they did not finish
 
 
 @pytest.mark.parametrize("name", commands(Path(), socket.socket()) | {"broker": ()})
-def test_ctrl_c_ends_what_was_started_in_the_background(site, silent, name):
+def test_ctrl_c_ends_a_command_that_was_started_in_the_background(site, silent, name):
     words = commands(site.var, silent)[name][1] if name != "broker" else "broker listening"
     wait_for(lambda: runs(site, name, words), 60, f"{name} at work")
     code = ends(site, name, signals=2 if name == "rehearse_study" else 1)
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_what_was_started_in_the_background(site, silent, name):
     assert code <= 0 or "Stopped before the" in site.log(name)
 
 
-def test_a_second_ctrl_c_that_does_not_wait_leaves_no_simulator_behind(site):
+def test_immediate_second_ctrl_c_leaves_no_simulator_running(site):
     with background():
         site.start("again", ["manage.py", "run_robot", "giraff", "--option", "seed=2"])
     wait_for(lambda: len(family(site, "again")) > 1, 30, "a simulator")

@@ -107,7 +107,7 @@ def drives(visitor: User) -> Session:
     return visit(visitor, robot, state=Session.State.DRIVING, granted_at=now)
 
 
-def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
+def test_practice_robot_starts_when_a_visitor_waits_for_a_real_one(supervisor, ana):
     supervisor.look()
     assert supervisor._running == {}
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
@@ -115,16 +115,14 @@ def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
     assert process(supervisor).poll() is None
 
 
-def test_a_waiting_visitor_with_a_closed_page_gets_no_practice_robot(supervisor, ana):
+def test_waiting_visitor_with_a_closed_page_gets_no_practice_robot(supervisor, ana):
     earlier = timezone.now() - datetime.timedelta(minutes=5)
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=earlier)
     supervisor.look()
     assert supervisor._running == {}
 
 
-def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it(
-    supervisor, ana, monkeypatch
-):
+def test_practice_robot_that_dies_is_restarted_for_its_driver(supervisor, ana, monkeypatch):
     monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
     drives(ana)
     supervisor.look()
@@ -136,7 +134,7 @@ def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it
     assert process(supervisor).poll() is None
 
 
-def test_a_new_supervisor_starts_the_robot_of_a_practising_visitor(
+def test_new_supervisor_starts_the_robot_of_a_practising_visitor(
     supervisor, practice, ana, tmp_path
 ):
     drives(ana)
@@ -150,7 +148,7 @@ def test_a_new_supervisor_starts_the_robot_of_a_practising_visitor(
         second.children.stop()
 
 
-def test_a_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor, ana):
+def test_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor, ana):
     session = drives(ana)
     supervisor.look()
     child = process(supervisor)
@@ -181,7 +179,7 @@ def test_ten_visitors_practise_in_turn_each_with_a_robot_of_their_own(supervisor
     assert supervisor.children.running == []
 
 
-def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana):
+def test_ending_a_robot_that_is_already_gone_is_no_error(supervisor, ana):
     session = drives(ana)
     supervisor.look()
     process(supervisor).kill()
@@ -194,7 +192,7 @@ def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana
     supervisor.children.end(child)
 
 
-def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
+def test_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
     drives(ana)
     sentences = []
     supervisor._tell = sentences.append
@@ -212,9 +210,7 @@ def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor,
         assert word in line
 
 
-def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(
-    practice, settings
-):
+def test_practice_robots_are_created_once_and_disabled_when_fewer_are_wanted(practice, settings):
     robot = Robot.objects.get(name="practice-1")
     robots.prepare(2, "mqtt://127.0.0.1:1")
     robots.prepare(1, "mqtt://127.0.0.1:1")
@@ -230,7 +226,7 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
 # --- where to practise ----------------------------------------------------------------------------
 
 
-def test_a_visitor_is_sent_to_the_shortest_queue_of_a_robot_that_is_online():
+def test_visitor_is_sent_to_the_shortest_queue_of_an_online_robot():
     one, two = (functools.partial(PracticePlace, name) for name in NAMES)
     assert choose([]) is None
     assert choose([one(there=False, taken=0)]) is None
@@ -238,7 +234,7 @@ def test_a_visitor_is_sent_to_the_shortest_queue_of_a_robot_that_is_online():
     assert choose([one(there=True, taken=2), two(there=True, taken=1)]) == "practice-2"
 
 
-def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, practice, ana):
+def test_site_offers_practice_as_soon_as_a_robot_is_online(client, practice, ana):
     assert client.get("/practice/").status_code == 302
     client.force_login(ana)
     assert client.get("/practice/").json() == {"url": None}
@@ -246,9 +242,7 @@ def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, pra
     assert client.get("/practice/").json() == {"url": "/practice/practice-1/?go=1"}
 
 
-def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_ours(
-    client, practice, ana
-):
+def test_only_a_practice_robots_page_may_be_framed_and_only_by_this_site(client, practice, ana):
     Robot.objects.create(name="giraff", title="Giraff")
     client.force_login(ana)
     framed = client.get("/practice/practice-1/")
@@ -261,7 +255,7 @@ def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_our
     assert '"practice": "/practice/"' in whole.content.decode()
 
 
-def test_practice_robots_are_on_no_list_and_offered_only_where_there_are_any(
+def test_practice_robots_are_not_listed_and_offered_only_if_there_are_any(
     client, practice, ana, settings
 ):
     Robot.objects.create(name="giraff", title="Giraff")

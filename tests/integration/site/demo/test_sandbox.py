@@ -23,7 +23,7 @@ from tests.support.studies.wizard_study import wizard_study
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_published_study_is_played_where_nobody_knows_who_published_it(tmp_path, settings):
+def test_published_study_runs_on_a_site_without_its_publisher(tmp_path, settings):
     settings.VAR_DIR, settings.CREDENTIALS_DIR = tmp_path, tmp_path / "credentials"
     row = publishing.store(shipped()["exploration"], timezone.now())
     Study.objects.update(
@@ -50,7 +50,7 @@ def another(study, **renamed):
     return msgspec.convert({**written, "slug": "another"}, type(study))
 
 
-def test_every_robot_of_a_sandbox_has_a_name_that_a_robot_can_have():
+def test_robots_of_a_sandbox_have_valid_names():
     study = shipped()["exploration"]
     there = another(study, rhodon="giraff")
     moved = [
@@ -64,7 +64,7 @@ def test_every_robot_of_a_sandbox_has_a_name_that_a_robot_can_have():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_study_with_a_robot_without_simulator_is_refused_before_the_start(tmp_path, settings):
+def test_study_with_a_robot_without_a_simulator_is_refused_before_the_start(tmp_path, settings):
     settings.VAR_DIR = tmp_path
     publishing.store(another(shipped()["exploration"], rhodon="rosie"), timezone.now())
     sentence = "There is no simulation of rosie: bots can rehearse only with giraff, rhodon."
@@ -75,7 +75,7 @@ def test_a_study_with_a_robot_without_simulator_is_refused_before_the_start(tmp_
     assert sentence in str(Rehearsal.objects.get().report)
 
 
-def test_a_study_with_a_hidden_operator_is_refused_with_what_it_needs():
+def test_study_with_a_hidden_operator_is_refused_with_the_reason():
     found = plan.problems(wizard_study())
     assert [text for text in found if "hidden operator" in text] == [plan.WITH_OPERATOR]
 
@@ -87,7 +87,7 @@ def test_settings_of_the_computers_own_agent_do_not_reach_simulated_ones(tmp_pat
     assert not [name for name in inside if name.startswith("TELEPRESENCE_")]
 
 
-def test_a_part_that_ends_during_the_play_fails_it_with_its_last_lines(
+def test_part_that_ends_during_the_run_fails_it_with_its_last_lines(
     tmp_path, settings, monkeypatch
 ):
     settings.VAR_DIR = tmp_path

@@ -32,14 +32,14 @@ def one_sentence(done: subprocess.CompletedProcess[str]) -> str:
     return done.stderr.strip()
 
 
-def test_a_missing_python_is_named_with_the_line_that_installs_it():
+def test_missing_python_is_named_with_the_line_that_installs_it():
     done = shell(
         "/bin/sh", "deploy/set_up.sh", "python3-that-is-not-there", ".venv", "requirements.lock"
     )
     assert "sudo apt install python3 python3-venv" in one_sentence(done)
 
 
-def test_a_python_that_is_too_old_is_named_with_its_version(set_up, monkeypatch, capsys):
+def test_python_that_is_too_old_is_named_with_its_version(set_up, monkeypatch, capsys):
     monkeypatch.setattr(set_up, "OLDEST", (sys.version_info[0], sys.version_info[1] + 1))
     with pytest.raises(SystemExit) as ended:
         set_up.main()
@@ -47,7 +47,7 @@ def test_a_python_that_is_too_old_is_named_with_its_version(set_up, monkeypatch,
     assert f"is {sys.version_info[0]}.{sys.version_info[1]}" in capsys.readouterr().err
 
 
-def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, capsys, tmp_path):
+def test_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(set_up.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(SystemExit):
         set_up.make_environment(str(tmp_path / "venv"))
@@ -55,7 +55,7 @@ def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, ca
 
 
 @pytest.mark.nightly
-def test_packages_that_cannot_be_installed_end_in_one_sentence_and_are_not_marked(
+def test_failed_installation_ends_in_one_sentence_and_is_tried_again(
     set_up, monkeypatch, capsys, tmp_path
 ):
     (tmp_path / "broken.lock").write_text(
@@ -72,9 +72,7 @@ def test_packages_that_cannot_be_installed_end_in_one_sentence_and_are_not_marke
     assert "could not be installed" in capsys.readouterr().err
 
 
-def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_installed(
-    set_up, monkeypatch, tmp_path
-):
+def test_only_an_environment_that_is_not_up_to_date_is_installed(set_up, monkeypatch, tmp_path):
     """Also after the packages of another commit, or of the developers' lock."""
     monkeypatch.chdir(tmp_path)
     Path("venv").mkdir()
@@ -105,7 +103,7 @@ def test_an_environment_that_is_up_to_date_is_left_alone_and_any_other_is_instal
 
 
 @pytest.mark.nightly
-def test_an_environment_has_the_locked_pip_and_no_setuptools(set_up, tmp_path):
+def test_environment_has_the_locked_pip_and_no_setuptools(set_up, tmp_path):
     python = set_up.make_environment(str(tmp_path / "venv"))
     set_up.update_pip(python)
     listed = run(python, "-m", "pip", "list", "--format=freeze", check=True)

@@ -61,7 +61,7 @@ def kill(child: Child) -> None:
 
 
 @pytest.mark.parametrize("is_essential", [True, False], ids=["essential", "not essential"])
-def test_a_killed_part_is_named_with_its_log_and_again_when_it_is_back(
+def test_killed_part_is_named_with_its_log_and_again_after_its_restart(
     children, supervisor, sentences, is_essential
 ):
     start(supervisor, DemoPart("broker", LIVE, says_ready, is_essential))
@@ -90,7 +90,7 @@ def test_messages_of_a_parts_children_are_printed_once(supervisor, sentences):
     assert sentences == ["The practice robot ended.", "One é more."]
 
 
-def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
+def test_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
     children, supervisor, sentences, tmp_path
 ):
     start(supervisor, DemoPart("robot", LIVE, says_ready))
@@ -107,7 +107,7 @@ def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
     look_until(supervisor, lambda: "The robot is back after" in sentences[-1])
 
 
-def test_an_essential_part_that_keeps_failing_is_lost_with_its_own_reason(supervisor, sentences):
+def test_essential_part_that_keeps_failing_is_lost_with_its_own_reason(supervisor, sentences):
     with pytest.raises(
         PartLostError,
         match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
@@ -116,7 +116,7 @@ def test_an_essential_part_that_keeps_failing_is_lost_with_its_own_reason(superv
     assert len(sentences) == 2
 
 
-def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
+def test_failing_robot_does_not_delay_the_others_and_is_tried_again(
     children, supervisor, sentences, tmp_path
 ):
     repaired = tmp_path / "repaired"
@@ -138,13 +138,13 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
     assert {child.name for child in children.running} == {"robot", "web server"}
 
 
-def test_an_essential_part_that_is_never_ready_is_named(supervisor):
+def test_essential_part_that_is_never_ready_is_named(supervisor):
     web = DemoPart("web server", LIVE, lambda _child: False, is_essential=True)
     with pytest.raises(PartLostError, match="The web server is not ready yet: ready"):
         start(supervisor, web, within=1.0)
 
 
-def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
+def test_part_that_dies_during_the_start_of_another_is_restarted(
     children, supervisor, sentences, tmp_path
 ):
     second = tmp_path / "second"
@@ -162,7 +162,7 @@ def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
     assert all(child.process.poll() is None for child in children.running)
 
 
-def test_the_log_keeps_the_lines_of_a_killed_part_apart_from_those_of_the_next(
+def test_log_separates_the_lines_of_a_killed_part_from_those_of_the_next(
     children,
 ):
     first = children.start("broker", ["-c", "print('ready', flush=True); raise SystemExit(1)"])
@@ -174,7 +174,7 @@ def test_the_log_keeps_the_lines_of_a_killed_part_apart_from_those_of_the_next(
     assert second.log.read_text() == "ready\n"
 
 
-def test_a_child_hears_ctrl_c_though_its_parent_was_started_with_it_ignored(children):
+def test_child_receives_ctrl_c_although_its_parent_was_started_ignoring_it(children):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         child = children.start("python", LIVE)

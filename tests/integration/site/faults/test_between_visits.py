@@ -65,7 +65,7 @@ async def page_of(site, name):
         yield socket
 
 
-async def test_a_drive_home_ends_without_its_server_and_by_a_stop(site, truth):
+async def test_return_to_the_dock_ends_without_the_server_and_by_a_stop(site, truth):
     await visit(site, "anna")
     await begins_to_drive_home(truth)
     at = time.monotonic()

@@ -78,7 +78,7 @@ async def drive(site, broker, servers):
 
 
 @pytest.mark.parametrize("fails", ["kill", "hold"], ids=["killed", "frozen"])
-async def test_a_drive_goes_on_with_the_standby_and_keeps_every_state(tmp_path, fails):
+async def test_drive_goes_on_with_the_standby_and_keeps_every_state(tmp_path, fails):
     with (
         running_mosquitto() as broker,
         running_pair() as (primary, standby),
@@ -97,7 +97,7 @@ async def test_a_drive_goes_on_with_the_standby_and_keeps_every_state(tmp_path, 
 @pytest.mark.soak
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("fails", ["kill", "hold"], ids=["killed", "frozen"])
-async def test_patroni_has_the_standby_take_over_and_the_old_primary_follow_it(tmp_path, fails):
+async def test_patroni_promotes_the_standby_and_the_old_primary_follows_it(tmp_path, fails):
     with (
         running_mosquitto() as broker,
         running_patroni() as (primary, standby),

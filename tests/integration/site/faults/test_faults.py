@@ -75,7 +75,7 @@ def processes(site, part):
 
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
 @pytest.mark.parametrize("part", ["session-manager", "broker"])
-async def test_a_driver_sees_which_part_fails_and_how_long_the_robot_goes_on(site, part, number):
+async def test_driver_sees_which_part_fails_and_how_long_the_robot_goes_on(site, part, number):
     async with driving(site) as client:
         fail(site, part, number)
         try:
@@ -96,7 +96,7 @@ async def recovers(client):
 
 
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
-async def test_a_driver_sees_that_the_robots_computer_is_silent(site, number):
+async def test_driver_sees_that_the_robots_computer_is_silent(site, number):
     async with driving(site) as client:
         fail(site, "giraff", number)
         try:
@@ -110,7 +110,7 @@ async def test_a_driver_sees_that_the_robots_computer_is_silent(site, number):
 
 
 @pytest.mark.parametrize("number", [KILLED, STOPPED], ids=["killed", "stopped"])
-async def test_a_visit_goes_on_after_a_web_process_failed(site, number):
+async def test_session_goes_on_after_a_web_process_failed(site, number):
     async with driving(site) as client:
         session = client.session
         fail(site, "web", number)
@@ -123,7 +123,7 @@ async def test_a_visit_goes_on_after_a_web_process_failed(site, number):
         assert client.session == session
 
 
-async def test_a_locked_database_is_named_and_the_drive_goes_on_after_it(site):
+async def test_locked_database_is_named_and_the_drive_goes_on_after_it(site):
     async with driving(site) as client:
         with contextlib.closing(
             sqlite3.connect(site.var / DATABASE, timeout=patient(20), isolation_level=None)
@@ -145,7 +145,7 @@ Robot.objects.create(name="giraff", title="Giraff")
 @pytest.mark.parametrize(
     ("fails", "comes_back"), [("stop", "start"), ("hold", "go_on")], ids=["killed", "stopped"]
 )
-async def test_a_queued_visitor_sees_that_the_database_is_away(tmp_path, fails, comes_back):
+async def test_queued_visitor_sees_that_the_database_is_unavailable(tmp_path, fails, comes_back):
     with running_postgres() as postgres:
         site = Site(tmp_path / "var", settings={"DATABASE_URL": postgres.url})
         try:

@@ -97,7 +97,7 @@ async def driving(site):
     await asyncio.to_thread(wait_for, ended, 60, "the end of the session")
 
 
-async def test_a_nearly_full_disk_is_reported_and_visits_go_on(site):
+async def test_nearly_full_disk_is_reported_and_sessions_go_on(site):
     async with driving(site) as client:
         assert readyz(site)[1]["disk"] == "ok"
         fill(site, 5 * MB)
@@ -108,7 +108,7 @@ async def test_a_nearly_full_disk_is_reported_and_visits_go_on(site):
         await client.until(lambda: not client.faults, patient(6), "the end of the fault")
 
 
-async def test_a_full_disk_ends_no_drive_and_the_record_is_whole_afterwards(site):
+async def test_full_disk_ends_no_drive_and_the_record_is_complete_afterwards(site):
     for _ in range(2):
         async with driving(site) as client:
             fill(site, 0)
@@ -128,7 +128,7 @@ async def test_a_full_disk_ends_no_drive_and_the_record_is_whole_afterwards(site
         await asyncio.to_thread(wait_for, is_whole, 30, "the whole record")
 
 
-async def test_the_robots_own_computer_says_that_its_disk_is_full(site):
+async def test_full_disk_of_the_robots_computer_is_reported(site):
     async with driving(site) as client:
         fill(site, 0)
         full = lambda: any(one.startswith("disk_full: ") for one in client.state["errors"])

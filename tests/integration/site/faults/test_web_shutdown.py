@@ -17,7 +17,7 @@ pytestmark = pytest.mark.nightly
 ASKING = 6  # requests at once
 
 
-def test_a_web_process_ends_though_a_request_waits_for_the_database(tmp_path):
+def test_web_process_ends_although_a_request_waits_for_the_database(tmp_path):
     site = Site(tmp_path / "var")
     try:
         site.prepare()

@@ -163,7 +163,7 @@ def is_recorded_whole(site, session) -> None:
 
 
 @pytest.mark.parametrize("adapter", ARCHITECTURES)
-async def test_a_recorded_drive_by_page_and_map_survives_a_loss_of_the_architecture(
+async def test_recorded_drive_by_page_and_map_survives_a_loss_of_the_architecture(
     adapter, site, tmp_path
 ):
     browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")
@@ -216,7 +216,7 @@ def holds_the_key(page, site, robot, reached, what) -> None:
 
 
 @pytest.mark.soak
-def test_in_a_real_browser_too(site, tmp_path):
+def test_drive_in_a_real_browser(site, tmp_path):
     with (
         robot_behind("moos", site, tmp_path) as robot,
         sync_playwright() as playwright,

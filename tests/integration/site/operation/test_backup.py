@@ -96,7 +96,7 @@ def sites(tmp_path, databases):
 
 
 @pytest.mark.nightly
-def test_a_backup_is_restored_without_overwriting_anything(tmp_path, sites):
+def test_backup_is_restored_without_overwriting_anything(tmp_path, sites):
     first, second = sites
     file = str(tmp_path / "backup.tar.gz")
     first.fill()
@@ -125,14 +125,14 @@ def opened(source, tmp_path, largest=archive.GB):
     return archive.unpack(str(source), str(tmp_path / "out"), largest)
 
 
-def test_an_archive_is_read_as_it_was_written(backup, tmp_path):
+def test_archive_is_read_as_it_was_written(backup, tmp_path):
     manifest = opened(backup, tmp_path)
     assert manifest["made_at"] == "now"
     assert (tmp_path / "out/x/b").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.5, 0.9])
-def test_one_that_was_cut_off_is_refused(backup, tmp_path, share):
+def test_truncated_archive_is_refused(backup, tmp_path, share):
     data = backup.read_bytes()
     backup.write_bytes(data[: int(len(data) * share)])
     with pytest.raises(BackupError, match=r"backup\.tar\.gz"):
@@ -140,7 +140,7 @@ def test_one_that_was_cut_off_is_refused(backup, tmp_path, share):
 
 
 @pytest.mark.parametrize("place", [0.3, 0.6, 0.9])
-def test_a_changed_byte_is_found(backup, tmp_path, place):
+def test_changed_byte_is_found(backup, tmp_path, place):
     data = bytearray(gzip.decompress(backup.read_bytes()))
     data[int(2000 + place * 5000)] ^= 1
     backup.write_bytes(gzip.compress(bytes(data)))
@@ -181,7 +181,7 @@ def test_files_that_the_manifest_does_not_name_are_refused(tmp_path):
         opened(forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")]), tmp_path)
 
 
-def test_without_a_manifest_it_is_none_of_ours(tmp_path):
+def test_archive_without_a_manifest_is_refused(tmp_path):
     file = forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False)
     with pytest.raises(BackupError, match="no manifest"):
         opened(file, tmp_path)
@@ -201,14 +201,14 @@ def test_without_a_manifest_it_is_none_of_ours(tmp_path):
     ],
     ids=["list", "nested", "truncated", "bytes", "newer", "lacking", "files", "file"],
 )
-def test_restore_of_a_broken_manifest_says_what_is_wrong(tmp_path, document, words):
+def test_restore_of_a_broken_manifest_is_refused_with_the_reason(tmp_path, document, words):
     file = forged(tmp_path / "backup.tar.gz", [], document=document)
     with pytest.raises(CommandError, match=words) as refused:
         call_command("restore", "--check", str(file))
     assert "backup.tar.gz" in str(refused.value)
 
 
-def test_restore_of_more_than_is_allowed_stops_before_it_is_unpacked(tmp_path, settings):
+def test_restore_of_too_large_a_backup_stops_before_it_is_unpacked(tmp_path, settings):
     settings.VAR_DIR = tmp_path / "var"
     settings.VAR_DIR.mkdir()
     file = forged(tmp_path / "bomb", [(tarfile.TarInfo("media/x"), bytes(50_000_000))])
@@ -226,7 +226,7 @@ def test_restore_leaves_room_on_the_disk(tmp_path, monkeypatch):
         call_command("restore", "--check", str(file))
 
 
-def test_a_header_that_takes_much_memory_is_refused(tmp_path, monkeypatch):
+def test_header_that_needs_too_much_memory_is_refused(tmp_path, monkeypatch):
     limits = ChildLimits(memory=300 * MB)
     monkeypatch.setattr("telepresence_site.ops.backup.whole.UNPACKING", limits)
     header = tarfile.TarInfo("x")
@@ -239,13 +239,13 @@ def test_a_header_that_takes_much_memory_is_refused(tmp_path, monkeypatch):
         call_command("restore", "--check", str(tmp_path / "bomb"))
 
 
-def test_a_failed_backup_leaves_nothing_behind(tmp_path):
+def test_failed_backup_leaves_no_files(tmp_path):
     with pytest.raises(BackupError):
         archive.write(tmp_path / "backup", [("x", tmp_path / "missing")], {})
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
+def test_backup_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
     from telepresence_site.ops.backup.whole import _check_fits
 
     manifest = {"engine": "sqlite", "files": {}, "key": ""}

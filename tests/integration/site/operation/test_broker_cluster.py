@@ -99,7 +99,7 @@ def queues_of(places):
     return found
 
 
-def test_a_driven_robot_costs_the_cluster_no_queue(drive):
+def test_driven_robot_needs_no_queue_of_the_cluster(drive):
     """The five queues are the session manager's, for rare messages."""
     assert len(queues_of(drive.site.cluster.places)) == 5
 
@@ -118,9 +118,7 @@ def judge(drive, failed_at, late, record):
     assert not moved_alone({ROBOT: spans}, sessions, late)
 
 
-def test_when_a_node_is_killed_the_robot_stops_in_time_and_drives_again_by_another(
-    drive, record_property
-):
+def test_robot_stops_in_time_and_drives_again_by_another_node_after_a_kill(drive, record_property):
     with watched() as jitter:
         failed_at = time.time()
         drive.site.cluster.nodes[0].kill()
@@ -128,7 +126,7 @@ def test_when_a_node_is_killed_the_robot_stops_in_time_and_drives_again_by_anoth
         judge(drive, failed_at, jitter.excuse(failed_at, time.time()), record_property)
 
 
-def test_when_a_node_stands_still_for_ten_seconds_nobody_drives_twice(drive, record_property):
+def test_node_frozen_for_ten_seconds_leads_to_no_second_driver(drive, record_property):
     node = drive.site.cluster.nodes[0]
     with watched() as jitter:
         failed_at = time.time()

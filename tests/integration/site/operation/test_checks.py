@@ -41,14 +41,14 @@ def check_deploy(tmp_path, *, folder=0o700, **changed):
 
 
 @pytest.mark.nightly
-def test_a_sensible_server_passes_the_deployment_check_silently(tmp_path):
+def test_correct_server_passes_the_deployment_check_silently(tmp_path):
     result = check_deploy(tmp_path)
     assert result.returncode == 0, result.stderr
     assert "no issues" in result.stdout
 
 
 @pytest.mark.nightly
-def test_a_careless_server_gets_a_warning_for_each_mistake(tmp_path):
+def test_careless_server_gets_a_warning_for_each_mistake(tmp_path):
     careless = dict.fromkeys(("SECRET_KEY", "REDIS_URL", "EMAIL_HOST", "BEHIND_TLS_PROXY"), "")
     careless |= {"HTTP_ONLY": "1", "MQTT_PUBLIC_URL": "mqtt://{host}:1883", "DEMO_TOKEN": "x"}
     result = check_deploy(tmp_path, **careless, folder=0o755)
@@ -58,11 +58,11 @@ def test_a_careless_server_gets_a_warning_for_each_mistake(tmp_path):
     assert "security.W012" in result.stderr  # Django's own warning about cookies over plain http
 
 
-def test_the_tests_own_settings_pass_every_check():
+def test_settings_of_the_tests_pass_every_check():
     assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
 
 
-def test_a_command_warns_of_a_nearly_full_disk_when_it_starts(settings):
+def test_command_warns_of_a_nearly_full_disk_when_it_starts(settings):
     assert found_by(checks.check_disk) == []
     settings.DISK_LOW_MB = 1e9
     assert found_by(checks.check_disk) == ["telepresence.W010"]
@@ -82,19 +82,19 @@ NEAR = ["mqtt://127.0.0.1:1883", "mqtt://[::1]", "mqtt://10.0.0.7", "mqtt://brok
 
 @pytest.mark.parametrize("url", MALFORMED)
 @pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
-def test_a_malformed_broker_address_is_an_error(settings, name, url):
+def test_malformed_broker_address_is_an_error(settings, name, url):
     setattr(settings, name, url)
     assert found_by(checks.check_mqtt) == ["telepresence.E001"]
 
 
 @pytest.mark.parametrize("url", PUBLIC)
-def test_tokens_in_the_clear_over_a_public_network_are_a_warning(settings, url):
+def test_unencrypted_tokens_over_a_public_network_are_a_warning(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == ["telepresence.W001"]
 
 
 @pytest.mark.parametrize("url", ["", *ENCRYPTED, ", ".join(ENCRYPTED), *NEAR, "mqtt://pi.local"])
-def test_an_encrypted_or_near_broker_is_fine(settings, url):
+def test_encrypted_or_local_broker_is_accepted(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == []
 
@@ -108,7 +108,7 @@ def test_ice_servers_are_checked(settings):
     assert found_by(checks.check_ice) == ["telepresence.E002"]
 
 
-def test_the_sfu_is_reached_over_a_websocket(settings):
+def test_sfu_address_must_be_of_a_websocket(settings):
     for url in ("", "ws://127.0.0.1:8188", "wss://janus.example.org"):
         settings.JANUS_URL = url
         assert found_by(checks.check_sfu) == []
@@ -132,24 +132,24 @@ def test_times_must_be_positive(settings, value):
 
 
 @pytest.mark.parametrize("name", ["SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER"])
-def test_a_bound_that_lets_nobody_in_is_none(settings, name):
+def test_limit_that_admits_no_visitor_is_an_error(settings, name):
     setattr(settings, name, 0)
     assert found_by(checks.check_numbers) == ["telepresence.E005"]
 
 
-def test_the_presence_question_may_be_off_but_not_negative(settings):
+def test_presence_question_may_be_off_but_not_negative(settings):
     settings.IDLE_SECONDS = 0.0
     assert found_by(checks.check_numbers) == []
     settings.IDLE_SECONDS = -1.0
     assert found_by(checks.check_numbers) == ["telepresence.E005"]
 
 
-def test_a_proxy_must_be_an_address_or_a_network(settings):
+def test_proxy_must_be_an_address_or_a_network(settings):
     settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.0/8", "::1", "proxy"]
     assert found_by(checks.check_proxies) == ["telepresence.E006"]
 
 
-def test_behind_a_proxy_that_nobody_names_all_visitors_would_share_an_address(settings):
+def test_server_behind_an_unnamed_proxy_is_a_warning(settings):
     settings.SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
     settings.TRUSTED_PROXIES = []
     assert found_by(checks.check_visitors_addresses) == ["telepresence.W008"]
@@ -159,7 +159,7 @@ def test_behind_a_proxy_that_nobody_names_all_visitors_would_share_an_address(se
     assert found_by(checks.check_visitors_addresses) == []
 
 
-def test_plain_http_for_others_is_a_warning(settings):
+def test_plain_http_for_other_computers_is_a_warning(settings):
     settings.HTTP_ONLY, settings.ALLOWED_HOSTS = True, ["127.0.0.1", "robots.example.org"]
     assert found_by(checks.check_plain_http) == ["telepresence.W003"]
     settings.HTTP_ONLY = False

@@ -61,7 +61,7 @@ def server(tmp_path):
             shell.close()
 
 
-def test_requests_that_are_broken_off_keep_no_connection(server):
+def test_aborted_requests_keep_no_connection(server):
     postgres, shell = server
     assert shell.ask("ABANDONED = 60\n" + POLL).strip() == "{200}"
     open_now = "SELECT count(*) FROM pg_stat_activity WHERE datname = 'postgres'"
@@ -71,7 +71,7 @@ def test_requests_that_are_broken_off_keep_no_connection(server):
     assert left <= 5
 
 
-def test_a_database_that_is_back_is_used_at_once(server):
+def test_database_that_is_available_again_is_used_at_once(server):
     postgres, shell = server
     assert shell.ask(ASK).strip() == "0"
     postgres.stop()

@@ -85,7 +85,7 @@ def test_every_name_in_the_example_environment_is_a_setting():
 
 
 @pytest.mark.parametrize("place", ["machine", "compose"])
-def test_caddy_takes_its_file(place, tmp_path):
+def test_caddy_accepts_its_file(place, tmp_path):
     environment = {"PATH": os.environ["PATH"]}
     environment |= dict.fromkeys(("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME"), str(tmp_path))
     if place == "compose":
@@ -154,7 +154,7 @@ def test_relay_reaches_no_inner_network_also_by_mapped_addresses(address):
     assert any(first <= wanted <= last for first, last in pairs if first.version == wanted.version)
 
 
-def test_systemd_takes_every_unit(tmp_path):
+def test_systemd_accepts_every_unit(tmp_path):
     for unit in UNITS:  # with programs of this computer
         text = (
             unit.read_text()
@@ -270,7 +270,7 @@ def machine(tmp_path):
     return Machine()
 
 
-def test_the_proxys_certificate_is_copied_when_it_is_new_to_those_that_are_there(machine):
+def test_new_certificate_of_the_proxy_is_copied_to_the_installed_servers(machine):
     machine.has_certificate("first")
     code, output, called = machine.copy()
     assert code == 0, output
@@ -291,7 +291,7 @@ def test_the_proxys_certificate_is_copied_when_it_is_new_to_those_that_are_there
     assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "second key"
 
 
-def test_no_warning_is_shown_before_the_proxy_has_a_certificate(machine):
+def test_missing_certificate_of_the_proxy_is_reported(machine):
     code, output, called = machine.copy()
     assert (code, called) == (1, "")
     assert "no certificate of robots.example.org yet" in output
@@ -306,7 +306,7 @@ def test_certbots_certificate_is_copied_too(machine):
     assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "key"
 
 
-def test_a_server_copies_files_to_where_its_programs_look_for_them():
+def test_certificates_are_copied_to_the_folders_that_the_servers_read():
     script = (DEPLOY / "copy_certificates.sh").read_text()
     users = ("mosquitto/telepresence.conf", "coturn/turnserver.conf")
     for file in (*users, "systemd/telepresence-broker.service"):
@@ -315,20 +315,20 @@ def test_a_server_copies_files_to_where_its_programs_look_for_them():
         assert f"put {folder}\n" in script
 
 
-def test_proxies_let_through_what_the_site_takes():
+def test_proxies_have_the_sites_limit_of_request_bodies():
     (caddy,) = re.findall(r"max_size (\d+)MiB", (DEPLOY / "proxy/Caddyfile").read_text())
     nginx_file = (DEPLOY / "proxy/nginx.conf").read_text()
     (nginx,) = re.findall(r"client_max_body_size (\d+)m;", nginx_file)
     assert int(caddy) * 1024 * 1024 == int(nginx) * 1024 * 1024 == MAX_BODY
 
 
-def test_the_web_unit_starts_daphne_as_the_demo_does():
+def test_web_unit_starts_daphne_as_the_demo_does():
     text = (DEPLOY / "systemd/telepresence-web@.service").read_text()
     assert f"ExecStart={PYTHON} {' '.join(DAPHNE)} -b 127.0.0.1 -p %i {APPLICATION}\n" in text
 
 
 @pytest.mark.nightly
-def test_units_call_commands_that_exist_with_options_that_they_have():
+def test_units_call_existing_commands_with_existing_options():
     for unit in UNITS:
         calls = re.findall(r"manage\.py (\w+)(.*)$", unit.read_text(), re.MULTILINE)
         for command, arguments in calls:
@@ -338,7 +338,7 @@ def test_units_call_commands_that_exist_with_options_that_they_have():
             assert not missing, unit.name
 
 
-def test_mosquittos_file_has_the_bounds_of_our_own(tmp_path):
+def test_mosquittos_file_has_the_limits_of_our_own(tmp_path):
     given = (DEPLOY / "mosquitto/telepresence.conf").read_text().splitlines()
     listeners = Listeners("127.0.0.1", 1883, Tls(tmp_path / "c", tmp_path / "k"))
     ours = configuration(listeners, tmp_path).splitlines()
@@ -346,7 +346,7 @@ def test_mosquittos_file_has_the_bounds_of_our_own(tmp_path):
     assert [line for line in ours if line.startswith(bounds) and line not in given] == []
 
 
-def test_proxies_and_site_agree_on_what_a_hashed_name_is():
+def test_proxies_and_site_agree_on_the_form_of_hashed_names():
     from telepresence_site.web.static_files import HashedModules
 
     name = HashedModules(location=str(ROOT / "static")).hashed_name("css/_global.css")

@@ -57,7 +57,7 @@ async def test_healthz_is_200_without_login(bridge):
     assert (response.status_code, response.json()) == (200, expected)
 
 
-async def test_healthz_names_broker_and_database_that_are_away(bridge, monkeypatch):
+async def test_healthz_names_an_unavailable_broker_and_database(bridge, monkeypatch):
     bridge.connected = False
     monkeypatch.setattr(User.objects, "exists", broken_database)
     response = await AsyncClient().get("/healthz")
@@ -66,7 +66,7 @@ async def test_healthz_names_broker_and_database_that_are_away(bridge, monkeypat
 
 
 @pytest.mark.parametrize("address", ["/healthz", "/readyz", "/metrics"])
-async def test_a_disk_that_does_not_answer_holds_no_command(bridge, monkeypatch, settings, address):
+async def test_disk_that_does_not_answer_delays_no_command(bridge, monkeypatch, settings, address):
     settings.METRICS_TOKEN = "secret"
     asked, answers = threading.Event(), threading.Event()
 
@@ -93,13 +93,13 @@ async def test_a_disk_that_does_not_answer_holds_no_command(bridge, monkeypatch,
         assert response.json()["disk"] == "silent"
 
 
-async def test_a_server_with_all_its_parts_is_ready(bridge):
+async def test_server_with_all_its_parts_is_ready(bridge):
     await add_manager()
     ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager", "disk"), "ok")
     assert await ask() == (200, {"ready": True, **ok})
 
 
-async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
+async def test_server_without_session_manager_and_broker_is_not_ready_and_names_them(bridge):
     bridge.connected = False
     status, answer = await ask()
     ok = dict.fromkeys(("database", "channel_layer", "disk"), "ok")
@@ -107,7 +107,7 @@ async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
     assert answer == {"ready": False, "broker": "away", "session_manager": "none", **ok}
 
 
-async def test_a_missing_database_is_a_message_not_a_failure(bridge, monkeypatch):
+async def test_missing_database_is_reported_without_an_error(bridge, monkeypatch):
     monkeypatch.setattr(ManagerBeat.objects, "filter", broken_database)
     status, answer = await ask()
     assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")
@@ -115,7 +115,7 @@ async def test_a_missing_database_is_a_message_not_a_failure(bridge, monkeypatch
 
 
 @pytest.mark.parametrize(("free", "status", "word"), [(499, 200, "low"), (1, 503, "full")])
-async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then(
+async def test_nearly_full_disk_is_named_and_only_a_full_one_makes_the_site_unready(
     bridge, monkeypatch, free, status, word
 ):
     await add_manager()
@@ -128,7 +128,7 @@ async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then
 
 
 @pytest.mark.parametrize("error", [OSError("gone"), TimeoutError()])
-async def test_a_channel_layer_that_is_away_is_named_and_turns_nobody_away(
+async def test_unavailable_channel_layer_is_named_and_the_site_stays_ready(
     bridge, monkeypatch, error
 ):
     async def broken(*_):
@@ -151,14 +151,14 @@ async def test_a_channel_layer_that_is_away_is_named_and_turns_nobody_away(
         ("here:1", 1, {"connected": True, "waiting": BEHIND + 1}, "behind"),
     ],
 )
-def test_the_session_managers_state_follows_from_its_beat(holder, age, report, state):
+def test_state_of_the_session_manager_follows_from_its_beat(holder, age, report, state):
     now = timezone.now()
     beat_at = now - datetime.timedelta(seconds=age)
     row = ManagerBeat(holder=holder, beat_at=beat_at, report=report)
     assert manager_state(row, now) == state
 
 
-def test_a_beat_carries_its_report():
+def test_beat_carries_its_report():
     now = timezone.now()
     assert occupy(0, None, "here:1", now)
     assert beat(0, "here:1", 2, now, WELL)
@@ -176,7 +176,7 @@ def test_a_beat_carries_its_report():
         ([("there:2", 1, {"connected": True, "waiting": BEHIND + 1})], "behind"),
     ],
 )
-def test_of_several_session_managers_the_worst_that_beats_counts(of_others, state):
+def test_worst_of_the_session_managers_that_beat_counts(of_others, state):
     now = timezone.now()
     rows = [
         ManagerBeat(holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report)

@@ -137,7 +137,7 @@ def test_home_assistant_shows_a_robot_and_its_buttons_work(tmp_path):
     api.shutdown()
 
 
-def test_without_a_key_it_says_how_to_make_one():
+def test_missing_key_is_reported_with_how_to_create_one():
     environment = {name: value for name, value in os.environ.items() if name != "TELEPRESENCE_KEY"}
     arguments = ["--site", "http://x", "--robot", "giraff", "--broker", "mqtt://x"]
     done = run(sys.executable, str(BRIDGE), *arguments, env=environment)

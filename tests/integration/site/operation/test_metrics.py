@@ -72,7 +72,7 @@ def samples(text):
     }
 
 
-async def test_the_figures_of_site_and_process_stand_there(site, bridge):
+async def test_metrics_contain_figures_of_site_and_process(site, bridge):
     bridge.counts["arrived"] = 5
     response = await AsyncClient().get("/metrics", headers=BEARER)
     assert response["Content-Type"].startswith("text/plain; version=")
@@ -117,7 +117,7 @@ def test_metrics_are_not_found_without_the_token(site, given):
     assert Client().get("/metrics", headers=headers).status_code == 404
 
 
-def test_without_any_setting_nobody_reads_it(settings):
+def test_metrics_are_not_found_without_a_setting(settings):
     settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", []
     assert Client().get("/metrics", headers={"authorization": "Bearer "}).status_code == 404
 
@@ -132,12 +132,12 @@ def test_without_any_setting_nobody_reads_it(settings):
         ("", {}, 404),
     ],
 )
-def test_an_address_counts_only_for_a_connection_of_its_own(settings, address, headers, status):
+def test_allowed_address_counts_only_for_a_direct_connection(settings, address, headers, status):
     settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", ["10.1.0.0/16"]
     assert Client(REMOTE_ADDR=address).get("/metrics", headers=headers).status_code == status
 
 
-def test_figures_of_robots_cost_the_same_after_many_sessions(site):
+def test_figures_of_robots_need_as_many_queries_after_many_sessions(site):
     with CaptureQueriesContext(connection) as asked:
         assert Client().get("/metrics", headers=BEARER).status_code == 200
     reads = session_reads(asked, "robot_id")

@@ -84,7 +84,7 @@ def run(*arguments, url=NOWHERE):
     return done.stdout
 
 
-def test_an_address_of_mongodb_is_recognized():
+def test_address_of_mongodb_is_recognized():
     assert mongodb.is_address("mongodb://db.example.org/robots")
     assert mongodb.is_address("mongodb+srv://db.example.org")
     assert not mongodb.is_address("postgres://db.example.org/robots")
@@ -94,12 +94,12 @@ def test_an_address_of_mongodb_is_recognized():
 
 
 @pytest.mark.nightly
-def test_the_backends_own_checks_find_nothing_wrong_with_any_model():
+def test_models_pass_the_checks_of_the_backend():
     assert "no issues" in run("manage.py", "check")
 
 
 @pytest.mark.nightly
-def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make():
+def test_migrations_are_complete_and_all_keys_can_be_made_by_mongodb():
     found = json.loads(run("-m", "tests.support.programs.mongodb_migrations"))
     assert found["vendor"] == "mongodb"
     assert found["missing"] == {}, (
@@ -111,7 +111,7 @@ def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make(
 
 
 @pytest.mark.skipif(not MONGODB_URL, reason=NOT_GIVEN)
-def test_visits_on_a_real_mongodb():
+def test_sessions_on_a_real_mongodb():
     base, _, options = MONGODB_URL.partition("?")
     host = "/".join(base.split("/")[:3])
     url = f"{host}/telepresence-test-{uuid.uuid4().hex[:12]}" + (f"?{options}" if options else "")

@@ -138,13 +138,13 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(collector, 
         assert found == []
 
 
-def test_log_collector_would_find_a_secret(collector):
+def test_log_collector_finds_a_secret(collector):
     logging.getLogger("some.library").debug("connecting with %s", PASSWORD)
     assert any(PASSWORD in line for line in collector.lines)
     assert turn_credentials("ada", TURN_SECRET, 0.0)[1] != TURN_SECRET
 
 
-def test_every_handler_of_the_site_writes_our_lines():
+def test_every_handler_of_the_site_uses_our_formatter():
     used = {handler["formatter"] for handler in LOGGING["handlers"].values()}
     made = {LOGGING["formatters"][name]["()"].rpartition(".")[2] for name in used}
     assert made <= {"json_lines", "key_value_lines"}

@@ -33,7 +33,7 @@ def write(var):
     return dict(line.split() for line in done.stdout.splitlines())
 
 
-def test_the_database_and_what_sqlite_keeps_beside_it_are_the_owners_alone(tmp_path):
+def test_only_the_owner_can_read_the_sqlite_files(tmp_path):
     var = tmp_path / "var"
     for _ in range(2):
         files = [f"telepresence.sqlite3{end}" for end in ("", "-shm", "-wal")]
@@ -41,7 +41,7 @@ def test_the_database_and_what_sqlite_keeps_beside_it_are_the_owners_alone(tmp_p
     assert var.stat().st_mode & OTHERS == 0
 
 
-def test_a_database_from_before_that_everybody_could_read_is_closed(tmp_path):
+def test_readable_database_of_an_earlier_version_becomes_private(tmp_path):
     var = tmp_path / "var"
     write(var)
     for file in var.glob("*.sqlite3*"):

@@ -60,7 +60,7 @@ def robot():
     return replays.cabin_robot()
 
 
-def test_each_kind_goes_when_its_days_are_over(robot):
+def test_each_kind_of_data_is_deleted_after_its_days(robot):
     ages = {"today": 0.5, "last_month": 40, "last_spring": 100, "last_year": 400}
     for name, days in ages.items():
         visit(robot, name, days)
@@ -81,7 +81,7 @@ def test_each_kind_goes_when_its_days_are_over(robot):
     assert forget() == {**dict.fromkeys(kinds, 0), **never}
 
 
-def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(robot):
+def test_dry_run_deletes_nothing_and_deletions_are_logged(robot):
     visit(robot, "last_year", 400)
     assert forget(dry_run=True)["sessions"] == 1
     assert Session.objects.exists()
@@ -98,14 +98,14 @@ def test_records_without_a_retention_limit_are_kept(robot, settings):
     assert Session.objects.get().device == DEVICE
 
 
-def test_a_living_session_and_an_open_record_are_left_alone(robot):
+def test_live_session_and_open_record_are_kept(robot):
     replays.session(robot, person("here"), granted=timezone.now() - 4000 * DAY)
     replays.session(robot, person("open"), granted=timezone.now() - 4000 * DAY, seconds=60)
     assert forget()["sessions"] == 0
     assert Session.objects.count() == 2
 
 
-def test_of_a_studys_session_only_the_address_goes_and_its_network_is_still_counted(robot):
+def test_session_of_a_study_loses_only_its_address(robot):
     row, study = visit(robot, "ada", 400), replays.study()
     replays.drive(replays.participant(study, row.visitor), row)
     names = Pseudonyms(study.secret)
@@ -204,7 +204,7 @@ def test_no_data_are_left_of_a_deleted_account(robot, by):
     assert AuditEntry.objects.get(act="withdrawn").person is None
 
 
-def test_a_participants_account_without_password_goes_when_it_has_no_study_any_more(robot):
+def test_account_without_password_is_deleted_with_its_last_study(robot):
     study = replays.study(status=Study.Status.PUBLISHED)
     left, taking_part, new = (create_guest("participant") for _ in range(3))
     replays.participant(study, taking_part)
@@ -226,7 +226,7 @@ def relations() -> set[str]:
     }
 
 
-def test_every_relation_to_a_person_is_one_that_these_tests_know():
+def test_every_relation_to_a_person_is_covered_by_these_tests():
     own = {
         *("EmailAddress.user", "RobotPermit.user", "Participant.user", "Session.visitor"),
         *("Response.user", "EntryCode.user"),
@@ -239,7 +239,7 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
     assert relations() == own | of_staff
 
 
-def test_of_staff_who_are_deleted_their_work_stays_without_their_name(robot):
+def test_work_of_deleted_staff_stays_without_their_name(robot):
     user = zaphod()
     Robot.objects.update(owner=user)
     StudyMember.objects.create(slug="cabin-study", user=user, role="owner")

@@ -67,13 +67,13 @@ def runner(tmp_path) -> Runner:
     return Runner(tmp_path)
 
 
-def test_an_unknown_word_fails_the_run(runner):
+def test_unknown_word_fails_the_run(runner):
     code, said = runner.run("nigthly")
     assert code == 2
     assert "not nigthly" in said
 
 
-def test_a_folder_that_the_environment_names_is_left_alone(runner, tmp_path):
+def test_folder_that_the_environment_names_is_kept(runner, tmp_path):
     (tmp_path / "mine").mkdir()
     code, _ = runner.run("nightly", LOGS=str(tmp_path / "mine"), RUN_STARTED="1")
     assert code == 0
@@ -82,7 +82,7 @@ def test_a_folder_that_the_environment_names_is_left_alone(runner, tmp_path):
 
 
 @pytest.mark.parametrize("word", ["nightly", "soak"])
-def test_a_failed_part_does_not_stop_the_others_and_is_named_at_the_end(runner, word):
+def test_failed_part_does_not_stop_the_others_and_is_named_at_the_end(runner, word):
     code, said = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
     assert code == 1
     assert said.strip().endswith("failed: servers timing_of_robots")
@@ -99,7 +99,7 @@ def test_one_part_may_have_no_marked_test_but_not_the_whole_run(runner):
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: signal.Signals):
+def test_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: signal.Signals):
     process = runner.begin("nightly", HANGS="tests/integration/browser")
     wait_for(lambda: PARTS[1] in runner.parts(), 30, "the browsers' part")
     process.send_signal(end)
@@ -110,7 +110,7 @@ def test_an_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: s
     assert list(runner.temporary.iterdir()) == []
 
 
-def test_the_part_that_ends_first_is_shown_first(runner):
+def test_part_that_ends_first_is_shown_first(runner):
     process = runner.begin("nightly", HANGS="tests/integration")
     assert process.stdout is not None
     for line in process.stdout:

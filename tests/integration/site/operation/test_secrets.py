@@ -9,9 +9,7 @@ import pytest
 from telepresence_site.environment import kept_secret
 
 
-def test_a_process_that_starts_while_the_secret_is_written_never_reads_an_empty_one(
-    tmp_path, monkeypatch
-):
+def test_process_that_starts_while_the_secret_is_written_reads_all_of_it(tmp_path, monkeypatch):
     path, found = tmp_path / "secrets" / "secret_key", []
     fdopen = os.fdopen
 
@@ -31,7 +29,7 @@ def test_a_process_that_starts_while_the_secret_is_written_never_reads_an_empty_
     assert [file.name for file in path.parent.iterdir()] == ["secret_key"]
 
 
-def test_a_secret_that_is_empty_is_refused_with_what_to_do(tmp_path):
+def test_empty_secret_is_refused_with_what_to_do(tmp_path):
     path = tmp_path / "secret_key"
     path.touch()
     with pytest.raises(ValueError, match=r"secret_key is empty\. Delete it"):

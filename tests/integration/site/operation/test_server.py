@@ -132,7 +132,7 @@ async def test_hands_and_questions_reach_the_driver_on_the_other_process(server)
 
 
 @pytest.mark.soak
-async def test_a_raised_hand_stays_as_long_as_its_page_when_a_web_process_is_killed(server):
+async def test_raised_hand_survives_the_kill_of_a_web_process(server):
     async with online_robot(server), contextlib.AsyncExitStack() as stack:
         tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
         ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
@@ -219,7 +219,7 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
     assert networks == ["127.0.0.0/24"], "a forged address is ignored"
 
 
-async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
+async def test_page_over_plain_http_opens_no_socket(server):
     headers = {"Cookie": f"sessionid={server.site.sign_in('ada')}"}
     ask = {"ssl": server.tls, "additional_headers": headers, "proxy": None}
     url = server.url.replace("https", "wss") + "/ws/robots/giraff/"
@@ -229,7 +229,7 @@ async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
         assert decode(await page.recv())[0] == "hello"
 
 
-async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the_proxy(server):
+async def test_robot_with_web_access_only_reaches_the_broker_behind_the_proxy(server):
     async def subscribed(password):
         web = {"transport": "websockets", "websocket_path": "/mqtt", "tls_context": server.tls}
         login = {"username": "giraff", "password": password, "timeout": patient(SECONDS)}
@@ -241,7 +241,7 @@ async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the
         await subscribed("another")
 
 
-def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
+def test_proxy_uses_tls_and_does_not_publish_the_metrics(server):
     plain, hashed = "css/_global.css", staticfiles_storage.stored_name("css/_global.css")
     assert server.get(f"{server.url}/metrics")[0] == 404
     forged = {"X-Request-ID": "forged-request-id"}
@@ -257,7 +257,7 @@ def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
 
 
 @pytest.mark.nightly
-def test_every_line_of_its_processes_is_json_and_names_its_request(server):
+def test_every_log_line_is_json_and_names_its_request(server):
     server.get(f"{server.url}/about/")
 
     def asked():  # the line is written after the answer

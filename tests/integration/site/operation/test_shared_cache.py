@@ -72,7 +72,7 @@ def test_attempts_are_limited_with_redis_without_it_and_with_it_again(redis, cap
 
 
 @pytest.mark.django_db
-def test_people_log_in_while_redis_is_away(redis, client):
+def test_users_log_in_while_redis_is_unavailable(redis, client):
     _start, kill = redis
     assert eventually(is_shared)
     kill()

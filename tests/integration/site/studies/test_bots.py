@@ -29,32 +29,32 @@ def diaries(site):
     return json.loads(report.read_text())
 
 
-def test_a_bot_completes_the_study_and_gets_its_code(diaries):
+def test_bot_completes_the_study_and_gets_its_code(diaries):
     first = diaries[0]
     assert first["code"], first
     assert [leg["outcome"] for leg in first["legs"]] == ["completed"]
     assert first["legs"][0]["passed"] == [1]
 
 
-def test_a_bot_that_leaves_at_the_dock_answers_without_having_driven(diaries):
+def test_bot_that_leaves_at_the_dock_answers_without_a_drive(diaries):
     assert diaries[1]["stuck"] == ""
     assert [leg["passed"] for leg in diaries[1]["legs"]] == [[]]
     assert diaries[1]["code"] not in {"", diaries[0]["code"]}
 
 
-def test_a_bot_that_refuses_is_asked_nothing_more(diaries):
+def test_bot_that_refuses_gets_no_more_questions(diaries):
     assert diaries[2]["legs"] == []
     assert diaries[2]["answered"] == {}
 
 
-def test_they_are_marked_as_bots_everywhere(site, diaries):
+def test_bots_are_marked_everywhere(site, diaries):
     assert set(site.rows("SELECT DISTINCT kind FROM experiments_participant")) == {("bot",)}
     links = "FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind = 'bot'"
     willing = [one for one in diaries if one["ending"] != "refuses_consent"]
     assert site.rows(f"SELECT count(*) {links}") == [(len(willing),)]
 
 
-def test_the_record_of_the_drive_says_what_the_bot_says(site, diaries):
+def test_record_of_the_drive_matches_the_bots_diary(site, diaries):
     session = diaries[0]["legs"][0]["session"]
     drive = "SELECT moved, mismatches FROM experiments_drive WHERE session_id = ?"
     assert site.rows(drive, session.replace("-", "")) == [(1, "[]")]

@@ -64,7 +64,7 @@ def studies(tmp_path_factory):
 
 
 @pytest.mark.parametrize("slug", STUDIES)
-def test_drives_count_as_the_rows_of_the_export_say(studies, slug):
+def test_export_has_a_row_for_each_counted_drive(studies, slug):
     dataset, report = studies[slug]
     expected = reasons(dataset)
     assert reported_reasons(report) == expected
@@ -79,7 +79,7 @@ def test_drives_count_as_the_rows_of_the_export_say(studies, slug):
     assert not left & {one["participant"] for one in sessions}
 
 
-def test_every_planted_effect_on_scores_and_speed_is_found_and_nothing_else(studies):
+def test_planted_effects_on_scores_and_speed_are_found_and_no_others(studies):
     _, report = studies[planted.SLUG]
     found = found_in(report, "analysis-answers")
     assert found >= planted.PLANTED
@@ -90,7 +90,7 @@ def test_every_planted_effect_on_scores_and_speed_is_found_and_nothing_else(stud
     assert [confirmed[key] for key in ("h1", "h2", "h3")] == ["yes"] * 3
 
 
-def test_planted_effects_on_success_and_its_time_are_found_and_nothing_else(studies):
+def test_planted_effects_on_success_and_its_time_are_found_and_no_others(studies):
     _, report = studies[planted.SUCCESS_SLUG]
     tables = ("analysis-success-model", "analysis-times-model")
     assert {one for table in tables for one in found_in(report, table)} == planted.SUCCESS_PLANTED
@@ -102,7 +102,7 @@ def test_planted_effects_on_success_and_its_time_are_found_and_nothing_else(stud
 
 @pytest.mark.parametrize("slug", STUDIES)
 @pytest.mark.skipif(not has_r(), reason=f"R is missing: apt-get install {PACKAGES}")
-def test_every_number_is_the_one_that_r_computes(studies, slug, tmp_path):
+def test_every_number_equals_that_of_r(studies, slug, tmp_path):
     dataset, report = studies[slug]
     theirs = by_a_stranger(dataset, "bot", tmp_path / "numbers.csv")
     assert list(differing(by_the_report(report), theirs)) == []

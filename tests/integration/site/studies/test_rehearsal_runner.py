@@ -60,7 +60,7 @@ def test_one_rehearsal_runs_at_a_time_and_the_next_one_follows(children, study):
     runs.request(study, timezone.now())  # the killed one can be run again
 
 
-def test_a_process_that_says_why_it_ends_is_quoted(children, study):
+def test_reason_of_a_process_that_ends_is_quoted(children, study):
     row = runs.request(study, timezone.now())
     one = RehearsalRunner(children, lambda _row: ["-c", "raise SystemExit('No space left.')"])
     one.look()
@@ -68,9 +68,7 @@ def test_a_process_that_says_why_it_ends_is_quoted(children, study):
     assert status(row) == ("failed", "Its process ended: No space left.")
 
 
-def test_a_process_that_does_not_end_when_its_rehearsal_was_ended_is_killed(
-    children, study, monkeypatch
-):
+def test_process_that_does_not_end_with_its_rehearsal_is_killed(children, study, monkeypatch):
     monkeypatch.setattr(runner, "END_SECONDS", 0.0)
     row = runs.request(study, timezone.now())
     one = RehearsalRunner(children, lambda _row: SLEEPS)
@@ -80,7 +78,7 @@ def test_a_process_that_does_not_end_when_its_rehearsal_was_ended_is_killed(
     assert status(row) == ("stopped", "")
 
 
-def test_a_rehearsal_that_cannot_be_started_says_so(children, study, monkeypatch):
+def test_rehearsal_that_cannot_start_fails_with_the_reason(children, study, monkeypatch):
     def full(*_args):
         raise OSError(28, "No space left on device")
 
@@ -90,14 +88,14 @@ def test_a_rehearsal_that_cannot_be_started_says_so(children, study, monkeypatch
     assert status(row) == ("failed", "It could not be started: No space left on device.")
 
 
-def test_it_is_started_for_the_version_that_was_asked_for(study):
+def test_rehearsal_is_started_for_the_requested_version(study):
     row = runs.request(study, timezone.now())
     command = runner.rehearsal_command(row)
     assert command[1:] == ["rehearse_study", "cabin-study:1", "--requested", str(row.pk)]
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_process_signs_its_row_and_ends_when_somebody_ended_it(study, tmp_path, monkeypatch):
+def test_process_signs_its_row_and_ends_when_its_rehearsal_was_ended(study, tmp_path, monkeypatch):
     monkeypatch.setattr(heartbeat, "PERIOD_SECONDS", 0.05)
     row = runs.begin(study, "lab", timezone.now())
     progress = tmp_path / "progress.json"
@@ -114,7 +112,7 @@ def test_a_process_signs_its_row_and_ends_when_somebody_ended_it(study, tmp_path
         play()
 
 
-def test_a_result_waits_for_a_database_that_is_away(monkeypatch):
+def test_result_waits_for_an_unavailable_database(monkeypatch):
     monkeypatch.setattr(heartbeat, "PERIOD_SECONDS", 0.0)
     monkeypatch.setattr(heartbeat.connection, "close", lambda: None)
     answers = [OperationalError("away"), OperationalError("away"), None]

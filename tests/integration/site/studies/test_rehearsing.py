@@ -24,7 +24,7 @@ def rehearsed(tmp_path_factory):
     site.stop_all()
 
 
-def test_a_study_that_can_be_played_passes_and_the_report_stays_with_it(rehearsed):
+def test_valid_study_passes_and_keeps_its_report(rehearsed):
     site, report = rehearsed
     assert report["passed"], report["problems"]
     ((passed, kept),) = site.rows("SELECT passed, report FROM experiments_rehearsal")
@@ -32,7 +32,7 @@ def test_a_study_that_can_be_played_passes_and_the_report_stays_with_it(rehearse
     assert json.loads(kept) == report
 
 
-def test_the_report_tells_how_long_it_takes_and_that_all_was_drawn(rehearsed):
+def test_report_shows_the_duration_and_that_all_was_drawn(rehearsed):
     _, report = rehearsed
     (condition,) = report["conditions"]
     assert condition["completed"] >= 1
@@ -42,7 +42,7 @@ def test_the_report_tells_how_long_it_takes_and_that_all_was_drawn(rehearsed):
     assert {"table-1", "table-5", "figure-7", "figure-8a"} <= set(report["drawn"])
 
 
-def test_the_site_beside_it_has_seen_no_bot(rehearsed):
+def test_rehearsal_leaves_no_bot_on_the_site(rehearsed):
     site, _ = rehearsed
     assert site.rows("SELECT count(*) FROM experiments_participant") == [(0,)]
     assert site.rows("SELECT count(*) FROM telepresence_sessions_session") == [(0,)]

@@ -56,7 +56,7 @@ def boss(client):
     return user
 
 
-def test_the_card_of_robots_counts_online_busy_and_failing_ones_without_practice(client, boss):
+def test_card_of_robots_counts_online_busy_and_failing_ones(client, boss):
     giraff = online("giraff")
     online("stopped", report={"safety": {"estop": True}})
     online("away", report={"errors": ["adapter_lost: no answer from the base"]})
@@ -76,7 +76,7 @@ def test_the_card_of_robots_counts_online_busy_and_failing_ones_without_practice
     ]
 
 
-def test_the_card_of_studies_counts_them_by_state_and_their_participants(client, boss):
+def test_card_of_studies_counts_them_by_state_and_their_participants(client, boss):
     now = timezone.now()
     other_day = (now.weekday() + 3) % 7
     away = [{"days": [other_day], "start": "09:00", "end": "10:00"}]
@@ -101,7 +101,7 @@ def test_the_card_of_studies_counts_them_by_state_and_their_participants(client,
     ]
 
 
-def test_a_researcher_sees_the_card_of_their_own_studies_alone(client):
+def test_researcher_sees_only_the_card_of_their_own_studies(client):
     rosa = person("rosa", is_staff=True)
     StudyMember.objects.create(slug="cabin-study", user=rosa, role="viewer")
     replays.study(status="published")
@@ -115,7 +115,7 @@ def test_a_researcher_sees_the_card_of_their_own_studies_alone(client):
     assert "System" not in read(client.get(reverse(HOME))).text
 
 
-def test_an_owner_sees_the_card_of_their_own_robots_alone(client):
+def test_owner_sees_only_the_card_of_their_own_robots(client):
     olga = person("olga", is_staff=True)
     online("hers", owner=olga)
     online("other")
@@ -126,7 +126,7 @@ def test_an_owner_sees_the_card_of_their_own_robots_alone(client):
     assert found["Robot"][0] == "1 / 1 robot online"
 
 
-def test_without_the_right_to_see_sessions_none_are_counted(client):
+def test_sessions_are_not_counted_without_the_right_to_see_them(client):
     user = person("helper", is_staff=True)
     user.user_permissions.set(Permission.objects.filter(codename="view_robot"))
     client.force_login(user)
@@ -137,20 +137,20 @@ def test_without_the_right_to_see_sessions_none_are_counted(client):
     ]
 
 
-def test_everything_else_stands_under_system_and_no_link_appears_twice(client, boss):
+def test_all_other_lists_are_under_system_and_each_is_listed_once(client, boss):
     assert facts(client).keys() == {"Study", "Robot"}
     assert system(client) >= {"accounts", "telepresence_sessions"}
     assert not system(client) & {"experiments", "surveys", "robots"}
 
 
-def test_a_card_leads_to_the_rows_that_it_counts(client, boss):
+def test_card_links_to_the_rows_that_it_counts(client, boss):
     replays.study(status="published")
     for lines in cards(client).values():
         for _text, url in lines:
             assert client.get(url).status_code == 200, url
 
 
-def test_a_number_of_robots_or_visits_leads_to_those_that_it_counts(client, boss):
+def test_number_of_robots_or_sessions_links_to_those_that_it_counts(client, boss):
     giraff = online("giraff")
     Robot.objects.create(name="attic", title="Attic")
     online("stopped", report={"safety": {"estop": True}})
@@ -163,7 +163,7 @@ def test_a_number_of_robots_or_visits_leads_to_those_that_it_counts(client, boss
         assert client.get(url).context["cl"].result_count == int(text.split()[0]), text
 
 
-def test_an_owner_finds_those_of_their_robots_with_a_problem(client):
+def test_owner_finds_their_robots_with_a_problem(client):
     olga = person("olga", is_staff=True)
     online("hers", owner=olga)
     online("stopped", owner=olga, report={"safety": {"estop": True}})

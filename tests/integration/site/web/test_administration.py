@@ -44,18 +44,18 @@ def test_broker_and_session_manager_start_without_the_administration():
         "from django.core.checks import run_checks; run_checks(tags=['admin'])",
     ],
 )
-def test_every_part_is_shown_and_checked(then):
+def test_every_part_of_the_administration_is_shown_and_checked(then):
     assert loaded(then) >= PARTS
 
 
-def test_a_mistake_in_it_is_found_by_the_checks(monkeypatch):
+def test_mistake_in_the_administration_is_found_by_the_checks(monkeypatch):
     admin.autodiscover()
     kind = type(admin.site.get_model_admin(FloorPlan))
     monkeypatch.setattr(kind, "list_display", ["no_such_thing"])
     assert [found.id for found in run_checks(tags=["admin"])] == ["admin.E108"]
 
 
-def test_a_wrong_setting_still_ends_the_session_manager_before_it_starts(tmp_path):
+def test_wrong_setting_ends_the_session_manager_before_it_starts(tmp_path):
     environment = {**os.environ, "MQTT_URL": "nowhere", "VAR_DIR": str(tmp_path)}
     done = run(sys.executable, "manage.py", "run_session_manager", env=environment)
     assert done.returncode != 0

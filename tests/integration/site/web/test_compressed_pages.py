@@ -14,7 +14,7 @@ BROWSER = {"Accept-Encoding": "gzip, deflate, br"}
 
 
 @pytest.mark.parametrize("address", ["/", "/about/", "/robots/giraff/"])
-def test_a_visitors_page_is_compressed_where_the_browser_can_read_it(client, address):
+def test_visitors_page_is_compressed_if_the_browser_supports_it(client, address):
     Robot.objects.create(name="giraff", title="Giraff")
     client.force_login(person("ada"))
     plain = client.get(address)
@@ -26,7 +26,7 @@ def test_a_visitors_page_is_compressed_where_the_browser_can_read_it(client, add
     assert b"</html>" in gzip.decompress(packed.content)
 
 
-def test_the_administration_and_answers_to_forms_are_not(client):
+def test_administration_and_answers_to_forms_are_not_compressed(client):
     client.force_login(User.objects.create_superuser("root", password="x"))
     page = client.get(reverse("admin:robots_robot_changelist"), headers=BROWSER)
     assert page.status_code == 200

@@ -9,7 +9,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.mark.parametrize("name", ["home", "account_login", "manifest"])
-def test_every_answer_says_what_a_page_may_use_and_that_no_other_site_embeds_it(client, name):
+def test_every_answer_limits_what_a_page_may_use_and_who_may_embed_it(client, name):
     headers = client.get(reverse(name)).headers
     allowed = dict(part.split("=") for part in headers["Permissions-Policy"].split(", "))
     assert {
@@ -24,12 +24,12 @@ PRIVATE = ("profile", "account_email", "account_change_password")
 
 
 @pytest.mark.parametrize("name", [*PRIVATE, "admin:index", "admin:accounts_user_changelist"])
-def test_a_page_of_somebodys_own_is_kept_by_no_cache(client, name):
+def test_personal_page_is_not_cached(client, name):
     client.force_login(person("ada", is_staff=True, is_superuser=True))
     kept = client.get(reverse(name))["Cache-Control"]
     assert "private" in kept
     assert "no-store" in kept
 
 
-def test_a_page_that_looks_at_no_session_may_be_kept(client):
+def test_page_that_reads_no_session_may_be_cached(client):
     assert not client.get(reverse("manifest")).has_header("Cache-Control")

@@ -82,7 +82,7 @@ def with_payload(part: Any) -> Any:
 @pytest.mark.parametrize(
     "page", ['<p title="%s">', "<p title='%s'>", "<p>%s", "<script>%s", "<textarea>%s"]
 )
-def test_the_payload_is_found_where_it_is_markup(page):
+def test_payload_is_found_where_it_is_markup(page):
     assert is_markup(page % PAYLOAD)
     assert not is_markup(page % escape(PAYLOAD))
 

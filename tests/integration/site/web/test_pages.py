@@ -78,7 +78,7 @@ def card_of(client, name: str) -> dict:
         ("es", ("Lo estás conduciendo", "Volver a tu conducción")),
     ],
 )
-def test_a_driver_is_led_back_to_the_robot(client, robots, state, language, said):
+def test_landing_page_leads_a_driver_back_to_the_robot(client, robots, state, language, said):
     own = visit(robots["rhodon"], "driver", state)
     visit(robots["rhodon"], "second", "waiting")
     client.force_login(own.visitor)
@@ -99,7 +99,7 @@ def test_a_driver_is_led_back_to_the_robot(client, robots, state, language, said
         ("es", ("Tienes el número 2 en la cola", "Volver a la cola")),
     ],
 )
-def test_a_queued_visitor_sees_their_place_and_is_led_back(client, robots, language, said):
+def test_landing_page_shows_a_queued_visitor_their_place(client, robots, language, said):
     visit(robots["rhodon"], "driver", "driving")
     visit(robots["rhodon"], "first", "waiting")
     second = visit(robots["rhodon"], "second", "waiting")
@@ -116,7 +116,7 @@ def test_a_queued_visitor_sees_their_place_and_is_led_back(client, robots, langu
 
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", PUBLIC)
-def test_every_public_page_is_sound_in_both_languages(client, robots, name, language):
+def test_every_public_page_is_valid_in_both_languages(client, robots, name, language):
     response = client.get(reverse(name), headers={"accept-language": language})
     page = read(response)
     assert response.status_code == 200
@@ -127,14 +127,14 @@ def test_every_public_page_is_sound_in_both_languages(client, robots, name, lang
 
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", OWN)
-def test_every_page_of_a_visitor_is_sound_in_both_languages(client, robots, name, language):
+def test_every_page_of_a_visitor_is_valid_in_both_languages(client, robots, name, language):
     client.force_login(person(email="ada@example.org"))
     response = client.get(reverse(name), headers={"accept-language": language}, follow=True)
     assert response.status_code == 200
     assert faults(read(response)) == []
 
 
-def test_the_language_switch_is_a_form_that_comes_back_to_the_page(client):
+def test_language_switch_returns_to_the_page(client):
     response = client.post(reverse("set_language"), {"language": "es", "next": reverse("about")})
     assert response.url == reverse("about")
     page = read(client.get(reverse("about")))
@@ -142,7 +142,7 @@ def test_the_language_switch_is_a_form_that_comes_back_to_the_page(client):
     assert reverse("own_data") in [link.attributes.get("href") for link in page.all("a")]
 
 
-def test_the_landing_page_shows_each_robot_with_its_state_and_one_button(client, robots):
+def test_landing_page_shows_each_robot_with_its_state_and_one_button(client, robots):
     visit(robots["rhodon"], "driver", "driving")
     visit(robots["rhodon"], "second", "waiting")
     page = read(client.get(reverse("home")))
@@ -155,7 +155,7 @@ def test_the_landing_page_shows_each_robot_with_its_state_and_one_button(client,
     assert "Last seen 2" in cards["attic"].text
 
 
-def test_the_landing_page_calls_and_describes_robots_in_its_own_language(client, robots):
+def test_landing_page_shows_titles_and_descriptions_in_its_language(client, robots):
     giraff = robots["giraff"]
     giraff.description = "A slender robot."
     giraff.translations = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
@@ -170,26 +170,26 @@ def test_the_landing_page_calls_and_describes_robots_in_its_own_language(client,
 
 
 @pytest.mark.parametrize("state", ["connecting", "driving", "reconnecting"])
-def test_a_robot_is_in_use_from_taking_it_to_leaving_it(client, robots, state):
+def test_robot_is_in_use_from_the_grant_to_the_end(client, robots, state):
     session = visit(robots["giraff"], "driver", state)
     assert card_of(client, "giraff")["state"] == "busy"
     Session.objects.filter(pk=session.pk).update(state="ended")
     assert card_of(client, "giraff")["state"] == "available"
 
 
-def test_a_stranger_is_led_through_the_sign_up_to_the_robot(client, robots):
+def test_sign_up_leads_a_new_visitor_to_the_robot(client, robots):
     assert card_of(client, "giraff")["url"] == "/accounts/signup/?next=%2Frobots%2Fgiraff%2F"
     assert card_of(client, "attic")["url"] == "/accounts/signup/?next=%2Frobots%2Fattic%2F"
 
 
-def test_a_visitor_is_led_to_the_wheel(client, robots):
+def test_button_of_a_robot_leads_a_visitor_to_driving_it(client, robots):
     client.force_login(person())
     assert card_of(client, "giraff")["url"] == "/robots/giraff/?go=1"
     assert card_of(client, "attic")["url"] == "/robots/attic/"
     assert client.get(reverse("home")).context["invitation"].label == "Drive Giraff"
 
 
-def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(client, robots):
+def test_first_button_prefers_a_robot_for_beginners_even_if_it_is_in_use(client, robots):
     def shown():
         return client.get(reverse("home")).context
 
@@ -209,7 +209,7 @@ def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(cl
     assert shown()["invitation"].url == "#robots"
 
 
-def test_a_visitor_who_has_driven_is_still_led_to_such_a_robot_first(client, robots):
+def test_first_button_prefers_such_a_robot_for_experienced_visitors_too(client, robots):
     Robot.objects.filter(name="rhodon").update(for_experienced=True)
     visit(robots["giraff"], "driver", "driving")
     driven = visit(robots["rhodon"], "ada", "ended")
@@ -218,7 +218,7 @@ def test_a_visitor_who_has_driven_is_still_led_to_such_a_robot_first(client, rob
     assert client.get(reverse("home")).context["invitation"].url == "/robots/giraff/?go=1"
 
 
-def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
+def test_robots_by_invitation_are_shown_only_to_invited_visitors(client, robots):
     Robot.objects.filter(name="rhodon").update(access=Robot.Access.INVITATION)
     assert "Rhodon" not in read(client.get(reverse("home"))).text
     user = person()
@@ -228,20 +228,20 @@ def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
     assert card_of(client, "rhodon")["drives"]
 
 
-def test_the_list_tells_no_secrets(client, robots):
+def test_list_of_robots_has_no_other_fields(client, robots):
     shown = ("title", "description", "place", "picture", "badge", "label", "detail", "battery")
     states = ("name", "state", "charge", "action", "drives", "for_experienced", "own", "url")
     assert set(card_of(client, "giraff")) == {*shown, *states}
 
 
-def test_the_list_is_never_cached_and_speaks_the_visitors_language(client, robots):
+def test_list_of_robots_is_not_cached_and_uses_the_visitors_language(client, robots):
     response = client.get(reverse("robots_json"), headers={"accept-language": "es"})
     assert "no-store" in response["Cache-Control"]
     assert response.json()["robots"][0]["label"] == "Libre ahora"
 
 
 @pytest.mark.parametrize("count", [1, 12])
-def test_the_list_asks_the_database_no_more_for_many_robots(
+def test_list_needs_as_many_queries_for_many_robots_as_for_one(
     client, django_assert_max_num_queries, count
 ):
     for n in range(count):
@@ -257,7 +257,7 @@ def many_robots(count: int, **fields) -> None:
 
 
 @pytest.mark.parametrize("count", [30, 300])
-def test_a_page_of_many_robots_asks_the_database_as_often_as_one_of_few(
+def test_page_of_many_invitations_needs_as_many_queries_as_one_of_few(
     client, django_assert_max_num_queries, count
 ):
     user = person("invited")
@@ -272,7 +272,7 @@ def test_a_page_of_many_robots_asks_the_database_as_often_as_one_of_few(
     assert len(shown) == PER_PAGE
 
 
-def test_many_robots_come_in_pages_with_those_that_are_there_first(client):
+def test_many_robots_are_paginated_with_online_ones_first(client):
     many_robots(60)
     RobotPresence.objects.filter(robot__name="many-0059").update(
         connection="ONLINE", last_seen_at=timezone.now()
@@ -299,13 +299,13 @@ def test_robots_are_found_by_words_of_title_and_description(client):
     assert "No robot matches your search." in read(nothing).text
 
 
-def test_a_site_without_robots_says_what_will_come(client):
+def test_site_without_robots_explains_it(client):
     response = client.get(reverse("home"))
     assert "No robots yet" in read(response).text
     assert response.context["invitation"].url == "#robots"
 
 
-def test_names_are_shown_as_text(client):
+def test_titles_and_descriptions_are_shown_as_text(client):
     Robot.objects.create(
         name="giraff", title="<b>Giraff</b>", description="<script>alert(1)</script>"
     )
@@ -315,11 +315,11 @@ def test_names_are_shown_as_text(client):
 
 
 @pytest.mark.parametrize("name", ["home", "robots_json", "about", "manifest"])
-def test_pages_to_read_take_no_post(client, name):
+def test_read_only_pages_refuse_post(client, name):
     assert client.post(reverse(name)).status_code == 405
 
 
-def test_the_manifest_names_icons_that_are_there(client):
+def test_manifest_names_existing_icons(client):
     response = client.get(reverse("manifest"))
     manifest = response.json()
     assert response["Content-Type"] == "application/manifest+json"
@@ -329,7 +329,7 @@ def test_the_manifest_names_icons_that_are_there(client):
         assert client.get(icon["src"]).status_code == 200, icon["src"]
 
 
-def test_the_manifest_describes_the_installed_page_with_icons_of_true_size(client):
+def test_manifest_describes_the_installed_page_with_pictures_of_true_size(client):
     manifest = client.get(reverse("manifest")).json()
     installed = {"id": "/", "scope": "/", "display": "standalone", "orientation": "any"}
     assert installed.items() <= manifest.items()
@@ -352,7 +352,7 @@ def test_the_manifest_describes_the_installed_page_with_icons_of_true_size(clien
         ("/break/", 500, "Something went wrong on our side"),
     ],
 )
-def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
+def test_error_page_explains_what_to_do(address, code, words):
     response = Client(raise_request_exception=False).get(address)
     page = read(response)
     assert response.status_code == code
@@ -363,7 +363,7 @@ def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
 
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", ["400", "403", "403_csrf", "404", "429", "500"])
-def test_an_error_page_needs_no_context_no_database_and_no_collected_files(
+def test_error_page_needs_no_context_no_database_and_no_collected_files(
     name, language, settings, django_assert_num_queries
 ):
     hashed = {"BACKEND": "telepresence_site.web.static_files.HashedModules"}

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.django_db
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_every_heading_table_and_line_of_code_is_on_the_page(client, name):
+def test_reference_page_has_every_heading_table_and_line_of_code(client, name):
     source = (FOLDER / f"{name}.md").read_text()
     answer = client.get(reverse("reference", args=[name]))
     page = read(answer)
@@ -27,7 +27,7 @@ def test_every_heading_table_and_line_of_code_is_on_the_page(client, name):
     assert not re.search(r"`|\]\(|\| ---|^#", text, re.MULTILINE)
 
 
-def test_an_unknown_page_of_the_reference_is_not_found(client):
+def test_unknown_page_of_the_reference_is_not_found(client):
     for name in ("nothing", "settings", "robot-api"):
         assert client.get(f"/reference/{name}/").status_code == 404
     assert client.get("/reference/..%2F..%2FREADME/").status_code == 404

@@ -31,7 +31,7 @@ def status(site, path, *headers):
     return int(answer.split()[1]), site.log("web")[before:]
 
 
-def test_a_websocket_to_an_unknown_path_is_not_found(site):
+def test_websocket_to_an_unknown_path_is_not_found(site):
     headers = (f"Host: {LOOPBACK}:{site.web_port}", f"Origin: {site.url}", UPGRADE.strip())
     for path in ("/ws/nowhere/", "/", "/ws/robots/giraff/nowhere/", "/ws/check"):
         code, logged = status(site, path, *headers)
@@ -40,6 +40,6 @@ def test_a_websocket_to_an_unknown_path_is_not_found(site):
 
 
 @pytest.mark.parametrize("host", ["a, Host: b", "evil.example.org", "a b", ""])
-def test_a_host_that_is_none_of_ours_leaves_no_traceback(site, host):
+def test_request_to_a_foreign_host_leaves_no_traceback(site, host):
     code, logged = status(site, "/", f"Host: {host}")
     assert (code, "Traceback" in logged) == (400, False), logged

@@ -411,14 +411,14 @@ def names(resolver, space: str = "") -> set[str]:
     return known
 
 
-def test_every_address_of_the_site_stands_in_the_table():
+def test_table_lists_every_address_of_the_site():
     listed = {line[0].partition("?")[0] for line in table()} | FOR_ALL
     own = {name for name in names(get_resolver()) if not name.startswith("account_")}
     assert own - listed == set()
 
 
 @pytest.mark.parametrize("role", sorted(ALL))
-def test_each_role_opens_what_the_table_says_and_nothing_else(role, world, monkeypatch):
+def test_each_role_can_open_exactly_what_the_table_allows(role, world, monkeypatch):
     def reached(*_args):
         raise Reached
 

@@ -35,7 +35,7 @@ def collected(tmp_path_factory) -> Path:
 
 
 @pytest.mark.nightly
-def test_the_proxys_user_can_read_static_files_collected_with_a_strict_umask(
+def test_static_files_collected_with_a_strict_umask_are_readable(
     collected,
 ):
     shut = [
@@ -80,7 +80,7 @@ def test_delivered_scripts_differ_from_their_sources_only_in_import_names(
         assert HASH.sub("", path.read_text()) == (ROOT / "static" / plain).read_text(), plain
 
 
-def test_every_script_lies_there_compressed(collected):
+def test_every_script_is_also_stored_compressed(collected):
     for path in modules_of(collected).values():
         copy = path.with_name(f"{path.name}.gz")
         assert not copy.exists() or gzip.decompress(copy.read_bytes()) == path.read_bytes()
@@ -93,9 +93,7 @@ def test_every_script_lies_there_compressed(collected):
         ("experiments/research/replay.html", "js/pages/replay/page.js"),
     ],
 )
-def test_a_page_preloads_all_modules_but_those_fetched_when_needed_and_no_others(
-    collected, template, entry
-):
+def test_page_preloads_all_modules_except_those_fetched_when_needed(collected, template, entry):
     tag = f'{{% modulepreload "{entry}" %}}'
     assert tag in (ROOT / "templates" / template).read_text()
     links = Template("{% load modules %}" + tag).render(Context())
@@ -111,7 +109,7 @@ def test_a_page_preloads_all_modules_but_those_fetched_when_needed_and_no_others
     )
 
 
-def test_the_drive_page_lists_what_it_fetches_later_and_nothing_that_it_has(collected):
+def test_drive_page_lists_exactly_the_modules_that_it_fetches_later(collected):
     tag = '{% modulepreload_later "js/drive/features.js" beside="js/drive/page.js" %}'
     assert tag in (ROOT / "templates/sessions/drive.html").read_text()
     links = Template("{% load modules %}" + tag).render(Context())
@@ -125,7 +123,7 @@ def test_the_drive_page_lists_what_it_fetches_later_and_nothing_that_it_has(coll
     assert needed <= {*first, *listed}
 
 
-def test_the_drive_pages_script_stays_small_and_little_of_it_is_needed_to_connect(collected):
+def test_drive_pages_script_stays_within_its_size_limits(collected):
     modules = modules_of(collected)
 
     def size(*names: str) -> int:
@@ -140,7 +138,7 @@ def test_the_drive_pages_script_stays_small_and_little_of_it_is_needed_to_connec
 @pytest.mark.parametrize(
     ("template", "sheet"), [("base.html", "base.css"), ("sessions/drive.html", "drive_page.css")]
 )
-def test_a_page_waits_for_one_style_sheet_which_holds_all_that_it_lists(collected, template, sheet):
+def test_page_has_one_style_sheet_which_contains_all_that_it_lists(collected, template, sheet):
     linked = re.findall(r"{% static '(css/[^']+)' %}", (ROOT / "templates" / template).read_text())
     assert linked == [f"css/{sheet}"]
     names = json.loads((collected / "staticfiles.json").read_text())["paths"]
@@ -152,7 +150,7 @@ def test_a_page_waits_for_one_style_sheet_which_holds_all_that_it_lists(collecte
     assert places == sorted(places)
 
 
-def test_no_style_sheet_points_at_a_file_that_is_not_there(collected):
+def test_style_sheets_name_only_existing_files(collected):
     for sheet in (collected / "css").glob("*.css"):
         for target in re.findall(r"url\([\"']?([^\"')]+)[\"']?\)", sheet.read_text()):
             assert (

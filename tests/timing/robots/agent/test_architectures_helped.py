@@ -1,6 +1,4 @@
-"""Our assistance and navigation on robots of a real ROS that localize themselves."""
-
-import time
+"""Our assistance and navigation on robots of a real ROS with their own localization."""
 
 import pytest
 
@@ -9,7 +7,6 @@ from robots.api import messages as m
 from tests.support.agents.control_rig import ThreadedControlRig
 from tests.support.architectures.ros1_robot import Ros1Rig
 from tests.support.architectures.ros2_robot import Ros2Rig
-from tests.support.patience import patient
 
 WALL = "5.0,1.0,1.5708"  # in the corridor, nose to its wall
 
@@ -22,11 +19,11 @@ def robot(request):
 
 
 @pytest.fixture
-def driven(robot, tmp_path):
-    """Return how an agent for the robot is begun, with options of its adapter."""
+def new_agent(robot, tmp_path):
+    """Return a function that starts an agent for the robot, with options of its adapter."""
     rigs = []
 
-    def begin(start, **options):
+    def start_agent(start, **options):
         robot.reset(start)
         rig = ThreadedControlRig(
             tmp_path, robot=registry.autonomous(robot.adapter(**options), "office")
@@ -38,24 +35,14 @@ def driven(robot, tmp_path):
         rig.wait(lambda: not rig.kernel.held)
         return rig
 
-    yield begin
+    yield start_agent
     for rig in rigs:
         rig.close()
         rig.time.close()
 
 
-def keeps_beating(rig, until, within=60.0):
-    deadline = time.monotonic() + patient(within)
-    while not until():
-        assert time.monotonic() < deadline, rig.link.all("action")[-3:]
-        rig.beat()
-        time.sleep(0.2)
-
-
-def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_self_localizing_robot_and_backs_away(
-    robot, driven
-):
-    rig = driven(WALL)
+def test_laser_of_a_self_localizing_robot_stops_its_driver_before_a_wall(robot, new_agent):
+    rig = new_agent(WALL)
     assert {"assist", "localization", "goto"} <= rig.kernel.capabilities | set(
         rig.robot.profile.capabilities
     )
@@ -75,26 +62,19 @@ def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_self_localizing_rob
     assert world.contacts == 0
 
 
-def test_without_help_nothing_is_shaped(robot, driven):
-    rig = driven(WALL)
+def test_robot_hits_the_wall_without_assistance(robot, new_agent):
+    rig = new_agent(WALL)
     rig.grant(assist="off", ttl=60.0)
     rig.drive(0.4, until=lambda: robot.world.sim.contacts > 0, within=30.0)
 
 
-def test_a_robot_that_localizes_itself_and_goes_nowhere_goes_by_our_navigation(robot, driven):
-    rig = driven("5.0,1.0,3.1", navigation="none")
+def test_self_localizing_robot_without_navigation_uses_ours(robot, new_agent):
+    rig = new_agent("5.0,1.0,3.1", navigation="none")
     assert "goto" in rig.robot.profile.capabilities
     rig.wait(lambda: rig.robot.node.ready, within=30.0)
     rig.grant(ttl=60.0)
     rig.act(m.Goto(action_id="g", stamp=0.0, session="s1", epoch=1, x=3.5, y=1.0))
-    keeps_beating(
-        rig,
-        lambda: any(
-            a.action_id == "g" and a.status in {"FINISHED", "FAILED"}
-            for a in rig.link.all("action")
-        ),
-    )
-    assert rig.status("g", "FINISHED").type == "goto"
+    assert rig.beat_until_end("g").type == "goto"
     assert abs(robot.world.truth.x - 3.5) < 0.4
     assert robot.world.sim.contacts == 0
-    assert robot.world.journey == "", "the architecture's own navigation has no part in it"
+    assert robot.world.journey == "", "the architecture's own navigation moved"

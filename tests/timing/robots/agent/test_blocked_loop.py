@@ -10,8 +10,8 @@ from tests.support.agents.truth import Onlooker
 from tests.support.host_jitter import pauses, watched
 
 WATCHDOG = 0.3  # s, the simulated base's own
-STEP = 0.02  # s: the simulator's step and the agent's tick are seen at this grain
-LOADED = 0.1  # s by which a busy machine may hold up what is said before the loop is blocked
+STEP = 0.02  # s, the simulator's step and the agent's tick
+LOADED = 0.1  # s by which a busy machine may delay a velocity that was sent before the loop hung
 BRAKING = 0.8  # m/s²
 
 
@@ -20,7 +20,7 @@ def robot():
     return create("giraff", {"start": "corridor-centre", "camera": "no"})
 
 
-def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(tmp_path, robot):
+def test_base_stops_by_itself_when_the_loop_is_blocked_for_two_seconds(tmp_path, robot):
     blocked = []
 
     def block():
@@ -36,7 +36,7 @@ def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(
         (blocked_at,) = blocked
         rig.wait(lambda: time.time() > blocked_at + 1.0)
         for _ in range(20):
-            rig.push(0.4)  # they wait in the loop until it goes on, and are stale by then
+            rig.push(0.4)  # they are stale when the loop resumes
         rig.wait(lambda: time.time() > blocked_at + 1.9)
         history = [row for row in truth.history(5) if row.stamp > blocked_at]
         brakes = next(row for row in history if row.linear < 0.38)
@@ -49,6 +49,6 @@ def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(
         rig.link.wait("state", lambda s: s.refused.get("stale"), within=10)
         rig.wait(lambda: time.time() > blocked_at + 3.0)
         assert all(abs(row.linear) < 1e-3 for row in truth.history(1.0)), (
-            "commands of before moved the robot"
+            "stale commands moved the robot"
         )
         truth.close()

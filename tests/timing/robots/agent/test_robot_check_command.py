@@ -20,55 +20,46 @@ from tests.support.architectures.ros1_robot import Ros1Rig
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 
-AGENT = [sys.executable, "-m", "robots.agent", "giraff", "--check", "--adapter", "simulator"]
+SIMULATED = ["giraff", "--check", "--adapter", "simulator"]
+AGENT = ["-m", "robots.agent", *SIMULATED]
 
 
-def test_the_simulated_robot_passes_and_the_process_says_so(tmp_path):
-    command = [
-        sys.executable,
-        "manage.py",
-        "run_robot",
-        "giraff",
-        "--check",
-        "--yes",
-        "--adapter",
-        "simulator",
-        "--var",
-        str(tmp_path),
-    ]
-    done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=patient(60.0)
+def checked(arguments, answer=""):
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=ROOT,
+        input=answer,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=patient(60.0),
     )
+
+
+def test_simulated_robot_passes(tmp_path):
+    done = checked(["manage.py", "run_robot", *SIMULATED, "--yes", "--var", str(tmp_path)])
     assert done.returncode == 0, done.stdout + done.stderr
     assert "it keeps the watchdog of 0.3 s" in done.stdout
     assert "Laser: yes." in done.stdout
     assert "Camera: 640 x 480." in done.stdout
 
 
-def test_without_a_yes_nothing_moves(tmp_path):
-    done = subprocess.run(
-        [*AGENT, "--var", str(tmp_path)],
-        cwd=ROOT,
-        input="no\n",
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=patient(30.0),
-    )
+def test_robot_does_not_move_without_a_yes(tmp_path):
+    done = checked([*AGENT, "--var", str(tmp_path)], "no\n")
     assert done.returncode == 1
     assert "The robot was not moved" in done.stderr
     assert "Driving" not in done.stdout
 
 
-def test_a_robot_whose_kind_is_not_told_is_not_tried(tmp_path):
+def test_robot_without_an_adapter_is_not_checked(tmp_path):
     with pytest.raises(ConfigError, match="add --adapter"):
         check_robot({"robot": "giraff", "var": tmp_path}, print)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_though_it_was_started_with_signals_ignored(tmp_path, number):
+def test_signal_ends_a_check_that_was_started_with_signals_ignored(tmp_path, number):
     child = subprocess.Popen(
-        [*AGENT, "--yes", "--var", str(tmp_path)],
+        [sys.executable, *AGENT, "--yes", "--var", str(tmp_path)],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -79,16 +70,16 @@ def test_a_signal_ends_it_though_it_was_started_with_signals_ignored(tmp_path, n
         assert any("Driving" in line for line in child.stdout)
         child.send_signal(number)
         began = time.monotonic()
-        _, told = child.communicate(timeout=patient(15.0))
+        _, errors = child.communicate(timeout=patient(15.0))
         assert child.returncode == 1
-        assert "Stopped at your request" in told
+        assert "Stopped at your request" in errors
         assert time.monotonic() - began < patient(6.0)
     finally:
         child.kill()
         child.wait()
 
 
-def test_a_robot_of_ros_1_is_tried_through_its_own_adapter():
+def test_robot_of_ros_1_is_checked_through_its_adapter():
     with Ros1Rig() as rig:
         lines = []
 
@@ -124,11 +115,11 @@ def test_a_robot_of_ros_1_is_tried_through_its_own_adapter():
         ),
     ],
 )
-def test_navigation_of_real_nodes_is_told_apart(tmp_path, options, topic, is_well, words):
-    with Ros1Processes(tmp_path) as nodes:
-        nodes.plan("obeys", topic)
-        where = {"master": nodes.master.uri, "ip": nodes.master.host}
-        adapter, lines = registry.create("ros1", "rhodon", where | options), []
+def test_check_reports_what_stops_the_navigation_of_real_nodes(
+    tmp_path, options, topic, is_well, words
+):
+    with Ros1Processes(tmp_path) as nodes, nodes.planner("obeys", topic):
+        adapter, lines = registry.create("ros1", "rhodon", nodes.options | options), []
         adapter.states = localized(adapter.states)
 
         async def tried():
@@ -141,7 +132,6 @@ def test_navigation_of_real_nodes_is_told_apart(tmp_path, options, topic, is_wel
                 await robot.leave()
 
         assert asyncio.run(tried()) is is_well, lines
-        sys.stdout.write(f"\n{lines[-1]}\n")
         assert words in lines[-1]
         moving = [
             row for row in nodes.base.events(time.monotonic() - 0.3) if row.get("v", 0) > 0.03

@@ -101,7 +101,13 @@ def test_bot_completes_each_condition_of_the_papers_study_without_a_collision(ke
     condition = STUDY.condition(key)
     rig = Rig(condition)
     result = rig.run(600.0)
-    stuck = (rig.now, rig.view.pose, rig.engine.progress.cue, rig.driver.closed, rig.driver.no_route)
+    stuck = (
+        rig.now,
+        rig.view.pose,
+        rig.engine.progress.cue,
+        rig.driver.closed,
+        rig.driver.no_route,
+    )
     assert result.outcome == "completed", stuck
     assert len(result.checkpoints) == 4
     assert not result.doors_missed

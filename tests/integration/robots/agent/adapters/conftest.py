@@ -1,5 +1,3 @@
-"""Adapters that wait as long as a busy machine takes."""
-
 import pytest
 
 from tests.support.architectures.patient_adapters import make_patient
@@ -7,5 +5,5 @@ from tests.support.architectures.patient_adapters import make_patient
 
 @pytest.fixture
 def patient_adapters(monkeypatch):
-    """Where something between the test and the adapter needs it."""
+    """Adapters wait as long as a busy machine takes."""
     make_patient(monkeypatch)

@@ -1,4 +1,4 @@
-"""An adapter that blocks the control loop is named as such, and does not stall the suite."""
+"""The conformance suite reports an adapter that blocks the control loop, and does not stall."""
 
 import asyncio
 import time
@@ -30,7 +30,7 @@ class Slow(ScriptedRobot):
 
 
 @pytest.mark.nightly
-def test_a_call_that_does_not_come_back_is_named_within_thirty_seconds():
+def test_call_that_does_not_return_is_reported_within_30_s():
     began = time.monotonic()
     with guarded(), pytest.raises(pytest.fail.Exception) as caught:
         asyncio.run(Blocking().connect())
@@ -40,7 +40,7 @@ def test_a_call_that_does_not_come_back_is_named_within_thirty_seconds():
     assert "asyncio.to_thread" in str(caught.value)
 
 
-def test_calls_that_block_for_a_moment_each_are_named():
+def test_calls_that_block_briefly_are_reported():
     class Quiet:
         @staticmethod
         def excuse(_since, _until):
@@ -50,13 +50,13 @@ def test_calls_that_block_for_a_moment_each_are_named():
         robot = Slow()
         await robot.connect()
         conformance = AdapterConformance()
-        await conformance.test_it_never_keeps_the_control_loop_waiting(robot, Quiet())
+        await conformance.test_control_loop_is_never_blocked(robot, Quiet())
 
     with pytest.raises(AssertionError, match="blocks the control loop"):
         asyncio.run(drive())
 
 
-def test_a_loop_that_runs_is_left_alone():
+def test_running_loop_is_not_reported():
     with guarded(0.5):
         asyncio.run(asyncio.sleep(1.2))
     time.sleep(0.3)

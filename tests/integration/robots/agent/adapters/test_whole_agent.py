@@ -1,7 +1,8 @@
-"""The whole agent with each adapter: a visitor drives, the architecture is killed, and the robot is
-available again after a restart.
+"""The whole agent with each adapter: a visitor drives, the architecture is killed, and the visitor
+drives again after its restart.
 """
 
+import re
 import time
 from contextlib import contextmanager
 
@@ -38,7 +39,7 @@ def agent(rca, directory):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", RIGS)
-def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(
+def test_killed_architecture_stops_the_robot_and_driving_resumes_after_its_restart(
     name, tmp_path, monkeypatch, patient_adapters
 ):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 1.5)
@@ -49,19 +50,15 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
         assert any(s.applied for s in rig.link.all("state"))
         if "localization" in rca.adapter().profile.capabilities:
             rig.link.wait("state", lambda s: s.pose.localized)
-        said = len(rig.link.sent)  # before it was reached for the first time it was lost as well
+        before = len(rig.link.sent)  # it also counts as lost until its first connection
         rca.kill()
         lost = rig.link.wait(
             "state",
-            lambda s: any(text.startswith("adapter_lost: ") for text in s.errors),
-            since=said,
+            lambda s: any(re.match("adapter_lost: .{10}", text) for text in s.errors),
+            since=before,
             within=8.0,
         )
         assert lost.safety.inhibited == "fault"
-        assert (
-            len(next(text for text in lost.errors if text.startswith("adapter_lost")))
-            > len("adapter_lost: ") + 10
-        )
         rig.wait(lambda: motion() == 0.0)
         for _ in range(5):
             rig.push(0.25)
@@ -81,7 +78,7 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
 @pytest.mark.parametrize(
     "name", ["rosbridge", *(pytest.param(one, marks=pytest.mark.soak) for one in ("ros1", "ros2"))]
 )
-def test_the_script_of_a_hidden_operator_moves_a_robot_that_runs_ros_and_the_visitor_does_not(
+def test_only_the_wizards_script_moves_a_robot_that_it_has_taken_over(
     name, tmp_path, monkeypatch, patient_adapters
 ):
     lease = {"kind": "wizard", "wizard": "w1", "wizard_epoch": 4, "ways": ("mqtt",)}

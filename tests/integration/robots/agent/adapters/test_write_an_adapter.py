@@ -1,5 +1,5 @@
-"""The page about writing an adapter, executed: its first two blocks are a robot, and pass the
-conformance suite; the third gives it a camera.
+"""The page about writing an adapter, executed: its first two blocks pass the conformance suite,
+the third adds a camera.
 """
 
 import asyncio
@@ -22,8 +22,6 @@ from tests.support.paths import ROOT
 from tests.support.patience import patient
 
 PAGE = ROOT / "docs" / "howto" / "write-an-adapter.md"
-
-
 CAMERA = "\n[camera]\nwidth = 64\nheight = 48\nfps = 30\nhfov = 1.0\nx = 0.1\nz = 0.5\n"
 
 
@@ -31,8 +29,15 @@ def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def block(language):
-    return blocks(language)[0]
+def adapter_of(folder, argument, *, profile_start="", profile_end=""):
+    """Return the page's first adapter, with one more argument and a longer profile."""
+    source = blocks("python")[0]
+    changed = source.replace("options.watchdog)", f"options.watchdog, {argument})")
+    assert changed != source
+    (folder / "rosie.py").write_text(changed, encoding="utf-8")
+    profile = profile_start + blocks("toml")[0] + profile_end
+    (folder / "rosie.toml").write_text(profile, encoding="utf-8")
+    return registry.create(str(folder / "rosie.py"), str(folder / "rosie.toml"))
 
 
 class Rosie(RcaRig, asyncio.DatagramProtocol):
@@ -44,7 +49,7 @@ class Rosie(RcaRig, asyncio.DatagramProtocol):
         super().__init__()
         self.port, self.transport, self.peer = 0, None, None
         self.adapter_file, self.profile_file = directory / "rosie.py", directory / "rosie.toml"
-        python, toml = blocks("python"), block("toml")
+        python, toml = blocks("python"), blocks("toml")[0]
         self.adapter_file.write_text("".join(python if camera else python[:1]), encoding="utf-8")
         self.profile_file.write_text(toml + (CAMERA if camera else ""), encoding="utf-8")
 
@@ -88,9 +93,9 @@ class TestRosie(RcaConformance):
 
 
 class BlueCamera:
-    """Of cv2.VideoCapture what the page uses: `read` blocks for the next picture, BGR in uint8, and
-    returns False and None when there is none (modules/videoio, VideoCapture::read). Its memory is
-    used again, as `read(image)` does, and as the cameras of many SDKs do.
+    """The part of cv2.VideoCapture that the page uses: `read` blocks until the next frame and
+    returns it as BGR, uint8, or False and None when there is none (modules/videoio,
+    VideoCapture::read). It reuses its memory, as `read(image)` and many SDKs do.
     """
 
     taken = 0
@@ -118,7 +123,7 @@ def opencv(monkeypatch):
     monkeypatch.setattr(BlueCamera, "gone", False)
 
 
-def test_the_camera_of_the_page_gives_rgb_in_memory_of_its_own(tmp_path, opencv):
+def test_page_camera_returns_rgb_frames_in_separate_memory(tmp_path, opencv):
     adapter = Rosie(tmp_path, camera=True).adapter()
     source = adapter.video()
     assert "video" in adapter.profile.capabilities
@@ -146,7 +151,7 @@ def test_the_camera_of_the_page_gives_rgb_in_memory_of_its_own(tmp_path, opencv)
     source.stop()
 
 
-async def test_a_callback_on_a_thread_of_the_sdk_reaches_the_readings_on_the_loop(tmp_path, opencv):
+async def test_callback_on_a_thread_of_the_sdk_reaches_the_readings(tmp_path, opencv):
     with Rosie(tmp_path, camera=True) as rig:
         adapter = rig.adapter()
         async with connected(adapter):
@@ -159,7 +164,7 @@ async def test_a_callback_on_a_thread_of_the_sdk_reaches_the_readings_on_the_loo
     await asyncio.to_thread(adapter.on_bumper, True)
 
 
-def test_every_array_of_the_page_has_the_shape_and_type_that_the_agent_takes():
+def test_page_states_the_shapes_and_types_of_arrays_that_the_agent_accepts():
     table = PAGE.read_text(encoding="utf-8").partition("### NumPy arrays")[2]
     for row in ("| `uint8` | (height, width, 3) | RGB", "| `int16` | (960,) |", "| (n, 2) |"):
         assert row in table
@@ -173,33 +178,24 @@ def test_every_array_of_the_page_has_the_shape_and_type_that_the_agent_takes():
             video_frame(Frame(image, 1.0))
 
 
-def test_docs_on_a_laser_hold(tmp_path):
-    rosie = tmp_path / "rosie.py"
-    rosie.write_text(
-        block("python").replace("options.watchdog)", 'options.watchdog, own=("scan",))'),
-        encoding="utf-8",
+def test_laser_of_the_page_enables_navigation_and_assistance(tmp_path):
+    adapter = registry.autonomous(
+        adapter_of(tmp_path, 'own=("scan",)', profile_end="\n[laser]\nx = 0.1\n")
     )
-    profile = tmp_path / "rosie.toml"
-    profile.write_text(block("toml") + "\n[laser]\nx = 0.1\n", encoding="utf-8")
-    adapter = registry.autonomous(registry.create(str(rosie), str(profile)))
     assert {"goto", "dock"} <= set(adapter.profile.capabilities)
-    assert monitor_of(adapter.profile) is not None, "assistance"
+    assert monitor_of(adapter.profile) is not None
 
 
-def test_docs_on_sonars_and_a_bumper_hold(tmp_path):
-    rosie = tmp_path / "rosie.py"
-    source = block("python")
-    named = source.replace("options.watchdog)", 'options.watchdog, sensors=("sonars", "bumper"))')
-    assert named != source
-    rosie.write_text(named, encoding="utf-8")
-    profile = tmp_path / "rosie.toml"
-    profile.write_text(
-        "bumper = true\n" + block("toml") + "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n",
-        encoding="utf-8",
+def test_sonars_and_bumper_of_the_page_enable_assistance_alone(tmp_path):
+    sonars = "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n"
+    adapter = adapter_of(
+        tmp_path,
+        'sensors=("sonars", "bumper")',
+        profile_start="bumper = true\n",
+        profile_end=sonars,
     )
-    adapter = registry.create(str(rosie), str(profile))
-    assert registry.autonomous(adapter) is adapter, "no map can be found by that"
-    assert monitor_of(adapter.profile) is not None, "assistance"
+    assert registry.autonomous(adapter) is adapter
+    assert monitor_of(adapter.profile) is not None
 
 
 @pytest.mark.parametrize(
@@ -210,13 +206,13 @@ def test_docs_on_sonars_and_a_bumper_hold(tmp_path):
         ("x = 1", "has no create"),
     ],
 )
-def test_a_file_that_is_no_adapter_is_refused_with_the_reason(tmp_path, text, sentence):
+def test_file_without_an_adapter_is_refused_with_the_reason(tmp_path, text, sentence):
     file = tmp_path / "mine.py"
     file.write_text(text)
     with pytest.raises(AdapterError, match=sentence):
         registry.create(str(file), "giraff")
 
 
-def test_a_file_that_is_not_there_is_named():
+def test_missing_file_is_named():
     with pytest.raises(AdapterError, match=r"no_such\.py"):
         registry.create("./no_such.py", "giraff")

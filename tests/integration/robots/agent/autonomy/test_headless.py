@@ -1,4 +1,4 @@
-"""A whole robot's autonomy, stepped in a simulated office: what it does, and how it gives up."""
+"""A whole robot's navigation, stepped in a simulated office: its actions and its failures."""
 
 import json
 from dataclasses import replace
@@ -28,12 +28,12 @@ def dock(action_id="d"):
 
 
 def changed(**fields):
-    """The office with other values in its floorplan message."""
+    """Return the office with other values in its floorplan message."""
     return area_of(msgspec.structs.replace(update_of(load_site("office")), **fields))
 
 
 @pytest.mark.parametrize("series", ["giraff", "rhodon"])
-def test_from_its_dock_a_robot_goes_to_a_place_by_name_and_comes_home(series):
+def test_robot_goes_from_its_dock_to_a_named_place_and_docks_again(series):
     robot = HeadlessRobot(series)
     there = robot.do(goto("Corridor, East end" if series == "giraff" else "corridor-west"))
     assert (there.status, there.reason) == ("FINISHED", "")
@@ -47,14 +47,14 @@ def test_from_its_dock_a_robot_goes_to_a_place_by_name_and_comes_home(series):
     assert all(0.0 <= n.result["progress"] <= 1.0 for n in running)
 
 
-def test_a_robot_in_its_only_dock_knows_where_it_is_without_being_told():
+def test_robot_in_its_only_dock_is_localized():
     robot = HeadlessRobot(placed=False)
     assert robot.run(5.0, lambda: robot.autonomy.pose.localized)
     assert robot.error() < 0.1
 
 
 @pytest.mark.parametrize("series", ["giraff", "rhodon"])
-def test_a_docked_robot_leaves_a_station_that_its_map_does_not_show(series):
+def test_docked_robot_leaves_a_station_that_its_map_does_not_show(series):
     site = load_site("office")
     bare = replace(site, grid=rasterise(msgspec.structs.replace(site.plan, docks=())))
     robot = HeadlessRobot(series, area=area_of(update_of(bare)), placed=False)
@@ -67,7 +67,7 @@ def test_a_docked_robot_leaves_a_station_that_its_map_does_not_show(series):
     assert robot.sim.contacts == 0
 
 
-def test_a_robot_that_was_told_where_it_stands_believes_it_though_other_places_look_alike():
+def test_given_pose_is_kept_although_other_places_look_alike():
     robot = HeadlessRobot(start="corridor-centre")
     robot.run(0.2)
     for _ in range(50):
@@ -76,7 +76,7 @@ def test_a_robot_that_was_told_where_it_stands_believes_it_though_other_places_l
         assert robot.error() < 0.1
 
 
-def test_a_robot_that_nobody_told_where_it_is_refuses_to_go_and_finds_itself_when_asked():
+def test_unlocalized_robot_searches_its_pose_on_request():
     robot = HeadlessRobot(start="laboratory", placed=False)
     robot.autonomy.begin(m.Relocalize(action_id="r", stamp=0.0))
     assert robot.run(90.0, lambda: robot.last("r") is not None)
@@ -86,22 +86,15 @@ def test_a_robot_that_nobody_told_where_it_is_refuses_to_go_and_finds_itself_whe
     assert found.reason or found.result["score"] >= 0.5
 
 
-def test_it_is_told_where_it_is_with_and_without_a_heading():
+def test_pose_is_given_with_and_without_a_heading():
     robot = HeadlessRobot(start="corridor-centre", placed=False)
     pose = robot.sim.pose
-    assert (
-        robot.do(
-            m.Relocalize(action_id="r1", stamp=0.0, x=pose.x + 0.2, y=pose.y, theta=pose.theta),
-            20.0,
-        ).status
-        == "FINISHED"
-    )
-    assert robot.error() < 0.1
-    assert (
-        robot.do(m.Relocalize(action_id="r2", stamp=0.0, x=pose.x, y=pose.y), 20.0).status
-        == "FINISHED"
-    )
-    assert robot.error() < 0.1
+    for action in (
+        m.Relocalize(action_id="r1", stamp=0.0, x=pose.x + 0.2, y=pose.y, theta=pose.theta),
+        m.Relocalize(action_id="r2", stamp=0.0, x=pose.x, y=pose.y),
+    ):
+        assert robot.do(action, 20.0).status == "FINISHED"
+        assert robot.error() < 0.1
 
 
 def test_impossible_action_is_refused_with_a_reason():
@@ -118,7 +111,7 @@ def test_impossible_action_is_refused_with_a_reason():
     assert robot.step() == m.Velocity(linear=0.0, angular=0.0)
 
 
-def test_a_map_without_a_plan_is_good_for_points_and_for_nothing_with_a_name():
+def test_map_without_a_plan_allows_points_but_no_named_places():
     robot = HeadlessRobot(area=changed(plan=None), start="corridor-centre")
     with pytest.raises(ActionError, match="no_dock"):
         robot.autonomy.begin(dock())
@@ -137,13 +130,13 @@ def test_a_map_without_a_plan_is_good_for_points_and_for_nothing_with_a_name():
         ({"negate": True, "occupied_thresh": 0.999, "free_thresh": 0.0}, "."),
     ],
 )
-def test_a_map_that_is_none_is_refused_with_a_sentence(fields, words):
+def test_invalid_map_is_refused_with_a_sentence(fields, words):
     model = model_of("giraff")
     with pytest.raises(AreaError, match=words):
         Headless(Body("giraff", model.footprint, model.limits), changed(**fields), None)
 
 
-def test_a_newer_order_replaces_the_one_under_way_and_cancelling_stops_the_robot():
+def test_newer_action_replaces_the_running_one_and_cancel_stops_the_robot():
     robot = HeadlessRobot()
     robot.autonomy.begin(goto("living-room", "g1"))
     robot.run(3.0)
@@ -168,7 +161,7 @@ def test_a_newer_order_replaces_the_one_under_way_and_cancelling_stops_the_robot
         (Faults(wheels_stopped=True), "wheels"),
     ],
 )
-def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
+def test_robot_with_a_fault_stops_and_reports_it(faults, words):
     robot = HeadlessRobot()
     robot.autonomy.begin(goto("living-room"))
     robot.run(9.0)
@@ -182,18 +175,12 @@ def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, w
     assert robot.sim.contacts == 0
 
 
-def test_a_robot_that_is_carried_away_on_its_way_stops_and_says_that_it_is_lost_or_finds_itself():
+def test_robot_that_is_carried_away_is_lost_or_localizes_itself():
     robot = HeadlessRobot()
     robot.autonomy.begin(goto("living-room"))
     robot.run(9.0)
-    robot.sim.carry_to(
-        Pose2D(
-            *(
-                getattr(next(p for p in robot.area.plan.places if p.name == "sofa"), name)
-                for name in ("x", "y", "theta")
-            )
-        )
-    )
+    sofa = next(place for place in robot.area.plan.places if place.name == "sofa")
+    robot.sim.carry_to(Pose2D(sofa.x, sofa.y, sofa.theta))
     robot.run(120.0, lambda: robot.last("g") is not None)
     ended = robot.last("g")
     assert ended.status == "FINISHED" or "lost" in ended.reason, ended
@@ -201,7 +188,7 @@ def test_a_robot_that_is_carried_away_on_its_way_stops_and_says_that_it_is_lost_
     assert robot.sim.contacts == 0
 
 
-def test_a_dock_that_cannot_be_reached_ends_with_a_reason_and_a_standing_robot():
+def test_unreachable_dock_is_reported_and_the_robot_stops():
     robot = HeadlessRobot(start="corridor-centre")
     robot.sim.set_doors({door.name: "closed" for door in robot.area.plan.doors})
     ended = robot.do(dock(), 240.0)
@@ -212,13 +199,12 @@ def test_a_dock_that_cannot_be_reached_ends_with_a_reason_and_a_standing_robot()
     assert robot.sim.contacts == 0
 
 
-def test_help_for_a_driver_needs_neither_map_nor_pose():
+def test_assistance_needs_neither_map_nor_pose():
     robot = HeadlessRobot(start="corridor-centre", placed=False)
     ahead = m.Velocity(linear=0.7, angular=0.0)
     begun = robot.sim.pose
     for _ in range(1500):
-        told = robot.step(ahead, "slow")
-        assert 0.0 <= told.linear <= ahead.linear
+        assert 0.0 <= robot.step(ahead, "slow").linear <= ahead.linear
     assert robot.sim.contacts == 0
     assert robot.sim.pose.distance(begun) > 3.0
     assert robot.stands()
@@ -226,7 +212,7 @@ def test_help_for_a_driver_needs_neither_map_nor_pose():
     assert robot.autonomy.monitor.clearance() < 0.6
 
 
-def test_the_office_as_a_message_is_the_office():
+def test_office_survives_its_floorplan_message():
     site = load_site("office")
     area = office()
     assert (area.grid.image == site.grid.image).all()

@@ -1,7 +1,8 @@
 """Cameras by device, file and address."""
 
-import io
+import contextlib
 import time
+from collections.abc import Iterator
 from itertools import pairwise
 
 import av
@@ -18,8 +19,16 @@ from tests.support.agents.simulators import eventually
 from tests.support.media.picture_server import PictureServer
 
 
-def camera(said: str) -> DeviceCamera:
-    return DeviceCamera(device_address.read(said, "camera"))
+def camera(setting: str) -> DeviceCamera:
+    return DeviceCamera(device_address.read(setting, "camera"))
+
+
+@contextlib.contextmanager
+def started(setting: str) -> Iterator[DeviceCamera]:
+    source = camera(setting)
+    source.start()
+    yield source
+    source.stop()
 
 
 def next_picture(source: DeviceCamera):
@@ -28,7 +37,7 @@ def next_picture(source: DeviceCamera):
 
 @pytest.fixture
 def film(tmp_path):
-    """Half a second of pictures that become brighter, of an odd size."""
+    """Half a second of frames that become brighter, of an odd size."""
     path = tmp_path / "film.mkv"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("ffv1", rate=20)
@@ -44,49 +53,42 @@ def film(tmp_path):
     return path
 
 
-def test_a_generated_picture_has_videos_range_and_its_time(monkeypatch):
-    source = camera("lavfi:color=white:size=320x240:rate=15")
-    source.start()
-    frame = next_picture(source)
-    source.stop()
+def test_generated_frame_has_video_range_and_a_current_stamp():
+    with started("lavfi:color=white:size=320x240:rate=15") as source:
+        frame = next_picture(source)
     assert (frame.width, frame.height, frame.format) == (320, 240, "yuv420p")
     assert frame.image[:240].mean() == pytest.approx(235.0, abs=1.0)
     assert 0.0 <= time.time() - frame.stamp < 30.0
 
 
-def test_a_film_of_odd_size_is_played_at_its_pace_and_begins_again(film):
-    source = camera(str(film))
-    source.start()
-    began = time.monotonic()
-    seen = [next_picture(source) for _ in range(24)]
-    lasted = time.monotonic() - began
-    source.stop()
+def test_film_of_odd_size_is_played_at_its_rate_and_restarts(film):
+    with started(str(film)) as source:
+        began = time.monotonic()
+        seen = [next_picture(source) for _ in range(24)]
+        lasted = time.monotonic() - began
     assert {(frame.width, frame.height) for frame in seen} == {(160, 120)}
     assert all(after.stamp > before.stamp for before, after in pairwise(seen))
     brightness = [frame.image[:120].mean() for frame in seen]
-    assert any(after < before - 100 for before, after in pairwise(brightness)), "it began again"
-    assert lasted > 0.8, "24 pictures of 20 a second"
+    assert any(after < before - 100 for before, after in pairwise(brightness)), "it did not restart"
+    assert lasted > 0.8, "too fast for 24 frames at 20 Hz"
 
 
-def test_a_picture_that_is_too_large_is_scaled_down():
-    source = camera("lavfi:color=black:size=2560x1440:rate=5")
-    source.start()
-    frame = next_picture(source)
-    source.stop()
+def test_too_large_frame_is_scaled_down():
+    with started("lavfi:color=black:size=2560x1440:rate=5") as source:
+        frame = next_picture(source)
     assert (frame.width, frame.height) == (LARGEST[0], 720)
 
 
-def test_a_camera_that_is_not_there_is_said_in_a_sentence(tmp_path):
-    source = camera(str(tmp_path / "nothing.mp4"))
-    source.start()
-    with pytest.raises(
-        AdapterError, match=r"the camera .*nothing\.mp4 cannot be read: No such file or directory"
+def test_missing_file_is_reported(tmp_path):
+    error = r"the camera .*nothing\.mp4 cannot be read: No such file or directory"
+    with (
+        started(str(tmp_path / "nothing.mp4")) as source,
+        pytest.raises(AdapterError, match=error),
     ):
-        [source.read(0.5) for _ in range(60)]
-    source.stop()
+        next_picture(source)
 
 
-def test_a_file_without_pictures_is_said_in_a_sentence(tmp_path):
+def test_file_without_video_is_reported(tmp_path):
     path = tmp_path / "sound.wav"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("pcm_s16le", rate=8000, layout="mono")
@@ -96,14 +98,11 @@ def test_a_file_without_pictures_is_said_in_a_sentence(tmp_path):
         frame.sample_rate = 8000
         for packet in stream.encode(frame):
             container.mux(packet)
-    source = camera(str(path))
-    source.start()
-    with pytest.raises(AdapterError, match="it contains no video"):
-        [source.read(0.5) for _ in range(60)]
-    source.stop()
+    with started(str(path)) as source, pytest.raises(AdapterError, match="it contains no video"):
+        next_picture(source)
 
 
-def test_a_camera_of_the_network_that_is_unplugged_says_so_and_goes_on_when_it_is_back():
+def test_unplugged_network_camera_is_reported_and_shown_when_it_is_back():
     server, pictures = PictureServer(), []
     feed = CameraFeed(camera(server.words), RtpClock(0), pictures.append)
     feed.start()
@@ -123,37 +122,23 @@ def test_a_camera_of_the_network_that_is_unplugged_says_so_and_goes_on_when_it_i
 
 
 def test_newest_frame_replaces_unread_ones():
-    server = PictureServer()
-    source = camera(server.words)
-    source.start()
-    first = next_picture(source)
-    waits = source._newest
-    assert eventually(lambda: waits._thing is not None and waits._thing[1] > first.stamp + 0.5), (
-        "nothing of half a second ago is kept"
-    )
-    second = next_picture(source)
-    source.stop()
-    server.close()
-    assert second.stamp > first.stamp + 0.5
+    with contextlib.closing(PictureServer()) as server, started(server.words) as source:
+        first = next_picture(source)
+        newest = source._newest
+        assert eventually(lambda: newest._thing and newest._thing[1] > first.stamp + 0.5)
+        assert next_picture(source).stamp > first.stamp + 0.5
 
 
-def test_pictures_in_full_range_become_videos_range():
-    server = PictureServer()
-    source = camera(server.words)
-    source.start()
-    seen = [next_picture(source).image[:120].mean() for _ in range(12)]
-    source.stop()
-    server.close()
+def test_full_range_is_converted_to_video_range():
+    with contextlib.closing(PictureServer()) as server, started(server.words) as source:
+        seen = [next_picture(source).image[:120].mean() for _ in range(12)]
     assert min(seen) == pytest.approx(16.0, abs=2.0)
     assert max(seen) == pytest.approx(235.0, abs=2.0)
 
 
-def test_the_encoder_takes_what_a_camera_gives():
-    source = camera("lavfi:testsrc=size=322x242:rate=15")
-    source.start()
-    frame = next_picture(source)
-    source.stop()
+def test_encoder_accepts_camera_frames():
+    with started("lavfi:testsrc=size=322x242:rate=15") as source:
+        frame = next_picture(source)
     picture = PictureEncoder(TIER_480P).encode(frame, 0, 0, key=True)
     assert picture.key
     assert picture.size > 500
-    assert io.BytesIO(picture.payloads[0]).read(1)

@@ -1,7 +1,7 @@
-"""The folders that PyAV's libraries were built to read under /tmp, made by somebody else: nothing
-of the product reads them.
+"""PyAV's libraries were built to read folders under /tmp, which any user could create: the product
+must not read them.
 
-Runs in a mount namespace with a /tmp of its own, where every reading leaves its time on the file.
+The tests run in a mount namespace with its own /tmp, where each read changes a file's access time.
 """
 
 import os
@@ -17,7 +17,7 @@ from tests.support.programs.sound_server import environment_of
 
 POISONED = ("/tmp/vendor/etc/gnutls/config", "/tmp/vendor/share/alsa/alsa.conf")
 LOADS_AV = re.compile(r"^\s*(import|from) (av|aiortc)\b", re.MULTILINE)
-# The project may itself lie under /tmp: keep it open while the new /tmp is mounted over it.
+# The project itself may be under /tmp: keep it open while the new /tmp is mounted.
 SCRIPT = r"""
 mount --bind "$KEPT" /mnt
 mount -t tmpfs -o strictatime none /tmp
@@ -82,7 +82,7 @@ def python(source: str) -> tuple[str, ...]:
     return (sys.executable, "-c", textwrap.dedent(source))
 
 
-def test_without_the_products_care_both_would_be_read(tmp_path):
+def test_pyav_alone_reads_both_files(tmp_path):
     source = """
         import av
         try:
@@ -122,7 +122,7 @@ def test_no_process_of_the_product_reads_them(tmp_path, command):
 
 
 def test_only_the_package_robots_loads_av():
-    """`robots/__init__.py` comes before it there."""
+    """There, `robots/__init__.py` is imported before it."""
     others = {".venv", "tests", "benchmarks", "var", "node_modules"}
     sources = [
         path

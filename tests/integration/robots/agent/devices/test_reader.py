@@ -1,4 +1,4 @@
-"""A device that hangs: how many threads it may keep."""
+"""The number of threads that a hung device may occupy."""
 
 import threading
 
@@ -10,7 +10,7 @@ from robots.agent.robot_interface import AdapterError
 from tests.support.agents.simulators import eventually
 
 
-def test_a_device_that_hangs_keeps_a_few_threads_and_is_read_again_when_it_is_back(monkeypatch):
+def test_hung_device_occupies_a_few_threads_and_is_read_again_when_it_is_back(monkeypatch):
     goes_on = threading.Event()
 
     def hang(*_, **__):

@@ -1,5 +1,6 @@
 """Microphone and loudspeaker on a real PulseAudio and a real PipeWire."""
 
+import contextlib
 import os
 import threading
 import time
@@ -42,6 +43,19 @@ def pulseaudio(tmp_path, monkeypatch):
         yield running
 
 
+@contextlib.contextmanager
+def listened(source, hear):
+    """Yield the feed of a microphone for which a page listens."""
+    feed = MicrophoneFeed(source, hear)
+    feed.start()
+    feed.listen(1)
+    try:
+        yield feed
+    finally:
+        feed.listen(-1)
+        feed.close()
+
+
 def equipment(tmp_path, **devices: str):
     return equipment_of(
         ScriptedRobot(),
@@ -50,7 +64,7 @@ def equipment(tmp_path, **devices: str):
 
 
 def microphone_hears(source, tone: float) -> bool:
-    """Tell whether half a second of the next ten has this tone."""
+    """Return whether half a second of the next ten has this tone."""
     deadline, blocks = time.monotonic() + 10.0, []
     while time.monotonic() < deadline:
         block = source.read(0.5)
@@ -86,7 +100,7 @@ class Talker:
 
 
 @pytest.mark.nightly
-def test_a_tone_comes_through_the_microphone_twice_in_a_row(server, tmp_path):
+def test_microphone_records_a_tone_twice_in_a_row(server, tmp_path):
     source = equipment(tmp_path, microphone="alsa:default").audio
     for _ in range(2):
         with server.playing(TONE):
@@ -96,7 +110,7 @@ def test_a_tone_comes_through_the_microphone_twice_in_a_row(server, tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_tone_goes_through_the_loudspeaker_twice_in_a_row(server, tmp_path):
+def test_loudspeaker_plays_a_tone_twice_in_a_row(server, tmp_path):
     speaker, _display = equipment(tmp_path, loudspeaker="alsa:default").outputs
     for _ in range(2):
         feed = OutputFeed(speaker, None)
@@ -107,9 +121,7 @@ def test_a_tone_goes_through_the_loudspeaker_twice_in_a_row(server, tmp_path):
         feed.close()
 
 
-def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversion(
-    pulseaudio, tmp_path
-):
+def test_device_of_the_server_is_found_by_name_and_converted(pulseaudio, tmp_path):
     # which has two channels at 44.1 kHz
     source = equipment(tmp_path, microphone="alsa:pulse:robot.monitor").audio
     with pulseaudio.playing(TONE):
@@ -119,15 +131,10 @@ def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversio
 
 
 @pytest.mark.nightly
-def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulseaudio, tmp_path):
+def test_unplugged_microphone_is_reported_and_heard_again(pulseaudio, tmp_path):
     heard: list[bytes] = []
-    feed = MicrophoneFeed(
-        equipment(tmp_path, microphone="alsa:default").audio,
-        lambda payload, _ticks: heard.append(payload),
-    )
-    feed.start()
-    feed.listen(1)
-    try:
+    source = equipment(tmp_path, microphone="alsa:default").audio
+    with listened(source, lambda payload, _ticks: heard.append(payload)) as feed:
         for _ in range(2):
             with pulseaudio.playing(TONE):
                 assert eventually(lambda: feed.state.status == "live" and bool(heard), 30.0)
@@ -138,84 +145,59 @@ def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulse
             heard.clear()
             with pulseaudio.playing(TONE):
                 assert eventually(lambda: feed.state.status == "live" and bool(heard), 30.0)
-    finally:
-        feed.listen(-1)
-        feed.close()
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("way", ["killed", "frozen"])
-def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back(
-    pulseaudio, tmp_path, way
-):
+@pytest.mark.parametrize("fault", ["killed", "frozen"])
+def test_loudspeaker_whose_server_fails_is_reported_and_plays_again(pulseaudio, tmp_path, fault):
     feed = OutputFeed(equipment(tmp_path, loudspeaker="alsa:default").outputs[0], None)
     feed.start()
     with Talker(feed):
         with pulseaudio.listening() as ear:
             assert eventually(lambda: ear.hears(TONE), 30.0)
-        (pulseaudio.kill if way == "killed" else pulseaudio.freeze)()
+        (pulseaudio.kill if fault == "killed" else pulseaudio.freeze)()
         assert eventually(
             lambda: any("the loudspeaker default" in error for error in feed.errors), 30.0
         )
-        (pulseaudio.start if way == "killed" else pulseaudio.thaw)()
+        (pulseaudio.start if fault == "killed" else pulseaudio.thaw)()
         with pulseaudio.listening() as ear:
             assert eventually(lambda: ear.hears(TONE) and feed.errors == (), 30.0)
     feed.close()
 
 
 @pytest.mark.nightly
-def test_a_microphone_whose_server_freezes_is_said_and_heard_again(pulseaudio, tmp_path):
-    feed = MicrophoneFeed(
-        equipment(tmp_path, microphone="alsa:default").audio, lambda _payload, _ticks: None
-    )
-    feed.start()
-    feed.listen(1)
-    try:
+def test_microphone_whose_server_freezes_is_reported_and_heard_again(pulseaudio, tmp_path):
+    source = equipment(tmp_path, microphone="alsa:default").audio
+    with listened(source, lambda _payload, _ticks: None) as feed:
         assert eventually(lambda: feed.state.status == "live", 30.0)
         pulseaudio.freeze()
         assert eventually(lambda: feed.state.reason != "", 30.0)
         pulseaudio.thaw()
         assert eventually(lambda: feed.state.status == "live", 30.0)
-    finally:
-        feed.listen(-1)
-        feed.close()
 
 
-def test_a_device_that_is_not_there_is_said_with_those_that_are(pulseaudio, tmp_path):
+def test_missing_device_is_reported_with_the_available_ones(pulseaudio, tmp_path):
     found = equipment(tmp_path, microphone="alsa:basement", loudspeaker="alsa:hw:7,0")
+    missing = "cannot be used: there is no such device; available: default, pulse$"
     for _ in range(2):
         found.audio.start()
-        with pytest.raises(
-            AdapterError,
-            match=(
-                r"^the microphone basement cannot be used: there is no such device; available:"
-                r" default, pulse$"
-            ),
-        ):
+        with pytest.raises(AdapterError, match=f"^the microphone basement {missing}"):
             [found.audio.read(0.5) for _ in range(60)]
         found.audio.stop()
         speaker = found.outputs[0]
         speaker.start()
-        with pytest.raises(
-            AdapterError,
-            match=(
-                r"^the loudspeaker hw:7,0 cannot be used: there is no such device; available:"
-                r" default, pulse$"
-            ),
-        ):
+        with pytest.raises(AdapterError, match=f"^the loudspeaker hw:7,0 {missing}"):
             [speaker.play(sine(TONE, BLOCK)) for _ in range(500)]
         speaker.stop()
 
 
-def test_a_computer_without_a_sound_server_uses_alsa_alone(tmp_path, monkeypatch):
-    """`~/.asoundrc` is read by the system's alsa.conf; what it calls `default` here is a file in
-    the place of a card.
-    """
+def test_alsa_works_without_a_sound_server(tmp_path, monkeypatch):
+    """The system's alsa.conf reads `~/.asoundrc`, in which `default` here is a file, not a card."""
     use_environment(monkeypatch, environment_of(tmp_path))
-    sine(TONE, 20 * BLOCK * 50).tofile(tmp_path / "said.raw")
+    sine(TONE, 20 * BLOCK * 50).tofile(tmp_path / "spoken.raw")
     (tmp_path / ".asoundrc").write_text(
         f'pcm.!default {{ type file slave.pcm null file "{tmp_path}/heard.raw" infile'
-        f' "{tmp_path}/said.raw" format raw }}\n'
+        f' "{tmp_path}/spoken.raw" format raw }}\n'
     )
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     found.audio.start()
@@ -229,7 +211,7 @@ def test_a_computer_without_a_sound_server_uses_alsa_alone(tmp_path, monkeypatch
     assert is_tone(np.fromfile(tmp_path / "heard.raw", np.int16)[-24_000:], TONE)
 
 
-def test_a_computer_without_alsa_utils_is_told_what_to_install(tmp_path, monkeypatch):
+def test_missing_alsa_utils_are_reported_with_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     for device in (found.audio, found.outputs[0]):

@@ -1,4 +1,4 @@
-"""The localizer on simulated drives: what it must find, notice and survive."""
+"""The localizer on simulated drives: accuracy, detection of a lost pose, and faults."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ EVERY = round(0.1 / TICK)
 
 
 class Drive:
-    """A robot that wanders about the office, and what it believes."""
+    """A robot that wanders about the office, and its localizer."""
 
     def __init__(
         self,
@@ -40,16 +40,15 @@ class Drive:
         self.localizer = Localizer(grid, np.random.default_rng([seed, 2]))
         self.world_from_map = Pose2D(0.0, 0.0, 0.0)
 
-    def told(self) -> "Drive":
+    def placed(self) -> "Drive":
+        """Give the localizer the true pose."""
         self.localizer.set_pose(self.world_from_map.compose(self.simulation.pose), 0.1, 0.1)
         return self
 
     def go(
         self, seconds: float, *, drive: bool = True, docked: bool = False
     ) -> list[tuple[Estimate, float, float]]:
-        """Return the estimates of so many seconds, at 10 Hz, and their errors in metres and
-        radians.
-        """
+        """Return the estimates of so many seconds, at 10 Hz, with their errors: metres, radians."""
         found = []
         for _ in range(round(seconds * 10)):
             for _ in range(EVERY):
@@ -61,13 +60,8 @@ class Drive:
                 docked=docked,
             )
             truth = self.world_from_map.compose(self.simulation.pose)
-            found.append(
-                (
-                    estimate,
-                    truth.distance(estimate.pose),
-                    abs(wrap_angle(estimate.pose.theta - truth.theta)),
-                )
-            )
+            turned = abs(wrap_angle(estimate.pose.theta - truth.theta))
+            found.append((estimate, truth.distance(estimate.pose), turned))
         return found
 
 
@@ -76,10 +70,8 @@ def worst(found: list[tuple[Estimate, float, float]]) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("model", "seed"), [(GIRAFF, 1), (RHODON, 2)])
-def test_a_robot_that_was_told_where_it_is_keeps_to_it_among_people(
-    model: RobotModel, seed: int
-) -> None:
-    drive = Drive(seed, model, people=3).told()
+def test_given_pose_is_tracked_among_people(model: RobotModel, seed: int) -> None:
+    drive = Drive(seed, model, people=3).placed()
     drive.go(2.0)
     found = drive.go(25.0)
     assert all(estimate.localized for estimate, *_ in found)
@@ -89,7 +81,7 @@ def test_a_robot_that_was_told_where_it_is_keeps_to_it_among_people(
     assert np.median([away for _, away, _ in found]) < 0.07
 
 
-def test_a_robot_that_was_told_nothing_finds_itself() -> None:
+def test_robot_without_a_pose_localizes_itself() -> None:
     drive = Drive(3)
     first = drive.localizer.update(0.0, drive.simulation.odometry, drive.simulation.beams())
     assert not first.localized
@@ -101,8 +93,8 @@ def test_a_robot_that_was_told_nothing_finds_itself() -> None:
     assert turned < math.radians(3.0)
 
 
-def test_a_robot_that_was_carried_away_notices_and_finds_itself_again() -> None:
-    drive = Drive(4).told()
+def test_robot_that_was_carried_away_localizes_itself_again() -> None:
+    drive = Drive(4).placed()
     drive.go(3.0)
     drive.wanderer.carry_away()
     found = drive.go(20.0)
@@ -111,15 +103,15 @@ def test_a_robot_that_was_carried_away_notices_and_finds_itself_again() -> None:
     assert found[-1][1] < 0.1
 
 
-def test_until_it_is_sure_again_a_robot_that_was_carried_away_says_that_it_is_lost() -> None:
-    drive = Drive(5).told()
+def test_robot_that_was_carried_away_is_not_localized_at_a_wrong_pose() -> None:
+    drive = Drive(5).placed()
     drive.go(3.0)
     drive.wanderer.carry_away()
     later = drive.go(20.0)[50:]
     assert not any(estimate.localized and away > 0.5 for estimate, away, _ in later)
 
 
-def test_a_pose_that_was_set_by_hand_some_way_off_is_put_right() -> None:
+def test_given_pose_with_an_error_is_corrected() -> None:
     drive = Drive(6)
     truth = drive.simulation.pose
     drive.localizer.set_pose(Pose2D(truth.x + 0.4, truth.y - 0.3, truth.theta + 0.25))
@@ -128,7 +120,7 @@ def test_a_pose_that_was_set_by_hand_some_way_off_is_put_right() -> None:
     assert away < 0.1
 
 
-def test_a_pose_that_was_set_wrongly_is_not_believed() -> None:
+def test_wrong_pose_is_rejected() -> None:
     drive = Drive(7)
     drive.localizer.set_pose(Pose2D(9.0, 1.0, 0.0), 0.2)
     found = drive.go(15.0)
@@ -136,21 +128,21 @@ def test_a_pose_that_was_set_wrongly_is_not_believed() -> None:
     assert found[-1][0].localized
 
 
-def test_forgetting_begins_anew() -> None:
-    drive = Drive(8).told()
+def test_forgotten_pose_is_searched_again() -> None:
+    drive = Drive(8).placed()
     assert drive.go(3.0)[-1][0].localized
     drive.localizer.forget()
     assert not drive.go(0.1)[0][0].localized
     assert drive.go(12.0)[-1][0].localized
 
 
-def test_the_same_seed_gives_the_same_estimates() -> None:
-    once, twice = (Drive(9, people=2).told().go(3.0) for _ in range(2))
+def test_same_seed_gives_the_same_estimates() -> None:
+    once, twice = (Drive(9, people=2).placed().go(3.0) for _ in range(2))
     assert [estimate for estimate, *_ in once] == [estimate for estimate, *_ in twice]
 
 
-def test_a_robot_that_stands_stays_where_it_is_and_gets_no_surer_than_it_can_be() -> None:
-    drive = Drive(10).told()
+def test_pose_at_rest_does_not_drift_and_its_covariance_is_bounded_below() -> None:
+    drive = Drive(10).placed()
     found = drive.go(30.0, drive=False)
     away, _ = worst(found[20:])
     assert away < 0.05
@@ -158,8 +150,8 @@ def test_a_robot_that_stands_stays_where_it_is_and_gets_no_surer_than_it_can_be(
     assert found[-1][0].covariance[0] >= 0.02**2
 
 
-def test_a_robot_that_is_carried_away_while_it_stands_notices() -> None:
-    drive = Drive(11).told()
+def test_robot_that_is_carried_away_at_rest_is_not_localized_at_a_wrong_pose() -> None:
+    drive = Drive(11).placed()
     drive.go(3.0, drive=False)
     drive.simulation.carry_to(Pose2D(9.0, 1.0, 0.5))
     found = drive.go(10.0, drive=False)
@@ -168,8 +160,8 @@ def test_a_robot_that_is_carried_away_while_it_stands_notices() -> None:
 
 
 @pytest.mark.parametrize("fault", ["silent", "nan"])
-def test_without_a_laser_trust_fades_with_the_way_and_comes_back_with_it(fault: str) -> None:
-    drive = Drive(12).told()
+def test_confidence_decreases_with_distance_without_a_laser_and_returns_with_it(fault: str) -> None:
+    drive = Drive(12).placed()
     before = drive.go(3.0)[-1][0]
     drive.simulation.faults = Faults(laser=fault)
     blind = [estimate for estimate, *_ in drive.go(25.0)]
@@ -182,8 +174,8 @@ def test_without_a_laser_trust_fades_with_the_way_and_comes_back_with_it(fault: 
     assert away < 0.1
 
 
-def test_a_silent_laser_does_not_make_a_standing_robot_lost() -> None:
-    drive = Drive(13).told()
+def test_robot_at_rest_stays_localized_without_a_laser() -> None:
+    drive = Drive(13).placed()
     drive.go(3.0)
     while drive.simulation.motion.linear or drive.simulation.motion.angular:
         drive.simulation.step(TICK)
@@ -192,8 +184,8 @@ def test_a_silent_laser_does_not_make_a_standing_robot_lost() -> None:
     assert drive.go(20.0, drive=False)[-1][0].localized
 
 
-def test_an_odometry_that_starts_again_at_zero_moves_nobody() -> None:
-    drive = Drive(14).told()
+def test_reset_odometry_does_not_move_the_pose() -> None:
+    drive = Drive(14).placed()
     drive.go(4.0)
     drive.simulation.odometry = Pose2D(0.0, 0.0, 0.0)
     found = drive.go(10.0)
@@ -202,8 +194,8 @@ def test_an_odometry_that_starts_again_at_zero_moves_nobody() -> None:
     assert drive.localizer.track.jumps == 1
 
 
-def test_an_odometry_that_is_no_number_is_left_out() -> None:
-    drive = Drive(15).told()
+def test_odometry_that_is_not_a_number_is_ignored() -> None:
+    drive = Drive(15).placed()
     drive.go(2.0)
     estimate = drive.localizer.update(
         drive.simulation.time, Pose2D(math.nan, 0.0, math.nan), drive.simulation.beams()
@@ -211,8 +203,8 @@ def test_an_odometry_that_is_no_number_is_left_out() -> None:
     assert drive.simulation.pose.distance(estimate.pose) < 0.2
 
 
-def test_a_sweep_of_an_earlier_moment_counts_for_that_moment() -> None:
-    drive = Drive(16).told()
+def test_late_scan_is_matched_at_its_own_time() -> None:
+    drive = Drive(16).placed()
     drive.go(3.0)
     simulation = drive.simulation
     errors = []
@@ -227,8 +219,8 @@ def test_a_sweep_of_an_earlier_moment_counts_for_that_moment() -> None:
     assert max(errors) < math.radians(3.0)
 
 
-def test_people_all_around_a_standing_robot_do_not_move_it() -> None:
-    drive = Drive(17).told()
+def test_people_around_a_robot_at_rest_do_not_move_its_pose() -> None:
+    drive = Drive(17).placed()
     drive.go(3.0, drive=False)
     truth = drive.simulation.beams()
     assert truth is not None
@@ -241,17 +233,15 @@ def test_people_all_around_a_standing_robot_do_not_move_it() -> None:
 
 
 def mirrored(beams: LaserScan, share: float) -> LaserScan:
-    """Return a sweep in which the middle beams went through glass, or came back from a mirror:
-    twice as far.
-    """
+    """Return a scan whose middle beams are twice as long, as behind glass or by a mirror."""
     ranges = beams.ranges.copy()
     middle, half = len(ranges) // 2, int(len(ranges) * share / 2)
     ranges[middle - half : middle + half] *= 2.0
     return dataclasses.replace(beams, ranges=ranges)
 
 
-def test_a_mirror_or_a_pane_of_glass_before_the_robot_does_not_move_it() -> None:
-    drive = Drive(18).told()
+def test_mirror_or_glass_in_front_of_the_robot_does_not_move_its_pose() -> None:
+    drive = Drive(18).placed()
     drive.go(2.0)
     for _ in range(100):
         for _ in range(EVERY):
@@ -265,7 +255,7 @@ def test_a_mirror_or_a_pane_of_glass_before_the_robot_does_not_move_it() -> None
     assert estimate.localized
 
 
-def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
+def test_robot_with_a_covered_laser_is_not_localized() -> None:
     localizer = Localizer(OFFICE.grid, np.random.default_rng(19))
     for number in range(30):
         estimate = localizer.update(
@@ -280,8 +270,8 @@ def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
 SQUARE = "\n".join(["#" * 20] + ["#" + "." * 18 + "#"] * 18 + ["#" * 20])
 
 
-def test_beside_a_leaf_that_hides_half_the_view_no_corner_across_the_building_is_believed() -> None:
-    """There more of the beams end at walls than here, but some go through walls as well."""
+def test_open_door_that_hides_half_the_view_causes_no_wrong_pose() -> None:
+    """From there more beams would end at walls, but others would pass through walls."""
     drive = Drive(1, start="10.85,2.65,1.68")
     assert drive.simulation.doors["lounge-door"] == "open"
     for second in range(14):
@@ -295,7 +285,7 @@ def test_beside_a_leaf_that_hides_half_the_view_no_corner_across_the_building_is
     assert turned < math.radians(3.0)
 
 
-def test_in_a_room_that_looks_the_same_from_four_sides_nobody_is_sure() -> None:
+def test_robot_in_a_symmetric_room_is_not_localized() -> None:
     localizer = Localizer(drawn_map(SQUARE, scale=4), np.random.default_rng(20))
     sides, odometry = standing(SQUARE, 0.2), Pose2D(0.0, 0.0, 0.0)
     start = Pose2D(1.0, 1.4, 0.3)
@@ -307,7 +297,7 @@ def test_in_a_room_that_looks_the_same_from_four_sides_nobody_is_sure() -> None:
         assert not estimate.localized
 
 
-def test_a_map_that_hangs_askew_gives_poses_of_the_world() -> None:
+def test_rotated_map_gives_poses_in_the_world_frame() -> None:
     askew = Pose2D(4.0, -3.0, 0.6)
     transform = MapTransform(
         OFFICE.grid.transform.resolution,
@@ -316,12 +306,12 @@ def test_a_map_that_hangs_askew_gives_poses_of_the_world() -> None:
     )
     drive = Drive(21, grid=dataclasses.replace(OFFICE.grid, transform=transform))
     drive.world_from_map = askew
-    away, turned = worst(drive.told().go(10.0)[20:])
+    away, turned = worst(drive.placed().go(10.0)[20:])
     assert away < 0.2
     assert turned < math.radians(5.0)
 
 
-def test_the_covariance_is_turned_into_the_world() -> None:
+def test_covariance_is_in_the_world_frame() -> None:
     corridor = "#" * 150 + ("\n" + "." * 150) * 8 + "\n" + "#" * 150
     askew = Pose2D(0.0, 0.0, math.pi / 2.0)
     localizer = Localizer(drawn_map(corridor, scale=4, origin=askew), np.random.default_rng(22))
@@ -336,12 +326,12 @@ def test_the_covariance_is_turned_into_the_world() -> None:
 
 
 @pytest.mark.parametrize("picture", ["####\n####", "    \n   #"])
-def test_a_map_without_free_space_is_refused_with_the_reason(picture: str) -> None:
+def test_map_without_free_space_is_refused_with_the_reason(picture: str) -> None:
     with pytest.raises(MapError, match="no free space"):
         Localizer(drawn_map(picture), np.random.default_rng(1))
 
 
-def test_no_update_does_more_than_a_slice_of_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_update_runs_one_slice_of_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     drive = Drive(23)
     slices = []
     ahead = drive.localizer._search_on
@@ -354,14 +344,14 @@ def test_no_update_does_more_than_a_slice_of_a_search(monkeypatch: pytest.Monkey
     assert len({id(search) for search in slices}) == 1
 
 
-def test_a_docked_robot_does_not_take_its_station_for_the_wall_behind() -> None:
+def test_docked_robot_does_not_confuse_its_station_with_the_wall_behind_it() -> None:
     bare = rasterise(msgspec.structs.replace(OFFICE.plan, docks=()))
-    found = Drive(1, RHODON, start="dock", grid=bare).told().go(10.0, drive=False, docked=True)
+    found = Drive(1, RHODON, start="dock", grid=bare).placed().go(10.0, drive=False, docked=True)
     assert all(estimate.localized for estimate, *_ in found)
     assert worst(found)[0] < 0.05
 
 
-def test_a_robot_that_charges_elsewhere_than_it_was_told_finds_itself() -> None:
+def test_wrong_docked_pose_is_corrected() -> None:
     drive = Drive(1, RHODON)
     dock = OFFICE.plan.dock_of("rhodon")
     assert dock is not None

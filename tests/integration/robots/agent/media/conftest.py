@@ -46,7 +46,7 @@ async def media(
 async def new_page(media: MediaSide, exchange: Exchange) -> AsyncIterator:
     pages: list[LoopbackPage] = []
 
-    def make(peer: str, *, decode: bool = True) -> LoopbackPage:
+    def make(peer: str, *, decode: bool = False) -> LoopbackPage:
         pages.append(LoopbackPage(media, exchange, peer, decode=decode))
         return pages[-1]
 
@@ -57,7 +57,7 @@ async def new_page(media: MediaSide, exchange: Exchange) -> AsyncIterator:
 
 @pytest.fixture
 async def connected(new_page) -> Callable[..., Awaitable[LoopbackPage]]:
-    """Return a function that makes a page and connects it; it counts pictures without decoding."""
+    """Return a function that makes a page and connects it; pages do not decode by default."""
 
     async def make(peer: str, role: Role = "observer", *, decode: bool = False) -> LoopbackPage:
         page = new_page(peer, decode=decode)

@@ -1,4 +1,4 @@
-"""What a connection learns from how long it took to find its own addresses."""
+"""Servers that delay the gathering of addresses are probed again."""
 
 import pytest
 from aiortc import RTCConfiguration, RTCPeerConnection
@@ -12,7 +12,7 @@ DATA_ONLY = RTCConfiguration(iceServers=[])
 
 
 @pytest.mark.parametrize(("long", "asked_for_two"), [(-1.0, 2), (1e9, 1)])
-async def test_servers_that_held_up_an_answer_are_asked_again_before_the_next(
+async def test_servers_that_delayed_an_answer_are_probed_again_before_the_next_one(
     monkeypatch, long, asked_for_two
 ):
     monkeypatch.setattr(signalling, "LONG_GATHERING", long)

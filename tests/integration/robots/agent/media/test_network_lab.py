@@ -1,5 +1,5 @@
-"""A worse network for the driver's picture and sound, over real WebRTC on loopback and through the
-server: theirs alone.
+"""A simulated network for the driver's video and sound alone, over real WebRTC on loopback and
+through the server.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ def arrivals(page) -> dict[int, float]:
 
 
 async def losing(media) -> None:
-    """Wait until packets are lost, and then so long that what had come before has been read."""
+    """Wait until packets are lost, and until earlier ones have been read."""
     await until(lambda: media.network is not None and media.network.lost > 5, what="lost packets")
     for _ in range(2):
         lost = media.network.lost
@@ -40,8 +40,8 @@ async def losing(media) -> None:
 
 @pytest.fixture
 async def watched(media, new_page):
-    """A driver and an observer, who both see the camera, and when their pictures arrive."""
-    driver, observer = new_page("p1", decode=False), new_page("p2", decode=False)
+    """A driver and an observer who see the camera, and the arrival times of their pictures."""
+    driver, observer = new_page("p1"), new_page("p2")
     times = arrivals(driver), arrivals(observer)
     media.lease_changed("p1")
     await driver.connect("driver")
@@ -97,7 +97,7 @@ async def test_lab_loss_keeps_connection_data_channel_and_observers_video(media,
     assert media.network is None
 
 
-async def test_only_the_present_drivers_video_is_impaired(media, watched) -> None:
+async def test_only_the_current_drivers_video_is_impaired(media, watched) -> None:
     driver, observer, _ = watched
     media.impair(NetworkLab(loss=1.0))
     await until(lambda: media.network is not None and media.network.lost > 5, what="lost packets")
@@ -122,7 +122,7 @@ async def test_driver_who_reconnects_has_the_same_network(media, connected) -> N
 
 @pytest.fixture
 async def slow(camera):
-    """A media side whose pictures go through the server, as (peer, capture stamp, moment)."""
+    """A media side whose pictures are sent through the server, as (peer, capture stamp, time)."""
     sent: list[tuple[str | None, float, float]] = []
 
     def take(payload, peer) -> None:
@@ -149,14 +149,14 @@ async def test_fallback_pictures_are_delayed_only_for_the_driver(slow) -> None:
     await until(lambda: side.network.held >= 0.49, what="the time for which it was held")
 
 
-async def test_without_a_lab_one_picture_is_for_all_who_have_asked(slow) -> None:
+async def test_without_a_lab_one_picture_is_sent_for_all_pages(slow) -> None:
     side, sent = slow
     side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
     await until(lambda: sent)
     assert [peer for peer, _, _ in sent] == [None]
 
 
-async def test_a_picture_that_the_drivers_network_has_lost_never_leaves(slow) -> None:
+async def test_picture_that_the_drivers_network_loses_is_not_sent(slow) -> None:
     side, sent = slow
     side.impair(NetworkLab(loss=1.0))
     await until(lambda: side.network is not None)

@@ -1,4 +1,4 @@
-"""A simulated robot that is always some centimetres from where it thinks."""
+"""A simulated robot whose pose is always wrong by some centimetres."""
 
 from dataclasses import dataclass, field
 
@@ -31,7 +31,7 @@ def rig(start: str, wrong: Beside) -> Rig:
     return made
 
 
-def test_a_goal_is_reached_when_a_wall_keeps_the_robot_from_its_last_centimetres() -> None:
+def test_goal_is_reached_although_a_wall_blocks_the_last_centimetres() -> None:
     made = rig("3.0,1.0,1.57", Beside(y=-0.06))
     beside_wall = 2.0 - THICK / 2.0 - 0.32
     made.navigator.goto(3.0, beside_wall)

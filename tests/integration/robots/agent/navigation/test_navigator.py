@@ -1,4 +1,4 @@
-"""A simulated robot that goes to places by itself, and what keeps it from that."""
+"""A simulated robot that navigates, and what stops it."""
 
 import math
 from itertools import pairwise
@@ -9,6 +9,7 @@ import pytest
 from robots.agent.navigation.navigator import IN_VAIN, Navigator, WheelWatch
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.pose_buffer import PoseBuffer
+from robots.agent.ramp import ZERO
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
@@ -27,12 +28,21 @@ def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
     return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
 
 
+def moving(goal_x: float = 8.4) -> Rig:
+    """Return a robot on its way along the corridor."""
+    made = rig("corridor-centre")
+    made.navigator.goto(goal_x, 1.0)
+    made.run(3.0)
+    assert made.sim.motion != STILL
+    return made
+
+
 def away_from(made: Rig, x: float, y: float) -> float:
     return math.hypot(made.sim.pose.x - x, made.sim.pose.y - y)
 
 
 @pytest.mark.parametrize(("series", "model"), MODELS_BY_NAME)
-def test_the_robot_goes_through_a_door_to_a_pose_and_touches_nothing(
+def test_robot_reaches_a_pose_through_a_door_without_contact(
     series: str, model: RobotModel
 ) -> None:
     made = rig("lab-before-door", model)
@@ -46,7 +56,7 @@ def test_the_robot_goes_through_a_door_to_a_pose_and_touches_nothing(
     assert made.step().velocity is None
 
 
-def test_the_path_ahead_shrinks_and_progress_grows() -> None:
+def test_path_shrinks_and_progress_grows() -> None:
     made = rig("corridor-centre")
     made.navigator.goto(8.4, 1.0)
     steps = [made.step() for _ in range(60)]
@@ -55,7 +65,7 @@ def test_the_path_ahead_shrinks_and_progress_grows() -> None:
     assert all(0.0 <= a.progress <= b.progress + 0.05 for a, b in pairwise(steps))
 
 
-def test_a_goal_is_reached_with_its_heading() -> None:
+def test_goal_is_reached_with_its_heading() -> None:
     made = rig("lounge-centre")
     mirror = next(place for place in SITE.plan.places if place.name == "mirror")
     made.navigator.goto(mirror.x, mirror.y, mirror.theta)
@@ -63,7 +73,7 @@ def test_a_goal_is_reached_with_its_heading() -> None:
     assert abs(abs(made.sim.pose.theta) - math.pi) < 0.15
 
 
-def test_a_docked_robot_backs_out_before_it_goes_anywhere() -> None:
+def test_docked_robot_backs_out_first() -> None:
     made = rig("dock")
     made.navigator.goto(2.5, 5.2)
     done = made.run(40.0)
@@ -71,7 +81,7 @@ def test_a_docked_robot_backs_out_before_it_goes_anywhere() -> None:
 
 
 @pytest.mark.nightly
-def test_a_drawn_line_is_followed_and_where_it_crosses_a_desk_gone_round() -> None:
+def test_drawn_line_is_followed_and_leads_around_a_desk() -> None:
     made = rig("lab-centre")
     made.navigator.follow([(3.2, 4.6), (4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0), (2.2, 5.4)])
     done = made.run(80.0)
@@ -86,7 +96,7 @@ def test_a_drawn_line_is_followed_and_where_it_crosses_a_desk_gone_round() -> No
 
 
 @pytest.mark.nightly
-def test_a_door_that_closes_on_the_way_is_gone_round() -> None:
+def test_robot_takes_another_route_when_a_door_closes() -> None:
     made = rig("lab-before-door")
     made.navigator.goto(2.0, 1.0)
     made.run(1.0)
@@ -98,7 +108,7 @@ def test_a_door_that_closes_on_the_way_is_gone_round() -> None:
     assert made.sim.distance > 15.0
 
 
-def test_robot_without_a_way_waits_and_then_names_the_door() -> None:
+def test_robot_without_a_route_waits_and_then_names_the_doors() -> None:
     made = rig("2.0,1.0,0.5")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(3.2, 4.6)
@@ -113,7 +123,7 @@ def test_robot_without_a_way_waits_and_then_names_the_door() -> None:
 
 
 @pytest.mark.nightly
-def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
+def test_waiting_robot_continues_when_a_door_opens() -> None:
     made = rig("10.0,1.0,1.57")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(9.9, 3.6)
@@ -135,7 +145,7 @@ def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
         (9.4, 7.15, None, "in_wall: "),
     ],
 )
-def test_goals_that_cannot_be_are_refused_with_the_reason(
+def test_impossible_goals_are_refused_with_the_reason(
     x: float, y: float, theta: float | None, reason: str
 ) -> None:
     navigator = rig("lab-centre").navigator
@@ -152,32 +162,23 @@ def test_short_lines_are_refused() -> None:
         navigator.follow([(1.0, 1.0), (math.nan, 2.0)])
 
 
-def test_a_map_without_free_space_is_refused() -> None:
+def test_map_without_free_space_is_refused() -> None:
     full = OccupancyGrid(np.zeros_like(SITE.grid.image), SITE.grid.transform)
     with pytest.raises(NoWayError, match="no free space"):
         Navigator(full, None, np.array(GIRAFF.footprint), GIRAFF.limits, "giraff")
 
 
-def test_cancel_brakes_to_a_stand_and_then_is_silent() -> None:
-    made = rig("corridor-centre")
-    made.navigator.goto(8.4, 1.0)
-    made.run(3.0)
-    assert made.sim.motion != STILL
+def test_cancel_brakes_to_rest_and_then_sends_no_velocity() -> None:
+    made = moving()
     made.navigator.cancel()
-    assert (made.step().velocity, made.step().reason) == (
-        Velocity(linear=0.0, angular=0.0),
-        "cancelled",
-    )
+    assert (made.step().velocity, made.step().reason) == (ZERO, "cancelled")
     made.settle()
     assert made.sim.motion == STILL
     assert made.step().velocity is None
 
 
-def test_a_silent_laser_stops_the_robot_and_ends_the_task() -> None:
-    made = rig("corridor-centre")
-    made.navigator.goto(8.4, 1.0)
-    made.run(3.0)
-    assert made.sim.motion != STILL
+def test_silent_laser_stops_the_robot_and_fails_the_task() -> None:
+    made = moving()
     made.laser_works = False
     done = made.run(20.0)
     assert (done.status, done.reason) == ("FAILED", "no_laser: silent")
@@ -185,10 +186,8 @@ def test_a_silent_laser_stops_the_robot_and_ends_the_task() -> None:
     assert made.sim.motion == STILL
 
 
-def test_a_laser_that_comes_back_in_time_lets_the_robot_go_on() -> None:
-    made = rig("corridor-centre")
-    made.navigator.goto(7.0, 1.0)
-    made.run(3.0)
+def test_robot_continues_when_the_laser_is_back_in_time() -> None:
+    made = moving(7.0)
     made.laser_works = False
     made.run(1.5)
     assert made.sim.motion == STILL
@@ -196,12 +195,10 @@ def test_a_laser_that_comes_back_in_time_lets_the_robot_go_on() -> None:
     assert made.run(30.0).status == "FINISHED"
 
 
-def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(
+def test_laser_that_measures_only_nan_stops_the_robot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = rig("corridor-centre")
-    made.navigator.goto(8.4, 1.0)
-    made.run(3.0)
+    made = moving()
     monkeypatch.setattr(made.sim, "scan", lambda: np.full(GIRAFF.laser.beams, math.nan))
     done = made.run(20.0)
     assert (done.status, done.reason) == ("FAILED", "no_laser: blind")
@@ -210,16 +207,14 @@ def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(
 
 
 def test_lost_robot_stops_and_reports_it() -> None:
-    made = rig("corridor-centre")
-    made.navigator.goto(8.4, 1.0)
-    made.run(3.0)
+    made = moving()
     made.knows_where = False
     done = made.run(20.0)
     assert (done.status, done.reason) == ("FAILED", "lost")
     assert made.sim.motion == STILL
 
 
-def test_wheels_that_do_not_turn_are_noticed() -> None:
+def test_wheels_that_do_not_turn_fail_the_task() -> None:
     made = rig("corridor-centre")
     made.wheels_turn = False
     made.navigator.goto(8.4, 1.0)
@@ -228,7 +223,7 @@ def test_wheels_that_do_not_turn_are_noticed() -> None:
 
 
 @pytest.mark.nightly
-def test_people_who_walk_are_not_run_into() -> None:
+def test_robot_does_not_collide_with_walking_people() -> None:
     made = Rig(
         Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1
     )
@@ -238,15 +233,15 @@ def test_people_who_walk_are_not_run_into() -> None:
     assert made.seen_collisions == 0
 
 
-def test_the_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
+def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
     watch, asked, here = WheelWatch(), Velocity(linear=0.3, angular=0.0), Pose2D(0.0, 0.0, 0.0)
     assert not any(watch.stuck(asked, here, step / 10.0) for step in range(round(IN_VAIN * 10)))
     assert watch.stuck(asked, here, IN_VAIN + 0.2)
     assert not watch.stuck(asked, Pose2D(0.05, 0.0, 0.0), IN_VAIN + 0.3)
-    assert not watch.stuck(Velocity(linear=0.0, angular=0.0), here, 2.0 * IN_VAIN + 1.0)
+    assert not watch.stuck(ZERO, here, 2.0 * IN_VAIN + 1.0)
 
 
-def test_an_old_estimate_is_carried_on_by_the_odometry() -> None:
+def test_late_estimate_is_moved_by_the_odometry() -> None:
     where = PoseBuffer()
     unknown = Estimate(0.0, CENTRE, (0.0,) * 6, 1.0, localized=True)
     for step in range(11):
@@ -258,7 +253,7 @@ def test_an_old_estimate_is_carried_on_by_the_odometry() -> None:
     assert where.odometry_at(-5.0) == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_the_rhodon_whose_laser_sees_only_half_the_room_passes_the_archway() -> None:
+def test_rhodon_with_a_narrow_laser_passes_the_archway() -> None:
     made = rig("lab-centre", RHODON)
     made.navigator.goto(8.6, 4.4, 0.0)
     assert made.run(60.0).status == "FINISHED"

@@ -1,4 +1,4 @@
-"""Options of an agent reach the simulated robot that it starts."""
+"""An agent's options reach the simulator that it starts."""
 
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.simulator import wire
@@ -17,22 +17,17 @@ def test_agents_options_reach_the_simulator() -> None:
     }
     child, address = launch("giraff", options)
     try:
-        onlooker = Onlooker(int(address.rpartition(":")[2]))
+        port = int(address.rpartition(":")[2])
+        onlooker, operator = Onlooker(port), SimulatorOperator(port)
         truth = onlooker.truth()
         assert len(truth.people) == 2
         assert (truth.x, truth.y) == (6.1, 5.6)
-        assert set(truth.doors) == {
-            "waiting-door",
-            "therapy-door",
-            "consulting-door",
-            "treatment-door",
-            "connecting-door",
-        }
+        rooms = ("waiting", "therapy", "consulting", "treatment", "connecting")
+        assert set(truth.doors) == {f"{room}-door" for room in rooms}
         assert eventually(lambda: "closed" in onlooker.truth().doors.values())
-        fault = SimulatorOperator(int(address.rpartition(":")[2]))
-        assert fault.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
+        assert operator.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
         assert eventually(lambda: "closed" not in onlooker.truth().doors.values())
-        fault.close()
+        operator.close()
         onlooker.close()
     finally:
         child.kill()

@@ -1,4 +1,4 @@
-"""The simulator as a process: the base stops when the agent is dead."""
+"""The simulator as a process: its clients, its end, and a base that stops without its agent."""
 
 import asyncio
 import os
@@ -67,7 +67,7 @@ def time_to_rest(rows: list) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("fault", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
-def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
+def test_base_brakes_by_itself_when_the_agent_is_killed_or_stopped(
     fault: signal.Signals,
 ) -> None:
     with (
@@ -88,40 +88,37 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
             + computer.excuse(struck, stood)
             + min(pauses((row.stamp for row in rows if row.stamp > struck), ONE_STATE), 1.5)
         )
-        # what had come while the robot's own process was late
+        # a command may have arrived while the simulator was late
         assert last_command <= struck + tolerance + LONGEST_LAG
         assert stood - last_command <= bound + tolerance
         duration, peak = time_to_rest(rows)
         assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
-        onlooker.close()
         if fault == signal.SIGSTOP:
             agent.send_signal(signal.SIGCONT)
 
 
 @pytest.mark.nightly
-def test_an_agent_that_lives_again_drives_on() -> None:
+def test_resumed_agent_drives_again() -> None:
     with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as agent:
         onlooker = robot.onlooker()
         agent.send_signal(signal.SIGSTOP)
         assert eventually(lambda: onlooker.truth().linear == 0.0, 5.0)
         agent.send_signal(signal.SIGCONT)
         assert eventually(lambda: onlooker.truth().linear > 0.2, 5.0)
-        onlooker.close()
 
 
 @pytest.mark.nightly
-def test_a_new_agent_takes_over_from_one_that_hangs() -> None:
+def test_new_agent_replaces_a_hung_one() -> None:
     with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as hanging:
         hanging.send_signal(signal.SIGSTOP)
         with driving_agent(robot.address, linear=-0.25):
             onlooker = robot.onlooker()
             assert eventually(lambda: onlooker.truth().linear < -0.2, 5.0)
-            onlooker.close()
         hanging.send_signal(signal.SIGCONT)
-        assert hanging.wait(timeout=40) != 0  # it was hung up on
+        assert hanging.wait(timeout=40) != 0  # its connection was closed
 
 
-def test_process_ends_after_its_driver_left_and_the_robot_is_at_rest() -> None:
+def test_process_ends_when_its_driver_has_left_and_the_robot_is_at_rest() -> None:
     with simulator(*QUIET, "--linger", "0.05") as robot:
         with driving_agent(robot.address) as agent:
             onlooker = robot.onlooker()
@@ -134,13 +131,13 @@ def test_process_ends_after_its_driver_left_and_the_robot_is_at_rest() -> None:
                 ended = time.time()
         assert robot.process.wait(timeout=40) == 0
         assert seen[0].linear > 0.2
-        # after the last look, which may be early on a busy machine
+        # from the last truth, which may be early on a busy machine
         still_braked = seen[-1].linear / GIRAFF.limits.linear_braking
         assert ended >= seen[-1].stamp + still_braked - ONE_STATE
 
 
 @pytest.mark.nightly
-def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None:
+def test_simulator_of_a_killed_agent_ends_and_leaves_no_shared_memory() -> None:
     with driving_agent("child", media=True) as agent:
         address = agent.stdout.readline().strip()
         host, _, port = address.rpartition(":")
@@ -160,7 +157,7 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
     [signal.SIGTERM, signal.SIGINT, signal.SIGKILL],
     ids=["terminated", "interrupted", "killed"],
 )
-def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) -> None:
+def test_ended_simulator_leaves_no_shared_memory(fault: signal.Signals) -> None:
     with simulator("--linger", "30") as robot:
         line = MediaSocket(("127.0.0.1", robot.port), "camera")
         line.read(20.0)
@@ -173,7 +170,7 @@ def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) ->
 
 
 @pytest.mark.nightly
-def test_frames_are_drawn_only_while_there_are_viewers() -> None:
+def test_frames_are_drawn_only_for_viewers() -> None:
     with simulator("--linger", "30") as robot:
         line = MediaSocket(("127.0.0.1", robot.port), "camera")
         numbers = []
@@ -188,19 +185,19 @@ def test_frames_are_drawn_only_while_there_are_viewers() -> None:
         assert all(b > a for (_, a), (_, b) in pairwise(numbers))
         (begun, last) = numbers[0][1], numbers[-1]
         time.sleep(1.0)
-        would_come = (len(numbers) - 1) / (last[1] - begun)  # in this second
+        expected = (len(numbers) - 1) / (last[1] - begun)  # frames in this second
         opened = time.time()
         again = MediaSocket(("127.0.0.1", robot.port), "camera")
         first = next(
             m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady)
         )
-        # since the last picture that was read, at the camera's own pace
+        # since the last frame that was read, at the rate of the camera
         watched_for = closed - last[1] + max(0.0, first.stamp - opened)
-        assert first.number <= last[0] + 1 + watched_for * GIRAFF.camera.fps + would_come / 2
+        assert first.number <= last[0] + 1 + watched_for * GIRAFF.camera.fps + expected / 2
         again.close()
 
 
-def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
+def test_malformed_messages_close_only_their_own_connection() -> None:
     with simulator(*QUIET) as robot:
         onlooker = robot.onlooker()
         for nonsense in (
@@ -211,11 +208,10 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
         ):
             assert b"Refused" in replies(robot.port, nonsense)
         assert onlooker.truth().linear == 0.0
-        onlooker.close()
 
 
 @pytest.mark.nightly
-def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
+def test_operator_carries_the_robot_away_injects_faults_and_moves_doors() -> None:
     with simulator(*QUIET, "--seed", "3") as robot:
         fault, onlooker = SimulatorOperator(robot.port), robot.onlooker()
         assert fault.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
@@ -230,35 +226,32 @@ def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
             assert fault.wish(wire.Break(Faults())) == ""
             assert eventually(lambda: onlooker.truth().linear > 0.05)
         fault.close()
-        onlooker.close()
 
 
 @pytest.mark.nightly
-def test_observer_gets_the_places_of_walking_people() -> None:
+def test_observer_gets_the_positions_of_walking_people() -> None:
     with simulator(*QUIET, "--people", "2") as robot:
         onlooker = robot.onlooker()
         before = onlooker.truth().people
         assert len(before) == 2
         assert eventually(lambda: onlooker.truth().people != before)
-        onlooker.close()
 
 
 @pytest.mark.parametrize(
     "arguments",
     [("--people", "-1"), ("--people", "1000"), ("--door-changes", "-3"), ("--door-changes", "nan")],
 )
-def test_a_number_that_cannot_be_is_refused_with_a_sentence(arguments: tuple[str, str]) -> None:
+def test_invalid_number_is_refused_with_its_option(arguments: tuple[str, str]) -> None:
     with pytest.raises(RuntimeError, match=arguments[0]):
         simulator(*QUIET, *arguments).__enter__()
 
 
-def test_an_observer_cannot_drive() -> None:
+def test_observer_cannot_drive() -> None:
     with simulator(*QUIET) as robot:
         order = framing.pack(wire.DriveOrder(0.5, 0.0))
         assert b"Refused" in replies(robot.port, hello("observer"), order)
         onlooker = robot.onlooker()
         assert onlooker.truth().commanded == (0.0, 0.0)
-        onlooker.close()
 
 
 def test_non_finite_velocity_closes_the_connection_and_stops_the_base() -> None:
@@ -268,7 +261,6 @@ def test_non_finite_velocity_closes_the_connection_and_stops_the_base() -> None:
             order = framing.pack(wire.DriveOrder(bad, 0.0))
             assert b"Refused" in replies(robot.port, hello("driver"), order)
         assert onlooker.truth().linear == 0.0
-        onlooker.close()
 
 
 @pytest.mark.parametrize(
@@ -281,16 +273,14 @@ def test_non_finite_velocity_closes_the_connection_and_stops_the_base() -> None:
         (("--listen", "127.0.0.1"), "loopback"),
     ],
 )
-def test_a_robot_that_cannot_be_is_refused_with_one_sentence(
-    arguments: tuple[str, ...], words: str
-) -> None:
+def test_invalid_argument_is_refused_in_one_line(arguments: tuple[str, ...], words: str) -> None:
     done = run_simulator(*arguments)
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_busy_port_is_reported_in_one_sentence() -> None:
+def test_busy_port_is_reported() -> None:
     with simulator(*QUIET) as robot:
         done = run_simulator("--listen", robot.address, *QUIET)
         assert done.returncode == 1
@@ -308,10 +298,9 @@ def test_client_that_does_not_read_costs_no_memory_and_delays_no_other() -> None
         assert eventually(lambda: onlooker.truth().stamp > begun + 1.5, 10.0)
         pages = int(Path(f"/proc/{robot.process.pid}/statm").read_text(encoding="ascii").split()[1])
         assert pages * os.sysconf("SC_PAGE_SIZE") < 300e6
-        onlooker.close()
 
 
-def test_everything_is_closed_when_a_loop_ends_early() -> None:
+def test_clients_that_disconnect_at_once_do_not_disturb_others() -> None:
     async def greet(port: int) -> None:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(hello("observer"))
@@ -323,4 +312,3 @@ def test_everything_is_closed_when_a_loop_ends_early() -> None:
             asyncio.run(greet(robot.port))
         onlooker = robot.onlooker()
         assert onlooker.truth().docked is False
-        onlooker.close()

@@ -1,32 +1,27 @@
-"""ROS 2's navigation, docking and driving, in every way in which the agent can be lost or the robot
-be late: metres and seconds until the robot is at rest.
+"""ROS 2's navigation, docking and driving when the agent is lost or the robot is late: metres and
+seconds until the robot is at rest.
 
-Real rclpy nodes over Fast DDS: the robot's own node, the agent's node with its guard, and an agent
-with the control loop and a driver (governed_agent.py). `pytest -s` prints the table; the rows
-marked nightly run in `make nightly`. The adapter, not the bus, passes velocities through the agent:
+Real rclpy nodes over Fast DDS: the robot's node, the agent's node with its guard, and a whole agent
+(ordered_agent.py). `pytest -s` prints the table; the rows marked nightly run in `make nightly`.
+Velocities that pass through the agent depend on the adapter, not on the bus:
 test_navigation_endings.py has those rows.
 """
 
 import contextlib
-import json
-import math
-import subprocess
-import sys
 import time
 
 import pytest
 
 from robots.api.geometry import Pose2D
+from tests.support.agents.agent_process import AgentProcess, wait
+from tests.support.architectures.motion import Motion, assert_rest
 from tests.support.architectures.rca_world import BEFORE_DOCK
-from tests.support.architectures.ros1_processes import Process
 from tests.support.architectures.ros2_robot import Ros2Rig
-from tests.support.patience import patient
 
 ZERO_WITHIN = 0.65  # s from the event to the first zero velocity
 BRAKING = 0.5 / 0.8  # s from the robot's speed to a standstill
 AWAY = 4.0  # s
 SEEN_FOR = 3.0  # s that the robot is watched afterwards
-MOVES = 0.02  # m/s
 AHEAD = 6.0  # m
 NIGHTLY = [
     (action, end)
@@ -45,58 +40,24 @@ def rig():
 
 @contextlib.contextmanager
 def governed(rig, directory, action):
-    """An agent whose robot does an action."""
+    """Yield an agent whose robot does an action, and a function that starts a goal ahead."""
     rig.reset(BEFORE_DOCK["giraff"] if action == "dock" else None)
     goal = rig.world.truth.compose(Pose2D(AHEAD, 0.0, 0.0))
-    wish = {
-        "adapter": "ros2",
-        "profile": "giraff",
-        "directory": str(directory),
-        "options": rig.options(),
-        "goal": [goal.x, goal.y],
-    }
-    command = [sys.executable, "-m", "tests.support.agents.governed_agent", json.dumps(wish)]
-    log = directory / "agent.log"
-    with log.open("w") as out:
-        agent = Process(command, log, stdin=subprocess.PIPE, stdout=out)
+    goto = ("goto", f"{goal.x}", f"{goal.y}")
+    agent = AgentProcess(
+        "ordered_agent",
+        adapter="ros2",
+        profile="giraff",
+        directory=str(directory),
+        options=rig.options(),
+    )
     try:
-        agent.wait_for(lambda each: "connected" in each, within=30.0)
         if action:
-            agent.request(action)
-            wait(lambda: rig.world.sim.motion.linear > 0.15)
-        yield agent
+            agent.request(*(goto if action == "goto" else (action,)))
+            wait(lambda: rig.world.sim.motion.linear > 0.15, 20.0)
+        yield agent, lambda: agent.request(*goto)
     finally:
-        agent.freeze(on=False)
         agent.kill()
-
-
-def wait(condition):
-    deadline = time.monotonic() + patient(20.0)
-    while not condition():
-        assert time.monotonic() < deadline, "the robot does not move"
-        time.sleep(0.005)
-
-
-class Motion:
-    """How the robot comes to rest after an event."""
-
-    def __init__(self, world):
-        self.world, self.began = world, time.monotonic()
-        self.from_distance = world.sim.distance
-        self.metres = self.seconds = 0.0
-        self.later = 0.0  # metres after the first standstill
-        self.stood_at = math.inf
-
-    def watch(self, seconds):
-        until = time.monotonic() + seconds
-        while (now := time.monotonic()) < until:
-            moves = abs(self.world.sim.motion.linear) > MOVES
-            if moves:
-                self.seconds = now - self.began
-            elif self.stood_at == math.inf:
-                self.stood_at, self.metres = now, self.world.sim.distance - self.from_distance
-            time.sleep(0.005)
-        self.later = self.world.sim.distance - self.from_distance - self.metres
 
 
 @pytest.mark.parametrize(
@@ -107,61 +68,50 @@ class Motion:
         *(pytest.param(*each, marks=pytest.mark.nightly) for each in NIGHTLY),
     ],
 )
-def test_a_lost_agent_leaves_the_robot_at_rest(rig, tmp_path, action, end):
-    with governed(rig, tmp_path, action) as agent:
+def test_lost_agent_leaves_the_robot_at_rest(rig, tmp_path, action, end):
+    with governed(rig, tmp_path, action) as (agent, _):
         motion = Motion(rig.world)
-        match end:
-            case "killed":
-                agent.kill()
-            case "frozen":
-                agent.freeze(on=True)
-            case _:
-                agent.request("hang")
-        motion.watch(AWAY)
-        if end == "frozen":
+        if end == "killed":
+            agent.kill()
+        elif end == "frozen":
+            agent.freeze(on=True)
+            time.sleep(AWAY)
             agent.freeze(on=False)
-        motion.watch(SEEN_FOR)
-        sys.stdout.write(
-            f"\n{action or 'idle'}: agent {end:6} {motion.metres:5.2f} m  at rest after"
-            f" {motion.seconds:5.2f} s  then {motion.later:5.3f} m\n"
-        )
-        assert motion.seconds <= patient(ZERO_WITHIN + BRAKING)
-        assert motion.later < 0.01
+        else:
+            agent.request("hang")
+            agent.wait_for(lambda each: "hung" in each, since=motion.began)
+            agent.request("idle")
+        found = motion.until_rest(AWAY + SEEN_FOR)
+        label = f"{action or 'idle'}: agent {end}"
+        assert_rest(label, found, ZERO_WITHIN + BRAKING, later=0.01, said=agent.reported())
+
+
+def assert_never_moved(rig, agent, label, before):
+    found = Motion(rig.world).until_rest(AWAY + SEEN_FOR)
+    metres = rig.world.sim.distance - before
+    print(f"\n{label}: {metres:5.2f} m  {found}  {agent.reported()}")
+    assert rig.world.journey != "running"
+    assert metres < 0.3
 
 
 @pytest.mark.nightly
-def test_a_goal_that_is_accepted_after_6_s_does_not_move_the_robot(rig, tmp_path):
-    with governed(rig, tmp_path, "") as agent:
+def test_goal_accepted_after_6_s_does_not_move_the_robot(rig, tmp_path):
+    with governed(rig, tmp_path, "") as (agent, goto):
         rig.world.accept_after = 6.0
         before = rig.world.sim.distance
-        agent.request("goto")
-        ended = agent.wait_for(lambda each: each.get("progress") in {"FAILED", "CANCELLED"})
-        motion = Motion(rig.world)
-        motion.watch(SEEN_FOR)
-        sys.stdout.write(
-            f"\ngoto: accepted after 6 s   {rig.world.sim.distance - before:5.2f} m"
-            f"  reported {ended['progress']} {ended['reason']}\n"
-        )
-        assert rig.world.journey != "running"
-        assert rig.world.sim.distance - before < 0.3
+        goto()
+        agent.wait_for(lambda each: each.get("status") in {"FAILED", "CANCELLED"})
+        assert_never_moved(rig, agent, "goto: accepted after 6 s", before)
 
 
 @pytest.mark.nightly
-def test_a_robot_that_hung_for_6_s_with_a_goal_does_not_move_afterwards(rig, tmp_path):
-    with governed(rig, tmp_path, "") as agent:
+def test_robot_that_hung_for_6_s_with_a_goal_does_not_move_afterwards(rig, tmp_path):
+    with governed(rig, tmp_path, "") as (agent, goto):
         before = rig.world.sim.distance
         rig.freeze(on=True)
         try:
-            agent.request("goto")
+            goto()
             time.sleep(6.0)
         finally:
             rig.freeze(on=False)
-        motion = Motion(rig.world)
-        motion.watch(AWAY + SEEN_FOR)
-        reported = [each for each in agent.events(motion.began - 6.0) if "progress" in each]
-        sys.stdout.write(
-            f"\ngoto: robot's node hung 6 s {rig.world.sim.distance - before:5.2f} m"
-            f"  reported {[each['progress'] + ' ' + each['reason'] for each in reported]}\n"
-        )
-        assert rig.world.sim.distance - before < 0.3
-        assert rig.world.journey != "running"
+        assert_never_moved(rig, agent, "goto: robot's node hung 6 s", before)

@@ -1,14 +1,14 @@
-"""The simulated robot, driven by its driver and by our own navigation, when the agent, the
-navigation process or the simulator hangs or dies: metres and seconds until it is at rest.
+"""The simulated robot, moved by its driver or by our navigation, when the agent, the navigation
+process or the simulator hangs or dies: metres and seconds until it is at rest.
 
 The agent is whole and a process of its own (ordered_agent.py); simulator and navigation are its
 children. `pytest -s` prints the table; the cells marked nightly run in `make nightly`.
 """
 
 import contextlib
+import math
 import os
 import signal
-import sys
 import time
 from itertools import pairwise
 
@@ -17,12 +17,11 @@ import pytest
 from robots.world.robot_models import model_of
 from tests.support.agents.agent_process import AgentProcess, wait
 from tests.support.agents.truth import Onlooker
-from tests.support.patience import patient
+from tests.support.architectures.motion import REST, STEADY, assert_rest
 
 GIRAFF = model_of("giraff")
 OPTIONS = {"camera": "no", "start": "6.0,1.0,3.1", "seed": "3", "linger": "20"}
 AWAY, WATCHED = 4.0, 3.0  # s
-REST = 1e-3  # m/s and rad/s
 LATE = 0.3  # s after which our navigation's last velocity no longer counts
 ROWS = {"driven": ("drive",), "navigating": ("goto", "1.2", "1.0"), "docking": ("dock",)}
 COLUMNS = (
@@ -37,7 +36,14 @@ QUICK = {("navigating", "agent killed"), ("docking", "navigation killed")}
 
 @contextlib.contextmanager
 def moving(row, directory):
-    agent = AgentProcess("simulator", "giraff", OPTIONS, directory, plan="office")
+    agent = AgentProcess(
+        "ordered_agent",
+        adapter="simulator",
+        profile="giraff",
+        options=OPTIONS,
+        directory=str(directory),
+        plan="office",
+    )
     found = agent.wait_for(lambda event: "port" in event)
     onlooker = Onlooker(int(found["port"].rpartition(":")[2]))
     try:
@@ -48,7 +54,7 @@ def moving(row, directory):
         for pid in found["pids"]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
-        agent.end()
+        agent.kill()
         onlooker.close()
 
 
@@ -57,17 +63,18 @@ def since(onlooker, event):
     rows = [row for row in onlooker.history(30.0) if row.stamp >= event]
     moves = [abs(row.linear) > REST or abs(row.angular) > REST for row in rows]
     at_rest = next(
-        index for index, moving in enumerate(moves) if not moving and not any(moves[index:][:20])
+        index
+        for index, moving in enumerate(moves)
+        if not moving and not any(moves[index:][:STEADY])
     )
     steps = [
-        ((after.x - before.x) ** 2 + (after.y - before.y) ** 2) ** 0.5
-        for before, after in pairwise(rows)
+        math.dist((before.x, before.y), (after.x, after.y)) for before, after in pairwise(rows)
     ]
     return sum(steps[:at_rest]), rows[at_rest].stamp - event, sum(steps[at_rest:])
 
 
 def within(column):
-    """Seconds from the event until the robot is at rest, on a computer with nothing else to do."""
+    """Return the seconds from the event until the robot is at rest, on an idle computer."""
     braking = GIRAFF.limits.linear / GIRAFF.limits.linear_braking
     silence = {"agent": GIRAFF.watchdog, "simulator": AWAY + GIRAFF.watchdog, "navigation": LATE}
     return silence[column.split()[0]] + braking
@@ -95,13 +102,9 @@ def test_robot_comes_to_rest(row, column, tmp_path):
                 os.kill(pid, signal.SIGCONT)
         time.sleep(within(column) + WATCHED)
         metres, seconds, later = since(onlooker, event)
-        sys.stdout.write(
-            f"\nsimulator, {row}: {column:20} {metres:5.2f} m  at rest after {seconds:5.2f} s, "
-            f"then {later:5.3f} m  {agent.said()}"
-        )
-        assert seconds <= patient(within(column))
+        label = f"simulator, {row}: {column}"
+        assert_rest(label, (metres, seconds, later), within(column), said=agent.reported())
         assert metres <= GIRAFF.limits.linear * within(column)
-        assert later <= 0.03
         if who == "navigation":
             ended = agent.wait_for(lambda each: each.get("status") == "FAILED", since=began)
             assert "navigation" in ended["reason"]

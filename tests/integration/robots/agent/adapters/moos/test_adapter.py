@@ -1,5 +1,5 @@
-"""OpenMORA's variables in a MOOSDB: the conformance suite against a double or, with
-MOOSDB=host:port, against a real one; and the wire.
+"""OpenMORA's variables in a MOOSDB, a double or with MOOSDB=host:port a real one: the conformance
+suite, and the wire format.
 """
 
 import asyncio
@@ -36,8 +36,8 @@ class TestGiraff(RcaConformance):
         return MoosRig("giraff", REAL)
 
     @pytest.mark.nightly
-    async def test_an_end_of_navigation_from_before_is_not_that_of_this_journey(self, adapter):
-        # the second time, the end of the first is the variable's last value
+    async def test_end_of_an_earlier_journey_does_not_end_this_one(self, adapter):
+        # the second time, the variable still holds the end of the first
         for number in range(2):
             goal = self.rig.world.truth.x + 0.35, self.rig.world.truth.y
             await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, x=goal[0], y=goal[1]))
@@ -47,9 +47,7 @@ class TestGiraff(RcaConformance):
             await adapter.connect()
 
     @pytest.mark.nightly
-    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node(
-        self, adapter
-    ):
+    async def test_goto_a_place_ends_with_its_plan_and_not_at_the_first_node(self, adapter):
         for number in range(2):
             await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, place="Sofa"))
             assert (await heard(adapter, ended(f"g{number}"), 20.0))[-1].status == "FINISHED"
@@ -57,31 +55,31 @@ class TestGiraff(RcaConformance):
             self.rig.reset()
             await wait_for(adapter, lambda s: s.pose.x < NODES["Door"][0])
 
-    async def test_a_plan_that_ends_elsewhere_has_failed(self, adapter, monkeypatch):
+    async def test_plan_that_ends_elsewhere_has_failed(self, adapter, monkeypatch):
         monkeypatch.setattr("robots.agent.adapters.moos.adapter.LANDING", 0.5)
         monkeypatch.setitem(VIA, "Sofa", None)
-        # the planner finds no way to it, and says that the plan is finished
+        # without a route to it, the planner still reports that the plan is finished
         monkeypatch.delitem(NODES, "Sofa")
         await wait_for(adapter, lambda _: adapter._place == "Door")
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
         assert (last.status, last.reason) == ("FAILED", "stopped_short")
 
-    async def test_motion_that_openmora_starts_itself_is_cancelled(self, adapter):
+    async def test_motion_that_openmora_starts_is_cancelled(self, adapter):
         await wait_for(adapter, lambda _: adapter._controller)
         self.rig.resume(self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)))
         await wait_for(adapter, lambda s: self.rig.world.journey == "running")
         await wait_for(adapter, lambda s: self.rig.world.journey != "running")
         await self.has_stopped()
 
-    async def test_a_plan_that_starts_after_its_cancel_is_cancelled_until_it_ends(self, adapter):
+    async def test_plan_that_starts_after_its_cancel_is_cancelled_until_it_ends(self, adapter):
         self.rig.world.accept_after = 1.5
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         assert await cancelled(adapter, "g") > 2
         await self.has_stopped()
         await stays(self.rig, 2.0)
 
-    async def test_a_docking_that_never_begins_is_cancelled(self, near_dock, monkeypatch):
+    async def test_docking_that_never_begins_is_cancelled(self, near_dock, monkeypatch):
         monkeypatch.setattr(openmora, "SETTING_OUT", 1.0)
         self.rig.world.accept_after = 60.0
         before = self.rig.world.cancels
@@ -89,14 +87,14 @@ class TestGiraff(RcaConformance):
         await wait_for(near_dock, lambda _: self.rig.world.cancels > before + 1)
         assert near_dock.pending_actions.of("d").failure == "does_not_start"
 
-    async def test_bumpers_count_once_a_touch(self, adapter):
+    async def test_bumpers_count_each_contact_once(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts
         self.rig.bumped = 1.0
         await wait_for(adapter, lambda s: s.contacts == before + 1)
         self.rig.bumped = 0.0
         assert (await some(adapter.states(), 10))[-1].contacts == before + 1
 
-    async def test_a_second_agent_of_the_same_name_is_refused_with_the_reason(self, adapter):
+    async def test_second_agent_of_the_same_name_is_refused_with_the_reason(self, adapter):
         await some(adapter.states(), 1)
         with pytest.raises(AdapterError, match="already exists"):
             await self.make().connect()
@@ -106,15 +104,15 @@ class TestGiraff(RcaConformance):
 
 
 @pytest.mark.nightly
-async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monkeypatch):
-    # longer than a busy machine holds up one process
+async def test_idle_client_is_kept_because_it_sends_timing_messages(monkeypatch):
+    # longer than a busy machine delays a process
     monkeypatch.setattr("tests.support.architectures.moosdb.SILENCE", 2.0)
     monkeypatch.setattr("robots.agent.adapters.moos.client.BEAT", 0.1)
     db, lost = MoosDb(), []
     await db.start()
     client = MoosClient("quiet", "127.0.0.1", db.port, lambda _: None, lost.append)
     await client.connect()
-    await asyncio.sleep(4.5)  # more than twice what a silent one is given
+    await asyncio.sleep(4.5)  # more than twice SILENCE
     assert "quiet" in db.clients
     assert lost == []
     await client.close()
@@ -125,7 +123,7 @@ async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monk
     "answer",
     [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", wire.pack([Mail(wire.WELCOME, text="old")])],
 )
-async def test_something_else_at_the_address_gives_a_sentence(answer):
+async def test_another_server_at_the_address_is_reported(answer):
     async def serve(reader, writer):
         await reader.read(100)
         writer.write(answer)
@@ -138,12 +136,12 @@ async def test_something_else_at_the_address_gives_a_sentence(answer):
     server.close()
 
 
-async def test_missing_database_is_reported_in_a_sentence():
+async def test_missing_database_is_reported():
     with pytest.raises(AdapterError, match=r"the MOOSDB at 127\.0\.0\.1:1 does not answer"):
         await registry.create("moos", "giraff", {"port": "1"}).connect()
 
 
-async def test_a_database_without_a_robot_says_what_is_missing(monkeypatch):
+async def test_missing_variable_of_the_robot_is_reported(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.2)
     db = MoosDb()
     await db.start()
@@ -155,11 +153,10 @@ async def test_a_database_without_a_robot_says_what_is_missing(monkeypatch):
 # --- the wire -------------------------------------------------------------------------------------
 
 
-def test_a_message_is_laid_out_as_its_authors_do():
-    """Every byte written out, from the description of the format."""
+def test_packet_has_the_bytes_of_the_format_description():
     packet = wire.pack([Mail(wire.NOTIFY, "V", 1.5, 2.0, "me", number=7)])
     message = (
-        b"\x31\x00\x00\x00"
+        b"\x39\x00\x00\x00"
         b"\x07\x00\x00\x00"
         b"N"
         b"D"
@@ -172,15 +169,8 @@ def test_a_message_is_laid_out_as_its_authors_do():
         b"\x00\x00\x00\x00\x00\x00\xf0\xbf"
         b"\x00\x00\x00\x00"
     )
-    length = len(message)
-    assert (
-        packet
-        == (9 + length).to_bytes(4, "little")
-        + b"\x01\x00\x00\x00"
-        + b"\x00"
-        + length.to_bytes(4, "little")
-        + message[4:]
-    )
+    header = (9 + len(message)).to_bytes(4, "little") + b"\x01\x00\x00\x00" + b"\x00"
+    assert packet == header + message
 
 
 mails = st.builds(
@@ -208,7 +198,7 @@ def test_packed_messages_are_unpacked(sent):
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.binary(max_size=120), st.integers(1, 3))
-def test_nonsense_is_refused_and_nothing_else(body, count):
+def test_malformed_body_raises_a_wire_error_and_nothing_else(body, count):
     try:
         wire.unpack(body, count)
     except wire.MoosWireError:
@@ -220,6 +210,6 @@ def test_nonsense_is_refused_and_nothing_else(body, count):
     "header",
     [b"\xff\xff\xff\x7f\x00\x00\x00\x00\x00", b"\x00" * 9, b"\x10\x00\x00\x00\x01\x00\x00\x00\x01"],
 )
-def test_a_header_that_cannot_be_is_refused(header):
+def test_invalid_header_is_refused(header):
     with pytest.raises(wire.MoosWireError):
         wire.body_length(header)

@@ -1,5 +1,5 @@
-"""A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite,
-real drives, and a navigation process that dies.
+"""A simulated robot with only velocity, odometry and a laser in our navigation layer: the
+conformance suite, real drives, and the death of the navigation process.
 """
 
 import asyncio
@@ -19,20 +19,18 @@ from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy.area import update_of
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Adapter, AdapterError, Navigating
-from robots.agent.simulator import wire as simulated
-from robots.agent.simulator.wire import Faults
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from robots.world.sites import load_site
 from tests.support.agents.autonomous_drive import driving, made
 from tests.support.agents.scripted_robot import ScriptedRobot, still
 from tests.support.agents.simulators import alive
-from tests.support.agents.truth import Onlooker, SimulatorOperator
+from tests.support.agents.truth import Onlooker
 from tests.support.architectures.adapter_conformance import AdapterConformance, some
 
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 NEAR = "3.0,1.0,3.1"  # two metres before
-THERE = {"place": None, "x": 1.2, "y": 1.0}  # where a robot need not turn round
+THERE = {"place": None, "x": 1.2, "y": 1.0}  # reached without turning round
 
 
 class TestWrapped(AdapterConformance):
@@ -52,7 +50,7 @@ def goto(action_id="g", **fields):
 # --- which adapters are wrapped -------------------------------------------------------------------
 
 
-def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():
+def test_only_a_robot_with_a_laser_and_without_localization_gets_ours():
     adapter = made()
     assert set(OURS) <= set(adapter.profile.capabilities)
     assert isinstance(adapter, Navigating)
@@ -68,7 +66,7 @@ def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_
     assert registry.autonomous(able) is able
 
 
-def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_keeps_its_pose():
+def test_self_localizing_robot_without_navigation_gets_ours_and_keeps_its_pose():
     profile = replace(
         ScriptedRobot().profile,
         laser=made().profile.laser,
@@ -95,15 +93,15 @@ def test_robot_keeps_its_own_capabilities():
     assert sorted(wrapped.profile.capabilities) == sorted({*inner.profile.capabilities, *OURS})
 
 
-def test_a_site_that_does_not_exist_is_refused_with_a_sentence():
+def test_unknown_site_is_refused_with_a_sentence():
     with pytest.raises(AdapterError, match="office"):
         registry.autonomous(registry.create("simulator", "giraff"), "castle")
 
 
-# --- where it is and where it goes ----------------------------------------------------------------
+# --- localization and navigation ------------------------------------------------------------------
 
 
-async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
+async def test_robot_is_localized_reaches_its_goal_and_reports_its_path():
     adapter = made(start=NEAR)
     async with driving(adapter) as drive:
         await drive.known()
@@ -111,7 +109,6 @@ async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
         await adapter.start(goto(**THERE))
         await drive.until(lambda: drive.state.path)
         await drive.moving()
-        truth = await asyncio.to_thread(onlooker.at, drive.state.stamp)
         state = drive.state
         truth = await asyncio.to_thread(onlooker.at, state.stamp)
         assert math.hypot(truth.x - state.pose.x, truth.y - state.pose.y) < 0.1
@@ -124,7 +121,7 @@ async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
         onlooker.close()
 
 
-async def test_an_action_waits_for_a_starting_node_and_is_refused_without_a_map():
+async def test_action_waits_for_the_navigation_process_and_impossible_ones_are_refused():
     adapter = made()
     async with driving(adapter) as drive:
         await drive.until(lambda: drive.state is not None and adapter._beams is not None)
@@ -135,11 +132,11 @@ async def test_an_action_waits_for_a_starting_node_and_is_refused_without_a_map(
         with pytest.raises(AdapterError):
             await adapter.start(Cancel(action_id="c", stamp=0.0))
         await adapter.start(Tilt(action_id="t", stamp=0.0, angle=0.3))
-        assert (await drive.ended("t")).status == "FINISHED", "what the RCA does is the RCA's"
+        assert (await drive.ended("t")).status == "FINISHED", "the RCA itself tilts"
 
 
 @pytest.mark.nightly
-async def test_it_is_shown_where_it_stands_and_says_when_it_has_found_that_true():
+async def test_relocalizing_finishes_when_the_pose_is_confirmed():
     async with driving(made()) as drive:
         await drive.known()
         place = drive.state.pose
@@ -163,34 +160,11 @@ async def test_cancelling_stops_the_robot():
         await drive.standing()
 
 
-# --- what breaks ----------------------------------------------------------------------------------
+# --- failures -------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("faults", "words"),
-    [
-        (Faults(laser="silent"), "laser"),
-        (Faults(laser="nan"), "laser"),
-        (Faults(wheels_stopped=True), "wheels"),
-    ],
-)
-async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
-    async with driving(made()) as drive:
-        await drive.known()
-        operator = SimulatorOperator(drive.port())
-        await drive.adapter.start(goto())
-        await drive.moving()
-        assert await asyncio.to_thread(operator.wish, simulated.Break(faults)) == ""
-        ended = await drive.ended("g")
-        assert ended.status == "FAILED"
-        assert words in ended.reason
-        await drive.standing()
-        operator.close()
-
-
-@pytest.mark.nightly
-async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_where_the_robot_is():
+async def test_killed_navigation_process_fails_the_action_and_its_successor_is_localized():
     async with driving(made(start=NEAR)) as drive:
         await drive.known()
         await drive.adapter.start(goto())
@@ -210,7 +184,7 @@ async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_wh
 
 
 @pytest.mark.nightly
-async def test_a_stuck_node_stops_the_robot_and_is_replaced():
+async def test_hung_navigation_process_stops_the_robot_and_is_replaced():
     async with driving(made()) as drive:
         await drive.known()
         await drive.adapter.start(goto())
@@ -227,7 +201,7 @@ async def test_a_stuck_node_stops_the_robot_and_is_replaced():
 
 
 @pytest.mark.nightly
-async def test_a_robot_whose_simulator_dies_on_the_way_fails_its_action():
+async def test_death_of_the_simulator_fails_the_action():
     adapter = made()
     async with driving(adapter) as drive:
         await drive.known()
@@ -250,7 +224,7 @@ async def test_closing_leaves_no_process_behind():
 
 
 def without_site(memory: Path | None = None) -> AutonomyAdapter:
-    """A robot that has only the server to tell it where it is."""
+    """Return a robot that knows no site and no start, only the map that the server sends."""
     inner = registry.create(
         "simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}
     )
@@ -260,12 +234,18 @@ def without_site(memory: Path | None = None) -> AutonomyAdapter:
     return adapter
 
 
+async def recalled(path: Path | None) -> Pose2D | None:
+    memory = PoseMemory(path)
+    await memory.read()
+    return memory.recall("office")
+
+
 def office() -> FloorPlanUpdate:
     return update_of(load_site("office"))
 
 
 @pytest.mark.nightly
-async def test_a_robot_that_has_only_the_server_thinks_as_soon_as_that_has_told_it_the_map():
+async def test_robot_without_a_site_navigates_with_the_map_of_the_server():
     adapter = without_site()
     async with driving(adapter) as drive:
         await drive.until(lambda: drive.state is not None)
@@ -281,7 +261,7 @@ async def test_a_robot_that_has_only_the_server_thinks_as_soon_as_that_has_told_
         await drive.moving()
 
 
-async def test_a_map_that_is_none_is_complained_about_and_a_better_one_is_taken():
+async def test_invalid_map_is_reported_and_replaced_by_a_valid_one():
     adapter = without_site()
     async with driving(adapter) as drive:
         adapter.take_floorplan(msgspec.structs.replace(office(), image="iVBORw0KGgo="))
@@ -294,14 +274,14 @@ async def test_a_map_that_is_none_is_complained_about_and_a_better_one_is_taken(
         await drive.until(lambda: adapter.node.ready)
 
 
-async def test_a_robot_that_knows_its_site_keeps_it():
+async def test_robot_with_a_site_ignores_other_maps():
     adapter = made()
     adapter.take_floorplan(msgspec.structs.replace(office(), map_id="elsewhere"))
     assert adapter._area.map_id == "office"
     assert adapter.node.starts == 0
 
 
-async def test_next_agent_begins_at_the_last_pose(tmp_path):
+async def test_next_agent_starts_at_the_last_pose(tmp_path):
     memory = tmp_path / "agent" / "pose.json"
     first = without_site(memory)
     async with driving(first) as drive:
@@ -309,9 +289,7 @@ async def test_next_agent_begins_at_the_last_pose(tmp_path):
         await drive.until(lambda: first.node.ready)
         await first.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
         await drive.known()
-    kept = PoseMemory(memory)
-    await kept.read()
-    assert kept.recall("office").distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
+    assert (await recalled(memory)).distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
     second = without_site(memory)
     async with driving(second) as drive:
         second.take_floorplan(office())
@@ -319,12 +297,7 @@ async def test_next_agent_begins_at_the_last_pose(tmp_path):
         assert math.hypot(drive.state.pose.x - 5.0, drive.state.pose.y - 1.0) < 0.2
 
 
-async def test_a_memory_that_makes_no_sense_is_none(tmp_path):
-    async def recalled(path):
-        memory = PoseMemory(path)
-        await memory.read()
-        return memory.recall("office")
-
+async def test_malformed_pose_memory_is_ignored(tmp_path):
     path = tmp_path / "pose.json"
     assert await recalled(None) is None
     assert await recalled(path) is None
@@ -339,7 +312,7 @@ async def test_a_memory_that_makes_no_sense_is_none(tmp_path):
         assert await recalled(path) is None
 
 
-async def test_states_go_on_while_nobody_thinks():
+async def test_states_arrive_without_a_navigation_process():
     adapter = without_site()
     await adapter.connect()
     assert len(await some(adapter.states(), 10)) == 10

@@ -1,6 +1,4 @@
-"""ROS 1 with a real master and real nodes: the conformance suite, and what a restart of each part
-does.
-"""
+"""ROS 1 with a real master and real nodes: the conformance suite, and the restart of each part."""
 
 import asyncio
 import contextlib
@@ -33,51 +31,53 @@ from tests.support.architectures.ros_robot import STAMPED
 from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
-REFUSED = 1.0  # s after which rospy asks a publisher that has refused it again
-WAITS = 0.7  # s, less than the second after which the node takes its master to be gone
+REFUSED = 1.0  # s after which rospy retries a publisher that refused it
+WAITS = 0.7  # s, less than the second after which the node considers its master lost
 
 
 class TestRhodon(RcaConformance):
     def make_rig(self, directory):
         return Ros1Rig("rhodon")
 
-    async def test_pictures_of_a_topic_are_its_camera(self):
+    async def test_image_topic_becomes_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
-    async def test_a_base_that_the_news_of_its_driver_did_not_reach_is_told_again(self, adapter):
+    async def test_publisher_is_announced_again_to_a_base_that_missed_it(self, adapter):
         await wait_for(adapter, lambda _: adapter._bus.listeners("/cmd_vel") == 1)
         await asyncio.to_thread(self.rig.call, self.rig.loses_its_driver())
         await wait_for(adapter, lambda _: adapter._bus.listeners("/cmd_vel") == 0)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
 
-    @pytest.mark.nightly
-    async def test_a_master_that_is_started_anew_is_noticed_and_joined(self, adapter):
-        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
-        restarting = asyncio.get_running_loop().run_in_executor(
-            None, lambda: self.rig.call(self.restart())
-        )
+    def restart_master(self):
+        self.rig.master.kill()
+        self.rig.master.start()
+
+    def restart_all(self):
+        self.rig.running = False
+        self.restart_master()
+        self.rig.call(self.rig.restart_robot())
+
+    async def loses_its_master(self, adapter, restart):
+        restarting = asyncio.create_task(asyncio.to_thread(restart))
         assert "the ROS master at" in await lost(adapter, AHEAD)
         await restarting
+
+    @pytest.mark.nightly
+    async def test_restarted_master_is_joined(self, adapter):
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+        await self.loses_its_master(adapter, self.restart_all)
         await standing(self.rig)
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
 
-    async def restart(self):
-        self.rig.running = False
-        self.rig.master.kill()
-        self.rig.master.start()
-        await self.rig.restart_robot()
-
     @pytest.mark.nightly
-    async def test_nodes_that_a_restarted_master_has_forgotten_are_named_until_they_are_restarted(
+    async def test_nodes_unknown_to_a_restarted_master_are_named_until_they_restart(
         self, adapter, monkeypatch
     ):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
-        restarting = asyncio.get_running_loop().run_in_executor(None, self.restart_master)
-        assert "the ROS master at" in await lost(adapter, AHEAD)
-        await restarting
+        await self.loses_its_master(adapter, self.restart_master)
         await standing(self.rig)
-        told = len(self.rig.world.commands)
+        before = len(self.rig.world.commands)
         with monkeypatch.context() as shortly:
             shortly.setattr(remote_adapter, "FIRST_READING", 1.5)
             for _ in range(2):
@@ -90,24 +90,18 @@ class TestRhodon(RcaConformance):
                 with pytest.raises(AdapterError):
                     adapter.apply(AHEAD)
         assert self.rig.world.sim.motion.linear == 0.0
-        assert not any(linear or angular for _, linear, angular in self.rig.world.commands[told:])
+        assert not any(linear or angular for _, linear, angular in self.rig.world.commands[before:])
         await asyncio.to_thread(self.rig.call, self.rig.restart_robot())
         await again(adapter)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
 
     @pytest.mark.nightly
-    async def test_a_forgotten_node_beside_a_base_that_is_known_again_is_the_first_error(
-        self, adapter
-    ):
+    async def test_node_unknown_to_a_restarted_master_is_the_first_error(self, adapter):
         laser = RobotBus(self.rig.master, "laser_driver")
         await asyncio.to_thread(self.rig.call, laser.open(self.rig.lost.append, None))
         try:
             await wait_for(adapter, lambda _: "/laser_driver" in adapter._bus.known, 20.0)
-            restarting = asyncio.get_running_loop().run_in_executor(
-                None, lambda: self.rig.call(self.restart())
-            )
-            await lost(adapter, AHEAD)
-            await restarting
+            await self.loses_its_master(adapter, self.restart_all)
             await again(adapter)
             state = await wait_for(adapter, lambda s: s.errors, 10.0)
             assert state.errors[0] == master_restarted(["/laser_driver"])
@@ -115,12 +109,8 @@ class TestRhodon(RcaConformance):
             await asyncio.to_thread(self.rig.call, laser.shut())
         await wait_for(adapter, lambda s: s.errors == (), 20.0)
 
-    def restart_master(self):
-        self.rig.master.kill()
-        self.rig.master.start()
-
     @pytest.mark.nightly
-    async def test_a_node_that_is_killed_stops_the_robot_by_its_watchdog_and_is_replaced(
+    async def test_robot_stops_when_the_agents_node_is_killed_and_the_node_is_replaced(
         self, adapter
     ):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
@@ -131,7 +121,7 @@ class TestRhodon(RcaConformance):
         assert await some(adapter.states(), 2)
 
     @pytest.mark.nightly
-    async def test_a_node_whose_agent_is_stuck_says_stand(self, adapter):
+    async def test_node_of_a_stuck_agent_publishes_zero_velocities(self, adapter):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         self.rig.world.commands.clear()
         adapter.apply(AHEAD)
@@ -163,8 +153,8 @@ async def publisher_of(rig, topic):
             await asyncio.sleep(0.05)
 
 
-async def test_a_stranger_that_sends_no_header_keeps_no_subscriber_waiting():
-    """As the caller of a node that has ended, whose port this node has now."""
+async def test_connection_without_a_header_does_not_delay_subscribers():
+    """Such a connection is meant for an earlier node, whose port this node has now."""
     with Ros1Rig("rhodon") as rig:
         async with opened(rig) as bus:
             bus.advertise("/probe", "std_msgs/Bool")
@@ -179,7 +169,7 @@ async def test_a_stranger_that_sends_no_header_keeps_no_subscriber_waiting():
 
 
 @pytest.mark.nightly
-async def test_a_latched_message_reaches_a_subscriber_that_comes_later():
+async def test_latched_message_reaches_a_later_subscriber():
     with Ros1Rig("rhodon") as rig:
         async with opened(rig) as bus:
             bus.advertise("/lock", "std_msgs/Bool", latch=True)
@@ -193,7 +183,7 @@ async def test_a_latched_message_reaches_a_subscriber_that_comes_later():
                     await asyncio.sleep(0.02)
 
 
-async def test_a_node_that_ends_leaves_nothing_at_the_master():
+async def test_node_unregisters_from_the_master_when_it_ends():
     with Ros1Rig("rhodon") as rig:
         async with connected(rig.adapter()) as adapter:
             await some(adapter.states(), 2)
@@ -204,8 +194,8 @@ async def test_a_node_that_ends_leaves_nothing_at_the_master():
         assert names == {"/base_driver"}
 
 
-async def test_a_base_that_was_refused_connects_after_the_type_of_velocities_is_replaced():
-    """Although the master keeps the node waiting while the base asks for its publications again."""
+async def test_refused_base_connects_after_the_velocity_type_is_replaced():
+    """The base asks for the publications again while the master keeps the node waiting."""
     with Ros1Rig("rhodon", ("/cmd_vel", STAMPED)) as rig:
         async with opened(rig) as bus:
             bus.advertise("/cmd_vel", "geometry_msgs/Twist", drives=True)
@@ -223,7 +213,7 @@ async def test_a_base_that_was_refused_connects_after_the_type_of_velocities_is_
 
 
 @pytest.mark.parametrize("address", ["robot:11311", "http://", "http://robot:many"])
-def test_a_malformed_address_of_the_master_is_named_with_where_it_was_given(address, monkeypatch):
+def test_malformed_master_address_is_named_with_its_option_or_variable(address, monkeypatch):
     expected = r"must be the address of the ROS master, such as http://192\.168\.1\.30:11311, not "
     with pytest.raises(AdapterError, match=f"^master {expected}'{address}'"):
         registry.create("ros1", "rhodon", {"master": address})
@@ -232,35 +222,31 @@ def test_a_malformed_address_of_the_master_is_named_with_where_it_was_given(addr
         registry.create("ros1", "rhodon")
 
 
-async def test_without_a_master_the_address_is_named():
-    adapter = registry.create("ros1", "rhodon", {"master": "http://127.0.0.1:1"})
-    with pytest.raises(AdapterError, match=r"no ROS master at http://127\.0\.0\.1:1"):
-        await adapter.connect()
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("master", "http://127.0.0.1:1", r"no ROS master at http://127\.0\.0\.1:1"),
+        ("python", "/no/such/python", "cannot be run"),
+        ("python", "", "cannot be run"),
+    ],
+)
+async def test_missing_master_or_python_is_named(option, value, words):
+    with pytest.raises(AdapterError, match=words):
+        await registry.create("ros1", "rhodon", {option: value}).connect()
 
 
-@pytest.mark.parametrize("python", ["/no/such/python", ""])
-async def test_a_python_that_cannot_be_run_is_named(python):
-    adapter = registry.create("ros1", "rhodon", {"python": python})
-    with pytest.raises(AdapterError, match="cannot be run"):
-        await adapter.connect()
+def wrapper(folder, script):
+    """Return a program that runs a line of shell and becomes Python."""
+    program = folder / "python"
+    program.write_text(f'#!/bin/sh\n{script} "$@"\n')
+    program.chmod(0o755)
+    return str(program)
 
 
-async def test_a_python_without_rospy_is_told_what_to_install(tmp_path):
-    wrapper = tmp_path / "python"
-    wrapper.write_text('#!/bin/sh\nexec /usr/bin/python3 -S -E "$@"\n')
-    wrapper.chmod(0o755)
-    adapter = registry.create("ros1", "rhodon", {"python": str(wrapper)})
+async def test_python_without_rospy_is_reported_and_its_output_goes_to_stderr(tmp_path, capfd):
+    python = wrapper(tmp_path, "echo logged\nexec /usr/bin/python3 -S -E")
     with pytest.raises(AdapterError, match="rospy is not installed"):
-        await adapter.connect()
-
-
-async def test_what_the_node_prints_does_not_mix_with_the_output_of_the_command(tmp_path, capfd):
-    wrapper = tmp_path / "python"
-    wrapper.write_text('#!/bin/sh\necho logged\nexec /usr/bin/python3 -S -E "$@"\n')
-    wrapper.chmod(0o755)
-    adapter = registry.create("ros1", "rhodon", {"python": str(wrapper)})
-    with pytest.raises(AdapterError):
-        await adapter.connect()
+        await registry.create("ros1", "rhodon", {"python": python}).connect()
     out, err = capfd.readouterr()
     assert not out
     assert "logged" in err
@@ -272,10 +258,8 @@ def test_actions_of_ros_2_are_refused():
 
 
 @pytest.mark.nightly
-async def test_a_rospy_that_needs_6_s_to_start_is_waited_for(tmp_path):
-    wrapper = tmp_path / "python"
-    wrapper.write_text('#!/bin/sh\nsleep 6\nexec /usr/bin/python3 "$@"\n')
-    wrapper.chmod(0o755)
+async def test_adapter_waits_for_a_rospy_that_needs_6_s_to_start(tmp_path):
+    python = wrapper(tmp_path, "sleep 6\nexec /usr/bin/python3")
     with Ros1Rig("rhodon") as rig:
-        async with connected(rig.adapter(python=str(wrapper))) as adapter:
+        async with connected(rig.adapter(python=python)) as adapter:
             assert await some(adapter.states(), 2)

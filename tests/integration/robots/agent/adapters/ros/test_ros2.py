@@ -21,6 +21,7 @@ from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Velocity
+from tests.support.agents.agent_process import wait
 from tests.support.architectures.adapter_conformance import drive, some, stands, wait_for
 from tests.support.architectures.goal_client import going
 from tests.support.architectures.rca_conformance import (
@@ -43,22 +44,21 @@ class TestGiraff(RcaConformance):
     def make_rig(self, directory):
         return Ros2Rig("giraff")
 
-    async def test_a_goal_that_is_never_accepted_fails_and_is_cancelled(self, adapter):
-        """As everywhere, but for the count: rcl_action answers a cancel of a goal that it does not
-        know by itself (action_server.cpp, execute_cancel_request_received).
+    async def test_goal_that_is_never_accepted_fails_and_is_cancelled(self, adapter):
+        """Without the count of cancels: rcl_action itself answers a cancel of an unknown goal
+        (action_server.cpp, execute_cancel_request_received).
         """
         self.rig.world.accept_after = math.inf
-        place = self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0))
-        await adapter.start(Goto(action_id="g", stamp=0.0, x=place.x, y=place.y))
+        await self.start_goto(adapter)
         last = (await heard(adapter, ended("g"), 20.0))[-1]
         assert (last.status, last.reason) == ("FAILED", "navigation_lost: silent")
 
-    async def test_pictures_of_a_topic_are_its_camera(self):
+    async def test_image_topic_becomes_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
 
 class TestGoals:
-    """What becomes of goals; the planner of the robot's node behaves as each test says."""
+    """Goals at a planner whose behaviour each test sets."""
 
     @pytest.fixture(scope="class")
     def shared(self):
@@ -80,7 +80,12 @@ class TestGoals:
     def goto(self, rig):
         return Goto(action_id="g", stamp=0.0, **self.goal(rig))
 
-    async def test_a_rejected_goal_fails_with_the_reason(self, rig):
+    async def moving(self, rig, adapter):
+        """Start a goal and wait until the robot moves."""
+        await adapter.start(self.goto(rig))
+        await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+
+    async def test_rejected_goal_fails_with_the_reason(self, rig):
         rig.planner(accept=False)
         async with connected(rig.adapter()) as adapter:
             await adapter.start(self.goto(rig))
@@ -88,18 +93,16 @@ class TestGoals:
         assert (last.status, last.reason) == ("FAILED", "rca: /navigate_to_pose rejected the goal")
         assert rig.world.journey == ""
 
-    async def test_an_aborted_goal_fails_with_the_planners_reason(self, rig):
+    async def test_aborted_goal_fails_with_the_planners_reason(self, rig):
         async with connected(rig.adapter()) as adapter:
-            await adapter.start(self.goto(rig))
-            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            await self.moving(rig, adapter)
             rig.loop.call_soon_threadsafe(rig.world.cancel)
             last = (await heard(adapter, ended("g")))[-1]
         assert (last.status, last.reason) == ("FAILED", "rca: no path was found")
 
     async def test_cancel_is_confirmed_only_when_the_planner_has_ended_the_goal(self, rig):
         async with connected(rig.adapter()) as adapter:
-            await adapter.start(self.goto(rig))
-            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            await self.moving(rig, adapter)
             rig.world.ignored_cancels = math.inf
             assert await adapter.cancel("g") is False
             assert rig.world.journey == "running"
@@ -110,7 +113,7 @@ class TestGoals:
             assert rig.world.journey == "failed"
             assert (await heard(adapter, ended("g")))[-1].status == "CANCELLED"
 
-    async def test_a_goal_that_is_accepted_late_is_cancelled_at_once(self, rig, monkeypatch):
+    async def test_goal_that_is_accepted_late_is_cancelled_at_once(self, rig, monkeypatch):
         monkeypatch.setattr(base, "ACCEPTANCE", 1.0)
         rig.world.accept_after = 2.5
         async with connected(rig.adapter()) as adapter:
@@ -122,10 +125,9 @@ class TestGoals:
             assert rig.world.journey != "running"
             assert rig.world.sim.distance < 0.3
 
-    async def test_a_new_goal_is_refused_while_the_planner_has_not_ended_the_one_before(self, rig):
+    async def test_new_goal_is_refused_until_the_planner_has_ended_the_previous_one(self, rig):
         async with connected(rig.adapter()) as adapter:
-            await adapter.start(self.goto(rig))
-            await wait_for(adapter, lambda _: rig.world.sim.motion.linear > 0.2)
+            await self.moving(rig, adapter)
             rig.world.ignored_cancels = math.inf
             before = rig.goals
             await adapter.cancel("g")
@@ -134,23 +136,23 @@ class TestGoals:
             assert rig.goals == before
             rig.world.ignored_cancels = 0
 
-    async def test_without_an_action_server_a_goal_fails_and_names_it(self, rig):
+    async def test_goal_without_an_action_server_fails_and_names_the_server(self, rig):
         async with connected(rig.adapter(navigate="/elsewhere")) as adapter:
             await adapter.start(self.goto(rig))
             last = (await heard(adapter, ended("g")))[-1]
         assert last.reason == "rca: there is no action server on /elsewhere"
 
-    def test_the_guard_repeats_its_cancel_until_the_planner_takes_it(self, rig):
+    def test_guard_repeats_its_cancel_until_the_planner_obeys(self, rig):
         with going(rig) as process:
             rig.world.ignored_cancels = math.inf
             process.send_signal(signal.SIGKILL)
             before = rig.world.cancels
-            wait(lambda: rig.world.cancels > before + 2, patient(4.0))
+            wait(lambda: rig.world.cancels > before + 2, 4.0)
             assert rig.world.journey == "running"
             rig.world.ignored_cancels = 0
-            wait(lambda: rig.world.journey == "failed", patient(2.0))
+            wait(lambda: rig.world.journey == "failed", 2.0)
 
-    async def test_a_goal_of_an_earlier_run_is_cancelled_before_the_connection_is_made(self, rig):
+    async def test_goal_of_an_earlier_run_is_cancelled_before_connecting(self, rig):
         with going(rig) as process:
             process.send_signal(signal.SIGSTOP)  # so that it does not end what its node holds
             for child in children(process.pid):
@@ -161,13 +163,13 @@ class TestGoals:
                 assert rig.world.journey == "failed"
                 assert rig.world.sim.motion.linear < 0.05
 
-    async def test_goals_of_others_are_left_alone(self, rig):
+    async def test_goals_of_other_clients_are_not_cancelled(self, rig):
         send = subprocess.Popen(
             [PYTHON, "-c", OTHER_CLIENT, json.dumps(self.goal(rig))],
             env=os.environ | {"ROS_DOMAIN_ID": str(rig.domain)},
         )
         try:
-            wait(lambda: rig.world.sim.motion.linear > 0.2, patient(10.0))
+            wait(lambda: rig.world.sim.motion.linear > 0.2)
             async with connected(rig.adapter()) as adapter:
                 await some(adapter.states(), 20)
                 assert rig.world.journey == "running"
@@ -193,13 +195,6 @@ rclpy.spin(node)
 """
 
 
-def wait(condition, seconds):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "what was waited for did not come"
-        time.sleep(0.005)
-
-
 def children(pid):
     found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(each) for each in found.split()]
@@ -219,13 +214,13 @@ async def test_readings_arrive_from_publishers_of_either_reliability(best_effort
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
 
 
-async def test_an_emergency_stop_arrives_from_publishers_of_either_durability():
+async def test_emergency_stop_arrives_from_publishers_of_either_durability():
     with Ros2Rig("giraff", publishes=RosRobot.TOPICS | ESTOPS) as rig:
 
         async def press(topic, *, pressed):
             rig.tell(topic, {"data": pressed})
 
-        rig.call(press("/estop_latched", pressed=True))  # before anyone subscribes
+        rig.call(press("/estop_latched", pressed=True))  # before a node subscribes
         async with connected(rig.adapter(estop="/estop_latched")) as adapter:
             await wait_for(adapter, lambda s: s.estop is True)
             for pressed in (False, True, False):
@@ -238,25 +233,23 @@ async def test_an_emergency_stop_arrives_from_publishers_of_either_durability():
                 await wait_for(adapter, lambda s, pressed=pressed: s.estop is pressed)
 
 
-async def test_a_base_that_needs_another_quality_of_service_is_named_with_the_policy():
+async def test_base_with_incompatible_quality_of_service_is_reported_with_the_policy():
     with Ros2Rig("giraff", listens={"latched": True}) as rig:
         async with connected(rig.adapter()) as adapter:
             state = await wait_for(adapter, lambda s: "incompatible" in "".join(s.errors))
-            told = next(each for each in state.errors if "/cmd_vel does not reach" in each)
-            assert "Volatile publisher and transient local subscription" in told
-            assert "base_driver" in told
+            error = next(each for each in state.errors if "/cmd_vel does not reach" in each)
+            assert "Volatile publisher and transient local subscription" in error
+            assert "base_driver" in error
 
 
-async def test_a_message_package_that_is_not_installed_is_named():
+async def test_missing_message_package_is_named():
     with pytest.raises(AdapterError, match=r"ROS package tf2_msgs is not installed for .*python"):
         await registry.create(
             "ros2", "giraff", {"python": str(PYTHON), "localization": "tf", "domain": "19"}
         ).connect()
 
 
-async def test_an_action_of_a_package_that_is_not_installed_is_named_and_driving_goes_on(
-    monkeypatch,
-):
+async def test_missing_package_of_an_action_is_named_and_driving_still_works(monkeypatch):
     monkeypatch.setattr(ros2, "NAVIGATE_TO_POSE", "nav9_msgs/NavigateToPose")
     with Ros2Rig("giraff") as rig:
         async with connected(rig.adapter()) as adapter:
@@ -267,7 +260,7 @@ async def test_an_action_of_a_package_that_is_not_installed_is_named_and_driving
             assert any("nav9_msgs" in error for error in state.errors)
 
 
-async def test_a_python_without_rclpy_is_named(tmp_path):
+async def test_python_without_rclpy_is_named(tmp_path):
     options = {"python": sys.executable, "domain": "19"}
     with pytest.raises(AdapterError, match=f"rclpy is not installed for {sys.executable}"):
         await registry.create("ros2", "giraff", options).connect()
@@ -276,7 +269,7 @@ async def test_a_python_without_rclpy_is_named(tmp_path):
         await registry.create("ros2", "giraff", {"python": str(missing)}).connect()
 
 
-def test_a_sourced_installation_is_used_with_the_systems_python(monkeypatch):
+def test_sourced_installation_is_used_with_the_systems_python(monkeypatch):
     options = ros2.Ros2Options(watchdog=0.5)
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     assert ros2.python_of(options) == sys.executable
@@ -286,7 +279,7 @@ def test_a_sourced_installation_is_used_with_the_systems_python(monkeypatch):
 
 
 @pytest.mark.parametrize("options", [{"navigation": "move_base"}, {"domain": "many"}])
-def test_options_that_ros_2_lacks_are_refused(options):
+def test_invalid_options_of_ros_2_are_refused(options):
     with pytest.raises(AdapterError, match=r"navigation must be|has a wrong value|domain must"):
         registry.create("ros2", "giraff", options)
 
@@ -302,7 +295,7 @@ def test_options_that_ros_2_lacks_are_refused(options):
         ("7", {"domain": "0"}, 0),
     ],
 )
-def test_the_domain_is_that_of_the_environment_as_for_ros_2_and_an_option_overrules_it(
+def test_domain_is_read_from_the_option_or_the_environment(
     environment, options, domain, monkeypatch
 ):
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
@@ -312,7 +305,7 @@ def test_the_domain_is_that_of_the_environment_as_for_ros_2_and_an_option_overru
 
 
 @pytest.mark.parametrize("text", ["seven", "-1", "233", "7.0", "7 8"])
-def test_a_malformed_domain_of_the_environment_is_named(text, monkeypatch):
+def test_malformed_domain_of_the_environment_is_named(text, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     expected = f"^ROS_DOMAIN_ID must be a whole number from 0 to 232, not '{text}'$"
     with pytest.raises(AdapterError, match=expected):
@@ -321,12 +314,12 @@ def test_a_malformed_domain_of_the_environment_is_named(text, monkeypatch):
 
 
 @pytest.mark.nightly
-async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patient_adapters):
+async def test_namespaces_separate_two_robots_in_one_domain(patient_adapters):
     rigs = {name: Ros2Rig("giraff", namespace=name) for name in ("/robot1", "/robot2")}
     with rigs["/robot1"], rigs["/robot2"]:
         for name, rig in rigs.items():
             (other,) = (each for each in rigs.values() if each is not rig)
-            told = len(other.world.commands)
+            before = len(other.world.commands)
             async with connected(rig.adapter(namespace=name, tilt="head/command")) as adapter:
                 await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
                 await drive(adapter, ZERO, stands)
@@ -334,12 +327,12 @@ async def test_two_robots_in_one_domain_are_told_apart_by_their_namespaces(patie
                 await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
                 assert (await heard(adapter, ended("g")))[-1].status == "FINISHED"
                 assert (await some(adapter.states(), 1))[0].errors == ()
-            assert other.world.commands[told:] == []
+            assert other.world.commands[before:] == []
             assert other.goals == (name == "/robot2")
 
 
 @pytest.mark.nightly
-async def test_velocities_have_the_type_of_who_listens_whatever_a_planner_publishes_there(
+async def test_velocities_have_the_subscribers_type_although_a_planner_publishes_another(
     patient_adapters,
 ):
     planned = RosRobot.TOPICS | {"/cmd_vel": "geometry_msgs/Twist"}
@@ -348,7 +341,7 @@ async def test_velocities_have_the_type_of_who_listens_whatever_a_planner_publis
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
 
 
-async def test_a_domain_without_a_robot_says_what_is_missing(monkeypatch):
+async def test_missing_odometry_is_reported_with_domain_and_topic(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
     for namespace, topic in (("", "/odom"), ("robot1/", "/robot1/odom")):
         options = {"domain": "19", "namespace": namespace, "python": str(PYTHON)}

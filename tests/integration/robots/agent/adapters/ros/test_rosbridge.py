@@ -1,7 +1,5 @@
-"""ROS through rosbridge: the conformance suite for both generations, against a double or, with
-ROSBRIDGE=ws://…, against a real one.
-
-A real one is of the generation that ROSBRIDGE_ROS names, 2 by default.
+"""ROS through rosbridge: the conformance suite for both versions of ROS, against a double or, with
+ROSBRIDGE=ws://…, against a real one of the version in ROSBRIDGE_ROS (2 by default).
 """
 
 import asyncio
@@ -26,12 +24,13 @@ from tests.support.patience import patient
 
 REAL = os.environ.get("ROSBRIDGE", "")
 REAL_ROS = int(os.environ.get("ROSBRIDGE_ROS", "2"))
-STANDING = {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
 
 
-def twists(heard):
-    """The velocities that a robot received, from TwistStamped."""
-    return [message["twist"] for _, message in heard]
+def twist(linear, angular):
+    return {
+        "linear": {"x": linear, "y": 0.0, "z": 0.0},
+        "angular": {"x": 0.0, "y": 0.0, "z": angular},
+    }
 
 
 @pytest.mark.skipif(bool(REAL) and REAL_ROS != 1, reason="the real rosbridge speaks ROS 2")
@@ -39,7 +38,7 @@ class TestRhodonOnRos1(RcaConformance):
     def make_rig(self, directory):
         return RosbridgeRig("rhodon", 1, REAL)
 
-    async def test_a_robot_that_does_not_know_where_it_is_gets_our_localization(self):
+    async def test_robot_without_localization_gets_ours(self):
         adapter = self.rig.adapter(localization="none")
         assert "localization" not in adapter.profile.capabilities
         assert "goto" in registry.autonomous(adapter, "office").profile.capabilities
@@ -48,7 +47,7 @@ class TestRhodonOnRos1(RcaConformance):
         assert state.odometry is not None
         assert not state.pose.localized
 
-    async def test_a_service_that_nobody_offers_is_said_so(self):
+    async def test_missing_docking_service_is_named(self):
         async with connected(self.rig.adapter(dock="/no_such_service")) as adapter:
             with pytest.raises(AdapterError, match="no_such_service cannot be called"):
                 await adapter.start(Dock(action_id="d", stamp=0.0))
@@ -59,38 +58,25 @@ class TestGiraffOnRos2(RcaConformance):
     def make_rig(self, directory):
         return RosbridgeRig("giraff", 2, REAL)
 
-    async def test_pictures_of_a_topic_are_its_camera(self):
+    async def test_image_topic_becomes_its_camera(self):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
-    async def test_stamped_velocities_are_said_as_such(self):
-        async with connected(
-            self.rig.adapter(stamped="yes", cmd_vel="/cmd_vel_stamped")
-        ) as adapter:
-            heard = []
-            self.rig.robot.hear = lambda topic, message: heard.append((topic, message))
-            try:
-                subscribe = {
-                    "op": "subscribe",
-                    "topic": "/cmd_vel_stamped",
-                    "type": "geometry_msgs/msg/TwistStamped",
-                }
-                self.rig.call(self.rig._send(subscribe))
-                await drive(
-                    adapter,
-                    Velocity(linear=0.2, angular=0.1),
-                    lambda _: any(told != STANDING for told in twists(heard)),
-                )
-            finally:
-                del self.rig.robot.hear
-        # the first word after connecting is to stand
-        moving = next(told for told in twists(heard) if told != STANDING)
-        assert moving == {
-            "linear": {"x": 0.2, "y": 0.0, "z": 0.0},
-            "angular": {"x": 0.0, "y": 0.0, "z": 0.1},
-        }
+    async def test_stamped_velocities_are_published_as_twist_stamped(self, monkeypatch):
+        topic, moving = "/cmd_vel_stamped", []
+
+        def take(_, message):
+            if message["twist"] != twist(0.0, 0.0):  # zero after connecting
+                moving.append(message["twist"])
+
+        async with connected(self.rig.adapter(stamped="yes", cmd_vel=topic)) as adapter:
+            monkeypatch.setattr(self.rig.robot, "hear", take)
+            kind = "geometry_msgs/msg/TwistStamped"
+            self.rig.call(self.rig._send(op="subscribe", topic=topic, type=kind))
+            await drive(adapter, Velocity(linear=0.2, angular=0.1), lambda _: moving)
+        assert moving[0] == twist(0.2, 0.1)
 
 
-async def test_an_address_without_a_server_is_named_in_the_error():
+async def test_address_without_a_server_is_named():
     adapter = registry.create(
         "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1"}
     )
@@ -98,7 +84,7 @@ async def test_an_address_without_a_server_is_named_in_the_error():
         await adapter.connect()
 
 
-async def test_a_rosbridge_without_a_robot_says_what_is_missing(monkeypatch):
+async def test_missing_odometry_is_reported_with_its_topic(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
     server = RosbridgeServer()
     await server.start()
@@ -113,19 +99,19 @@ async def test_a_rosbridge_without_a_robot_says_what_is_missing(monkeypatch):
         await server.stop()
 
 
-async def test_nonsense_on_a_topic_is_as_if_it_had_not_come():
+async def test_malformed_messages_are_ignored():
     with RosbridgeRig("rhodon", 1) as rig:
         async with connected(rig.adapter()) as adapter:
             for message in ({}, {"pose": None}, {"header": {}, "ranges": "x"}):
                 for topic in ("/odom", "/scan", "/battery_state", "/amcl_pose"):
-                    rig.call(rig._send({"op": "publish", "topic": topic, "msg": message}))
+                    rig.call(rig._send(op="publish", topic=topic, msg=message))
             assert await wait_for(adapter, lambda s: s.pose.localized)
 
 
 @pytest.mark.parametrize(
     "options", [{"version": "3"}, {"url": "http://x"}, {"speed": "9"}, {"watchdog": "soon"}]
 )
-def test_options_that_cannot_be_are_refused(options):
+def test_invalid_options_are_refused(options):
     with pytest.raises(AdapterError, match=r"rosbridge"):
         registry.create("rosbridge", "rhodon", options)
 
@@ -143,8 +129,8 @@ def test_base64_with_nan_in_it_is_parsed_once(monkeypatch):
 
 
 @contextlib.asynccontextmanager
-async def robot_behind(server, version=2, **options):
-    """Yield an adapter, and what its robot receives, over a server in this process."""
+async def robot_behind(server, **options):
+    """Yield an adapter, and what its robot of ROS 2 receives, over a server in this process."""
     await server.start()
     received = []
     robot = await connect(server.url, compression=None)
@@ -153,8 +139,7 @@ async def robot_behind(server, version=2, **options):
         await robot.send(json.dumps(message))
 
     async def publish_odometry():
-        kind = "nav_msgs/Odometry" if version == 1 else "nav_msgs/msg/Odometry"
-        await send(op="advertise", topic="/odom", type=kind)
+        await send(op="advertise", topic="/odom", type="nav_msgs/msg/Odometry")
         while True:
             await send(op="publish", topic="/odom", msg=ODOMETRY)
             await asyncio.sleep(0.03)
@@ -164,12 +149,11 @@ async def robot_behind(server, version=2, **options):
             message = json.loads(text)
             received.append(message)
 
-    kind = "geometry_msgs/Twist" if version == 1 else "geometry_msgs/msg/Twist"
-    await send(op="subscribe", topic="/cmd_vel", type=kind)
+    await send(op="subscribe", topic="/cmd_vel", type="geometry_msgs/msg/Twist")
     await send(op="advertise_action", action="/navigate_to_pose", type="NavigateToPose")
     await send(op="advertise_service", service="/dock", type="std_srvs/srv/Trigger")
     tasks = [asyncio.ensure_future(each) for each in (publish_odometry(), receive())]
-    named = {"url": server.url, "version": str(version), "scan": "", "battery": "", **options}
+    named = {"url": server.url, "version": "2", "scan": "", "battery": "", **options}
     try:
         yield registry.create("rosbridge", "rhodon", named), received
     finally:
@@ -180,7 +164,7 @@ async def robot_behind(server, version=2, **options):
 
 ODOMETRY = {
     "pose": {"pose": messages.pose(Pose2D(0.0, 0.0, 0.0)), "covariance": []},
-    "twist": {"twist": STANDING, "covariance": []},
+    "twist": {"twist": twist(0.0, 0.0), "covariance": []},
 }
 THROUGH = {"navigation": "nav2", "navigation_velocity": "/cmd_vel_nav"}
 AHEAD = Velocity(linear=0.2, angular=0.0)
@@ -190,7 +174,7 @@ def moved(received):
     return [each for each in received if each.get("msg", {}).get("linear", {}).get("x")]
 
 
-async def test_a_rosbridge_whose_queue_hangs_gets_no_velocity_although_it_answers_pings():
+async def test_rosbridge_whose_queue_hangs_gets_no_velocity_although_it_answers_pings():
     server = RosbridgeServer()
     async with robot_behind(server, navigation="none") as (adapter, received), connected(adapter):
         await drive(adapter, AHEAD, lambda _: moved(received))
@@ -205,7 +189,7 @@ async def test_a_rosbridge_whose_queue_hangs_gets_no_velocity_although_it_answer
         assert len(moved(received)) <= late + 1  # one may have been sent as it hung
 
 
-async def test_a_rosbridge_that_a_goal_would_block_is_refused():
+async def test_rosbridge_that_a_goal_would_block_is_refused():
     server = RosbridgeServer(blocking_goals=True)
     async with robot_behind(server, **THROUGH) as (adapter, _):
         with pytest.raises(AdapterError, match="set its send_action_goals_in_new_thread to true"):
@@ -213,7 +197,7 @@ async def test_a_rosbridge_that_a_goal_would_block_is_refused():
         await adapter.close()
 
 
-async def test_a_rosbridge_that_a_goal_blocks_is_given_up_where_its_parameter_is_unknown():
+async def test_rosbridge_that_a_goal_blocks_is_disconnected_if_its_parameter_is_unknown():
     server = RosbridgeServer(rosapi=False, blocking_goals=True)
     async with robot_behind(server, **THROUGH) as (adapter, _), connected(adapter):
         await adapter.start(Goto(action_id="g", stamp=0.0, x=9.0, y=0.0))
@@ -221,7 +205,7 @@ async def test_a_rosbridge_that_a_goal_blocks_is_given_up_where_its_parameter_is
             await wait_for(adapter, lambda _: False)
 
 
-async def test_a_rosbridge_that_a_service_call_blocks_is_given_up():
+async def test_rosbridge_that_a_service_call_blocks_is_disconnected():
     server = RosbridgeServer(blocking_services=True)
     options = {"navigation": "none", "dock": "/dock", "navigation_velocity": "/cmd_vel_nav"}
     async with robot_behind(server, **options) as (adapter, received), connected(adapter):
@@ -232,19 +216,16 @@ async def test_a_rosbridge_that_a_service_call_blocks_is_given_up():
         assert any(each["op"] == "call_service" for each in received)
 
 
-async def test_a_goal_is_owned_until_its_cancel_is_confirmed():
+async def test_new_goal_is_refused_until_the_cancel_of_the_previous_one_is_confirmed():
     server = RosbridgeServer()
     async with robot_behind(server, **THROUGH) as (adapter, received), connected(adapter):
         await adapter.start(Goto(action_id="g", stamp=0.0, x=9.0, y=0.0))
-        await wait_for(
-            adapter, lambda _: any(each["op"] == "send_action_goal" for each in received)
-        )
+        operations = lambda: {each["op"] for each in received}
+        await wait_for(adapter, lambda _: "send_action_goal" in operations())
         assert not await adapter.cancel("g")
         with pytest.raises(ActionRefusedError, match="navigation_does_not_end"):
             await adapter.start(Goto(action_id="h", stamp=0.0, x=9.0, y=0.0))
-        await wait_for(
-            adapter, lambda _: any(each["op"] == "cancel_action_goal" for each in received)
-        )
+        await wait_for(adapter, lambda _: "cancel_action_goal" in operations())
         # no goal has been active for a second, and the action has no cancel service: it never ran
         await asyncio.sleep(patient(1.1))
         assert await adapter.cancel("g")

@@ -13,7 +13,7 @@ QUICK = CaptureLimits(
 
 
 class Scripted:
-    """A source that sends while `gives`; `broken` is why it cannot be started."""
+    """A source that sends while `gives`, and cannot be started with the reason `broken`."""
 
     def __init__(self, limits: CaptureLimits = QUICK) -> None:
         self.gives, self.broken = False, ""
@@ -42,7 +42,7 @@ class Scripted:
         self.capture.close()
 
 
-def test_a_source_may_take_longer_to_start_than_between_two_that_it_gives():
+def test_source_may_start_more_slowly_than_it_may_stall():
     with Scripted() as source:
         assert eventually(lambda: source.reads > 3 * QUICK.stall / QUICK.read)
         assert (source.capture.state, source.starts) == (CaptureState("starting"), 1)
@@ -62,7 +62,7 @@ def test_source_that_never_starts_is_retried():
         assert source.capture.state.reason == "the camera sent no data for 0.1 s"
 
 
-def test_why_it_failed_is_known_while_it_starts_again_and_forgotten_when_it_works():
+def test_reason_of_a_failure_is_kept_until_the_source_works_again():
     with Scripted() as source:
         source.gives = True
         assert eventually(lambda: source.capture.state.status == "live")

@@ -14,7 +14,7 @@ from tests.support.programs.sound_server import sine
 
 
 class Loudspeaker:
-    """Refuses as a device does that another program uses."""
+    """Refuses calls, as a device that another program uses."""
 
     def __init__(self) -> None:
         self.refuses: set[str] = set()
@@ -65,7 +65,7 @@ def test_loudspeaker_that_fails_is_closed_and_retried_after_a_pause(quick, what)
     feed.start()
     began = time.monotonic()
     assert talk(feed, lambda: speaker.starts == 3)
-    assert time.monotonic() - began > 0.2 + 0.4 - 0.01, "pauses that grow"
+    assert time.monotonic() - began > 0.2 + 0.4 - 0.01, "the pauses do not grow"
     assert feed.errors == ("the loudspeaker default cannot be used: another program is using it",)
     if what == "play":
         assert speaker.stops >= 2
@@ -82,7 +82,7 @@ def test_loudspeaker_that_cannot_be_closed_plays_again(quick):
         speaker.refuses = set()
         assert talk(feed, lambda round_=round_: speaker.starts == round_ and speaker.played > 0)
         speaker.refuses = {"stop"}
-        assert eventually(lambda round_=round_: speaker.stops == round_), "it rests after a while"
+        assert eventually(lambda round_=round_: speaker.stops == round_), "it was not stopped"
         speaker.played = 0
     feed.close()
 

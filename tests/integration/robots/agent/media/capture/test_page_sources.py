@@ -1,4 +1,4 @@
-"""A robot whose own screen's page gives picture and sound."""
+"""A robot whose screen page provides its video and sound."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -16,7 +16,7 @@ GREEN, BLUE = (30, 160, 40), (20, 40, 180)
 
 
 class Robot:
-    """A media side without camera and microphone, and pages."""
+    """A media side without camera and microphone, and its pages."""
 
     def __init__(self, exchange: Exchange, **sources: str) -> None:
         self.exchange, self.pages = exchange, []
@@ -67,18 +67,18 @@ async def test_media_of_the_robots_page_reach_viewers_before_and_after(robot) ->
     assert robot.media.camera.status == "starting"
     await until(
         lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors,
-        what="why there is none",
+        what="the reason",
     )
     await robot.screen("screen", GREEN)
     after = await robot.viewer("after")
     await until(lambda: shows(before, GREEN) and shows(after, GREEN), what="its picture")
     await until(lambda: before.sounds > 10 and after.sounds > 10, what="its sound")
     assert robot.media.camera.status == robot.media.microphone.status == "live"
-    clock = await until(lambda: after.clocks() and after.clocks()[-1], what="when it was taken")
+    clock = await until(lambda: after.clocks() and after.clocks()[-1], what="a media clock")
     assert clock.rate == 90_000
 
 
-async def test_of_two_such_pages_the_newer_gives_and_the_picture_goes_on(robot) -> None:
+async def test_newer_of_two_screen_pages_provides_the_video(robot) -> None:
     viewer = await robot.viewer()
     await robot.screen("screen", GREEN)
     await until(lambda: shows(viewer, GREEN))
@@ -101,7 +101,7 @@ async def test_closed_page_is_reported_and_the_next_page_shows_video(robot) -> N
     )
 
 
-async def test_a_photo_is_taken_from_it(robot) -> None:
+async def test_photo_is_taken_from_the_page(robot) -> None:
     assert await asyncio.to_thread(robot.media.snapshot) is None
     await robot.screen("screen", BLUE)
     frame = await until(
@@ -112,7 +112,7 @@ async def test_a_photo_is_taken_from_it(robot) -> None:
     assert all(abs(part - wanted) < 20 for part, wanted in zip(seen, BLUE, strict=True))
 
 
-async def test_drivers_video_is_never_taken_for_the_robots(robot) -> None:
+async def test_drivers_video_is_never_used_as_the_robots(robot) -> None:
     viewer = await robot.viewer()
     page = SpeakingPage(robot.media, robot.exchange, "driver")
     robot.pages.append(page)
@@ -126,7 +126,7 @@ async def test_drivers_video_is_never_taken_for_the_robots(robot) -> None:
     )
 
 
-async def test_a_page_learns_by_the_answer_whether_it_is_to_give_anything(exchange) -> None:
+async def test_answer_requests_media_of_the_page_only_if_they_are_used(exchange) -> None:
     directions = {}
     for name, sources in (("asked", {}), ("not asked", {"video": None, "audio": None})):
         robot = Robot(exchange, **sources)

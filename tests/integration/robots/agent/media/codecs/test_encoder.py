@@ -22,19 +22,15 @@ from tests.support.media.synthetic_camera import SyntheticCamera, code_of, read_
 
 
 class _Encoder(PictureEncoder):
-    """With a clock of its own, as its camera has."""
+    """An encoder with the RTP clock of its camera."""
 
-    def __init__(self, tier: Tier) -> None:
+    def __init__(self, tier: Tier = TIER_480P) -> None:
         super().__init__(tier)
         self.clock = RtpClock(origin=1)
 
     def of(self, frame: Frame, *, key: bool) -> Picture | None:
         ticks = self.clock.tick(frame.stamp)
         return self.encode(frame, ticks, self.clock.timestamp(ticks), key=key)
-
-
-def _encoder(tier: Tier = TIER_480P) -> _Encoder:
-    return _Encoder(tier)
 
 
 def _decoded(pictures: list[Picture]) -> list[av.VideoFrame]:
@@ -47,8 +43,8 @@ def _decoded(pictures: list[Picture]) -> list[av.VideoFrame]:
     return frames
 
 
-def test_a_picture_survives_encoding() -> None:
-    camera, encoder = SyntheticCamera(fps=1e6), _encoder()
+def test_decoded_pictures_are_like_the_camera_frames() -> None:
+    camera, encoder = SyntheticCamera(fps=1e6), _Encoder()
     frames = [camera._frame(100.0 + n / 30) for n in range(20)]
     decoded = [
         f.to_ndarray(format="rgb24")
@@ -59,31 +55,31 @@ def test_a_picture_survives_encoding() -> None:
     assert 10 * np.log10(255**2 / error) > 28, "decibels of signal to noise"
 
 
-def test_the_first_picture_is_a_key_frame_and_the_next_ones_are_not_unless_asked_for() -> None:
-    camera, encoder = SyntheticCamera(fps=1e6), _encoder()
+def test_only_first_and_requested_pictures_are_key_frames() -> None:
+    camera, encoder = SyntheticCamera(fps=1e6), _Encoder()
     pictures = [encoder.of(camera._frame(100.0 + n / 30), key=n == 5) for n in range(10)]
     assert [p.key for p in pictures] == [n in (0, 5) for n in range(10)]
     encoder.restart()
     assert encoder.of(camera._frame(101.0), key=False).key
 
 
-def test_the_rate_stays_near_the_tier() -> None:
-    camera, encoder = SyntheticCamera(fps=1e6), _encoder()
+def test_bitrate_stays_near_that_of_the_tier() -> None:
+    camera, encoder = SyntheticCamera(fps=1e6), _Encoder()
     size = sum(encoder.of(camera._frame(100.0 + n / 30), key=False).size for n in range(150))
     assert size * 8 / 5.0 < 1.2 * TIER_480P.bitrate
 
 
-def test_a_larger_camera_is_scaled_into_the_tier_in_its_own_shape() -> None:
+def test_larger_frames_are_scaled_into_the_tier_in_proportion() -> None:
     assert fitted(TIER_480P, 1280, 720) == (640, 360)
     assert fitted(TIER_480P, 320, 240) == (320, 240)
     assert fitted(TIER_480P, 1080, 1920) == (270, 480)
     wide = Frame(image=np.full((720, 1280, 3), 90, dtype=np.uint8), stamp=1.0)
-    frame = _decoded([_encoder().of(wide, key=True)])[0]
+    frame = _decoded([_Encoder().of(wide, key=True)])[0]
     assert (frame.width, frame.height) == (640, 360)
 
 
 def test_camera_that_changes_its_size_restarts_with_a_key_frame() -> None:
-    encoder = _encoder()
+    encoder = _Encoder()
     small, large = np.zeros((240, 320, 3), np.uint8), np.zeros((480, 640, 3), np.uint8)
     pictures = [
         encoder.of(Frame(image, 1.0 + n / 30), key=False)
@@ -97,14 +93,14 @@ def test_yuv_frame_is_encoded_like_the_rgb_frame() -> None:
     planes = video_frame(source).reformat(format="yuv420p").to_ndarray()
     frame = Frame(planes, source.stamp, "yuv420p")
     assert (frame.width, frame.height) == (640, 480) == (source.width, source.height)
-    decoded = _decoded([_encoder().of(frame, key=True)])[0].to_ndarray(format="rgb24")
+    decoded = _decoded([_Encoder().of(frame, key=True)])[0].to_ndarray(format="rgb24")
     assert read_code(decoded) == code_of(source.stamp)
     assert np.abs(decoded.astype(float) - source.image).mean() < 8
 
 
 def test_yuv_frame_is_scaled_into_the_tier() -> None:
     frame = Frame(np.full((1080, 1280), 128, dtype=np.uint8), 1.0, "yuv420p")
-    decoded = _decoded([_encoder().of(frame, key=True)])[0]
+    decoded = _decoded([_Encoder().of(frame, key=True)])[0]
     assert (decoded.width, decoded.height) == (640, 360)
 
 
@@ -121,10 +117,10 @@ def test_yuv_frame_is_scaled_into_the_tier() -> None:
 )
 def test_invalid_image_is_refused(frame: Frame) -> None:
     with pytest.raises(ValueError):
-        _encoder().of(frame, key=False)
+        _Encoder().of(frame, key=False)
 
 
-def test_pictures_of_a_faster_camera_are_left_out() -> None:
+def test_excess_frames_of_a_faster_camera_are_skipped() -> None:
     last, kept = None, 0
     for n in range(120):
         if is_due(n / 60, last, 30):
@@ -133,7 +129,7 @@ def test_pictures_of_a_faster_camera_are_left_out() -> None:
     assert is_due(5.0, 9.0, 30), "the clock was set back"
 
 
-def test_a_new_viewer_gets_its_key_frame_at_once_and_losses_wait() -> None:
+def test_new_viewer_gets_a_key_frame_at_once_and_losses_wait() -> None:
     keys = KeyFrames()
     assert not keys.is_due(0.0)
     keys.ask("lost")
@@ -141,7 +137,7 @@ def test_a_new_viewer_gets_its_key_frame_at_once_and_losses_wait() -> None:
     keys.made(0.0)
     keys.ask("lost")
     assert not keys.is_due(0.1)
-    assert keys.is_due(0.3), "a request is put off, never forgotten"
+    assert keys.is_due(0.3), "a delayed request was lost"
     keys.ask("joined")
     assert keys.is_due(0.1)
     keys.made(0.1)

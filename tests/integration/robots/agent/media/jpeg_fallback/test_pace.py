@@ -1,4 +1,4 @@
-"""When a picture is sent through the server: one at a time, at the driver's pace, as large as
+"""When a picture is sent through the server: one at a time, at the driver's pace, in a size that
 arrives in time.
 """
 
@@ -29,14 +29,14 @@ def test_no_picture_is_due_before_a_request(pace):
     assert pace.wait(10.0) is None
 
 
-def test_a_request_is_answered_at_once_and_once(pace):
+def test_request_is_answered_at_once_and_only_once(pace):
     pace.ask("driver", None, None, 10.0)
     assert pace.wait(10.0) == 0.0
     pace.sent(1.0, 10.0)
     assert pace.wait(11.0) is None
 
 
-def test_pictures_keep_to_their_rate_however_fast_a_page_asks(pace):
+def test_pictures_keep_their_rate_however_often_a_page_asks(pace):
     now, sent = 0.0, 0
     while now < 10.0:
         pace.ask("driver", None, 0.0, now)
@@ -47,7 +47,7 @@ def test_pictures_keep_to_their_rate_however_fast_a_page_asks(pace):
     assert sent <= 10 * FPS + 1
 
 
-def test_an_observer_waits_for_the_driver_who_still_has_a_picture_on_the_way(pace):
+def test_observer_waits_while_a_picture_for_the_driver_is_in_transit(pace):
     pace.ask("driver", None, None, 0.0)
     pace.sent(1.0, 0.0)
     pace.ask("observer", None, None, 0.5)
@@ -56,7 +56,7 @@ def test_an_observer_waits_for_the_driver_who_still_has_a_picture_on_the_way(pac
     assert pace.wait(0.7) == 0.0
 
 
-def test_an_observer_is_served_when_the_driver_has_gone_silent(pace):
+def test_observer_is_served_when_the_driver_is_silent(pace):
     pace.ask("driver", None, None, 0.0)
     pace.sent(1.0, 0.0)
     pace.ask("observer", None, None, 2.5)
@@ -64,7 +64,7 @@ def test_an_observer_is_served_when_the_driver_has_gone_silent(pace):
     assert pace.watching(PRESENT + 0.1) == {"observer"}
 
 
-def test_a_slow_observer_costs_the_driver_neither_pictures_nor_quality(pace):
+def test_slow_observer_reduces_neither_rate_nor_quality_of_the_driver(pace):
     for step in range(1, 60):
         now = step * 0.2
         pace.ask("driver", now - 0.2, 0.0, now - 0.12)
@@ -75,14 +75,14 @@ def test_a_slow_observer_costs_the_driver_neither_pictures_nor_quality(pace):
     assert pace.quality.layer <= FIRST
 
 
-def test_a_camera_without_a_picture_is_asked_again_after_a_while(pace):
+def test_camera_without_a_picture_is_asked_again_after_a_while(pace):
     pace.ask("driver", None, None, 0.0)
     pace.failed(0.0)
     assert pace.wait(0.1) == pytest.approx(RETRY - 0.1)
     assert pace.wait(RETRY) == 0.0
 
 
-def test_invented_peers_take_no_memory(pace):
+def test_number_of_peers_is_bounded(pace):
     for number in range(10 * MOST_PAGES):
         pace.ask(f"p{number}", None, None, 0.0)
     assert len(pace.watching(0.0)) == MOST_PAGES
@@ -90,7 +90,7 @@ def test_invented_peers_take_no_memory(pace):
 
 
 def drive(quality_of_link, seconds, pace, start=0.0, round_trip=0.05):
-    """Play a driver on a link of some bytes a second; `start` is when it begins."""
+    """Simulate a driver on a link (bytes/s); return the ages of the pictures in seconds."""
     sizes = (16_000, 10_000, 6_500, 4_500, 3_200, 2_000)
     now, seen, ages = start, None, []
     while now < start + seconds:
@@ -104,37 +104,37 @@ def drive(quality_of_link, seconds, pace, start=0.0, round_trip=0.05):
     return ages
 
 
-def test_on_a_good_network_the_picture_becomes_the_best(pace):
+def test_good_network_reaches_the_best_quality(pace):
     drive(2e6, 30.0, pace)
     assert pace.quality.layer == 0
 
 
-def test_on_a_narrow_network_pictures_shrink_until_they_arrive_in_time(pace):
+def test_narrow_network_shrinks_pictures_until_they_arrive_in_time(pace):
     ages = drive(15_000.0, 30.0, pace)
     assert sum(age > 0.5 for age in ages[10:]) / len(ages) < 0.1
     assert len(ages) / 30.0 > 2.0
 
 
-def test_a_long_way_alone_does_not_make_pictures_worse(pace):
+def test_long_round_trip_alone_does_not_reduce_quality(pace):
     drive(2e6, 60.0, pace, round_trip=0.6)
     assert pace.quality.layer == 0
 
 
-def test_it_recovers_when_the_network_does(pace):
+def test_quality_recovers_with_the_network(pace):
     drive(8_000.0, 20.0, pace)
     assert pace.quality.layer == len(LAYERS) - 1
     drive(2e6, 300.0, pace, start=20.0)
     assert pace.quality.layer == 0
 
 
-def test_a_request_that_has_not_seen_the_last_picture_makes_the_next_one_smaller(pace):
+def test_request_without_the_last_picture_makes_the_next_one_smaller(pace):
     pace.ask("driver", None, None, 0.0)
     pace.sent(1.0, 0.0)
     pace.ask("driver", None, None, 2.0)
     assert pace.quality.layer == FIRST + 1
 
 
-def test_steps_up_that_come_to_nothing_become_rarer():
+def test_failed_steps_up_become_rarer():
     quality, ups = StillQuality(), []
     for number in range(2000):
         before = quality.layer

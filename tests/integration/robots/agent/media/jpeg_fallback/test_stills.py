@@ -1,4 +1,4 @@
-"""Pictures through the server: made on request; without requests the camera is stopped."""
+"""Pictures through the server are made on request; without requests the camera is stopped."""
 
 import asyncio
 import threading
@@ -17,7 +17,7 @@ from tests.support.media.loopback_peer import until
 
 
 class Viewer:
-    """A page that asks, and a camera that counts how often it was used."""
+    """A page that requests pictures, and a camera that counts its snapshots."""
 
     def __init__(self, frames):
         self.arrived, self.frames, self.taken = [], frames, 0
@@ -55,7 +55,7 @@ def size(jpeg):
     return frame.width, frame.height
 
 
-def test_one_request_brings_one_picture_with_its_moment(viewer):
+def test_each_request_gets_one_picture_with_its_time(viewer):
     before = time.time()
     viewer.ask()
     stamp, jpeg = viewer.wait(1)
@@ -67,21 +67,21 @@ def test_one_request_brings_one_picture_with_its_moment(viewer):
     assert viewer.taken == 1
 
 
-def test_a_page_that_goes_on_asking_gets_picture_after_picture(viewer):
+def test_repeated_requests_get_new_pictures(viewer):
     viewer.ask()
     for number in range(1, 6):
         viewer.ask(seen=viewer.wait(number)[0])
     assert viewer.wait(6)[0] > viewer.wait(1)[0]
 
 
-def test_even_a_picture_of_pure_noise_fits_into_its_message(viewer):
+def test_picture_of_pure_noise_fits_into_its_message(viewer):
     viewer.ask()
     for number in range(1, 15):
         viewer.ask(seen=viewer.wait(number)[0])
     assert max(len(picture.pack(stamp, jpeg)) for stamp, jpeg in viewer.arrived) <= LIMIT
 
 
-def test_a_camera_that_fails_now_and_then_goes_on_afterwards():
+def test_failed_and_malformed_frames_are_skipped():
     frames = iter(
         [
             None,
@@ -96,10 +96,10 @@ def test_a_camera_that_fails_now_and_then_goes_on_afterwards():
 
 
 def nothing(*_):
-    """Hear nothing of a page's frames and answers."""
+    """Ignore frames and answers."""
 
 
-async def test_fallback_viewers_count_and_the_camera_stops_after_them(camera):
+async def test_fallback_viewers_are_counted_and_the_camera_stops_after_them(camera):
     pictures = []
     side = MediaSide(
         video=camera,
@@ -121,7 +121,7 @@ async def test_fallback_viewers_count_and_the_camera_stops_after_them(camera):
         await asyncio.to_thread(side.close)
 
 
-async def test_a_robot_without_a_camera_sends_none():
+async def test_robot_without_a_camera_sends_no_pictures():
     side = MediaSide(
         video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing
     )

@@ -1,4 +1,4 @@
-"""Who is let in, and as what."""
+"""Which peers are admitted, and with which role."""
 
 import pytest
 from hypothesis import given
@@ -16,7 +16,7 @@ from robots.agent.media.peers.registry import (
 from robots.api.messages import Candidate
 
 
-def test_observers_are_refused_when_the_places_are_taken() -> None:
+def test_observers_are_refused_when_the_robot_is_full() -> None:
     registry = PeerRegistry(2)
     assert registry.admit("a", "observer", 0.0).admitted
     assert registry.admit("b", "observer", 0.0).admitted
@@ -25,66 +25,59 @@ def test_observers_are_refused_when_the_places_are_taken() -> None:
     assert registry.admit("c", "observer", 0.0).admitted
 
 
-def test_a_second_offer_of_a_connected_peer_needs_no_second_place() -> None:
+def test_second_offer_of_a_connected_peer_needs_no_second_place() -> None:
     registry = PeerRegistry(1)
     registry.admit("a", "observer", 0.0)
     assert registry.admit("a", "observer", 0.0) == PeerAdmission(admitted=True)
 
 
-def test_the_driver_finds_room_and_the_newest_observer_leaves() -> None:
+def test_driver_replaces_the_newest_observer() -> None:
     registry = PeerRegistry(3)
     for peer, role in (("screen", "screen"), ("o1", "observer"), ("o2", "observer")):
         registry.admit(peer, role, 0.0)
     assert registry.admit("driver", "driver", 0.0) == PeerAdmission(admitted=True, leaves="o2")
     registry.lease_changed("driver", 0.0)
     assert registry.admit("driver2", "driver", 0.0).leaves == "o1"
-    assert registry.admit("driver3", "driver", 0.0).leaves == "driver2", (
-        "who holds no lease counts as an observer"
-    )
+    # without the lease, driver2 counts as an observer
+    assert registry.admit("driver3", "driver", 0.0).leaves == "driver2"
     assert registry.admit("driver4", "driver", 0.0).leaves == "driver3"
 
 
-def test_a_robot_without_places_still_takes_its_driver() -> None:
+def test_robot_without_places_admits_its_driver() -> None:
     registry = PeerRegistry(0)
     assert registry.admit("a", "driver", 0.0).admitted
     registry.lease_changed("a", 0.0)
     assert registry.admit("b", "driver", 0.0) == PeerAdmission(admitted=True, leaves="a")
 
 
-def test_the_lease_alone_makes_a_driver() -> None:
+def test_only_the_lease_makes_a_driver() -> None:
     registry = PeerRegistry(4)
     registry.admit("a", "driver", 0.0)
     registry.admit("b", "observer", 0.0)
     registry.admit("s", "screen", 0.0)
-    assert [registry.role(p) for p in ("a", "b", "s", "unknown")] == [
-        "observer",
-        "observer",
-        "screen",
-        "observer",
-    ]
+    roles = lambda *peers: [registry.role(peer) for peer in peers]
+    assert roles("a", "b", "s", "unknown") == ["observer", "observer", "screen", "observer"]
     registry.lease_changed("a", 0.0)
     assert registry.role("a") == "driver"
     registry.lease_changed("b", 0.0)
-    assert [registry.role(p) for p in ("a", "b", "s")] == ["observer", "driver", "screen"]
+    assert roles("a", "b", "s") == ["observer", "driver", "screen"]
     registry.lease_changed(None, 0.0)
-    assert [registry.role(p) for p in ("a", "b")] == ["observer", "observer"]
+    assert roles("a", "b") == ["observer", "observer"]
 
 
-def test_earlier_driver_stays_only_by_a_new_offer() -> None:
+def test_former_driver_stays_only_with_a_new_offer() -> None:
     registry = PeerRegistry(4)
     registry.admit("a", "driver", 0.0)
     registry.lease_changed("a", 0.0)
-    assert registry.unwelcome(1000.0) == {}, "the lease speaks for the driver"
+    assert registry.unwelcome(1000.0) == {}, "the driver needs no vouching"
     registry.lease_changed(None, 1000.0)
-    assert registry.unwelcome(1000.0 + STAYS_AFTER_DRIVING) == {}, (
-        "a lease that came late is there again"
-    )
+    assert registry.unwelcome(1000.0 + STAYS_AFTER_DRIVING) == {}, "a late lease may return"
     assert registry.unwelcome(1000.1 + STAYS_AFTER_DRIVING) == {"a": "lease_changed"}
     registry.lease_changed("a", 1002.0)
     assert registry.unwelcome(1100.0) == {}
     registry.lease_changed("b", 1100.0)
     registry.admit("a", "observer", 1101.0)
-    assert registry.unwelcome(1101.0 + STAYS_UNVOUCHED) == {}, "it watches now, by a new offer"
+    assert registry.unwelcome(1101.0 + STAYS_UNVOUCHED) == {}, "it became an observer"
 
 
 @pytest.mark.parametrize("role", ["observer", "screen", "driver"])
@@ -112,7 +105,9 @@ def test_observer_stays_while_the_server_vouches(role) -> None:
         max_size=60,
     )
 )
-def test_never_more_than_the_limit_and_never_two_drivers(steps: list[tuple[str, str, str]]) -> None:
+def test_peers_never_exceed_the_limit_and_there_are_never_two_drivers(
+    steps: list[tuple[str, str, str]],
+) -> None:
     registry, inside = PeerRegistry(3), set()
     for what, peer, role in steps:
         if what == "offer":
@@ -129,7 +124,7 @@ def test_never_more_than_the_limit_and_never_two_drivers(steps: list[tuple[str, 
         assert sum(registry.role(p) == "driver" for p in "abcdef") <= 1
 
 
-def test_early_candidates_are_kept_for_their_offer_within_bounds() -> None:
+def test_early_candidates_are_held_for_their_offer_within_bounds() -> None:
     held = HeldCandidates()
     for n in range(MAX_HELD_CANDIDATES + 5):
         held.hold("a", Candidate(candidate=str(n)))

@@ -1,6 +1,4 @@
-"""The visitor's voice and face, from the page that drives to the robot's own outputs and to its
-screen.
-"""
+"""The visitor's voice and video, from the driver's page to the robot's outputs and its screen."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -65,14 +63,14 @@ def is_red(colour: tuple[float, float, float] | None) -> bool:
     )
 
 
-async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_display(robot) -> None:
+async def test_drivers_tone_and_colour_reach_loudspeaker_and_display(robot) -> None:
     await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
     await until(lambda: robot.speaker.played > 24_000 and is_red(robot.display.colour))
-    # A sine at half of full scale, mixed down; where sound was late, there is silence in it.
+    # A sine at half of full scale, mixed down; late sound is replaced by silence.
     await until(
         lambda: abs(robot.speaker.tone - HERTZ) < 5 and 0.15 < robot.speaker.level < 0.45,
-        what="the tone, as loud as it is",
+        what="the tone at its level",
     )
 
 
@@ -89,8 +87,8 @@ async def test_visitor_is_sent_to_the_screen_while_the_loudspeaker_is_silent(rob
     )
     assert robot.media.screens == 1
     assert robot.speaker.played == 0
-    assert page.images, "the visitor sees the robot as before"
-    assert robot.media.connected == 1, "a screen is no viewer"
+    assert page.images, "the visitor lost the robot's video"
+    assert robot.media.connected == 1, "the screen counts as a viewer"
 
 
 async def test_visitor_media_pass_only_during_the_call(robot) -> None:
@@ -100,7 +98,7 @@ async def test_visitor_media_pass_only_during_the_call(robot) -> None:
     robot.media.let_through(audio=True, video=False)
     await until(lambda: robot.speaker.played > 0)
     robot.media.let_through(audio=False, video=False)
-    for _ in range(2):  # what was on its way
+    for _ in range(2):  # until media in transit have arrived
         refused = robot.media.visitor.counts["not_let_through"]
         await until(
             lambda refused=refused: robot.media.visitor.counts["not_let_through"] > refused + 20
@@ -111,7 +109,7 @@ async def test_visitor_media_pass_only_during_the_call(robot) -> None:
     assert robot.display.shown == 0
 
 
-async def test_media_of_an_observer_are_counted_and_dropped(robot) -> None:
+async def test_observers_media_are_counted_and_dropped(robot) -> None:
     robot.media.let_through(audio=True, video=True)
     await robot.visitor("p1", drives=False)
     await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
@@ -135,14 +133,14 @@ async def test_late_screen_starts_with_a_key_frame(robot) -> None:
     assert screen.pictures[0][1], "a key frame"
 
 
-async def test_the_volume_that_the_visitor_wants_is_that_of_the_loudspeaker(robot) -> None:
+async def test_volume_set_by_the_visitor_is_that_of_the_loudspeaker(robot) -> None:
     await robot.visitor("p1")
     robot.media.let_through(audio=True, video=False, volume=0.25)
     await until(lambda: robot.speaker.played > 48_000)
     assert 0.03 < robot.speaker.level < 0.13
 
 
-def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
+def test_ticks_of_several_sources_are_joined_to_one_count() -> None:
     clock = JoinedTicks(960)
     counted = [
         clock.tick("a", 0),
@@ -154,14 +152,14 @@ def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
     assert counted == [960, 1920, 2880, 3840, 4800]
 
 
-def test_a_display_measures_the_mean_colour() -> None:
+def test_display_measures_the_mean_colour() -> None:
     display = MeasuringDisplay()
     assert display.colour is None
     display.show(np.full((4, 4, 3), (10, 20, 30), dtype=np.uint8))
     assert display.colour == (10.0, 20.0, 30.0)
 
 
-def test_a_loudspeaker_that_is_given_silence_hears_no_tone() -> None:
+def test_loudspeaker_measures_no_tone_in_silence() -> None:
     speaker = MeasuringSpeaker()
     assert (speaker.level, speaker.tone) == (0.0, 0.0)
     speaker.play(np.zeros(960, dtype=np.int16))

@@ -1,4 +1,4 @@
-"""The hooks fit the aiortc that is installed: these fail loudly when another one is."""
+"""The hooks fit the installed version of aiortc, and refuse others."""
 
 import aioice.ice
 import aiortc
@@ -23,17 +23,17 @@ class _Outbox:
         self.reports.append(loss)
 
 
-def test_the_installed_aiortc_is_one_that_the_hooks_fit() -> None:
+def test_installed_aiortc_is_supported() -> None:
     aiortc_hooks.check()
 
 
-def test_another_aiortc_is_refused_by_name(monkeypatch) -> None:
+def test_another_aiortc_is_refused_by_its_version(monkeypatch) -> None:
     monkeypatch.setattr(aiortc, "__version__", "1.17.0")
     with pytest.raises(aiortc_hooks.UnsupportedAiortcError, match=r"1\.17\.0"):
         aiortc_hooks.check()
 
 
-def test_installing_twice_changes_nothing_more() -> None:
+def test_hooks_can_be_installed_twice() -> None:
     aiortc_hooks.install()
     offered, search = list(aiortc.codecs.HEADER_EXTENSIONS["video"]), aioice.ice.get_host_addresses
     aiortc_hooks.install()
@@ -43,16 +43,12 @@ def test_installing_twice_changes_nothing_more() -> None:
 
 
 @pytest.mark.parametrize(("found", "used"), [([], ["127.0.0.1"]), (["10.0.0.1"], ["10.0.0.1"])])
-def test_the_loopback_address_is_offered_when_there_is_nothing_else(
-    found: list[str], used: list[str]
-) -> None:
-    assert (
-        aiortc_hooks._WithLoopback(lambda use_ipv4, use_ipv6: found)(use_ipv4=True, use_ipv6=True)
-        == used
-    )
+def test_loopback_address_is_offered_only_without_others(found: list[str], used: list[str]) -> None:
+    search = aiortc_hooks._WithLoopback(lambda use_ipv4, use_ipv6: found)
+    assert search(use_ipv4=True, use_ipv6=True) == used
 
 
-async def test_a_robot_without_network_still_offers_a_candidate(monkeypatch) -> None:
+async def test_robot_without_network_offers_the_loopback_address(monkeypatch) -> None:
     aiortc_hooks.install()
     monkeypatch.setattr(aioice.ice.get_host_addresses, "found_by", lambda use_ipv4, use_ipv6: [])
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
@@ -62,7 +58,7 @@ async def test_a_robot_without_network_still_offers_a_candidate(monkeypatch) -> 
     await connection.close()
 
 
-async def test_the_offer_has_our_sender_vp8_alone_and_playout_delay() -> None:
+async def test_offer_has_our_sender_with_vp8_alone_and_playout_delay() -> None:
     aiortc_hooks.install()
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
     sender = aiortc_hooks.add_sender(connection, "video", _Outbox(), "video/VP8")
@@ -71,7 +67,7 @@ async def test_the_offer_has_our_sender_vp8_alone_and_playout_delay() -> None:
     assert aiortc_hooks.PLAYOUT_DELAY in sdp
     assert "VP8" in sdp
     assert "rtx" in sdp
-    # elsewhere, in a password, it may stand by chance
+    # a password may contain these characters, too
     kinds = [line for line in sdp.splitlines() if line.startswith("a=rtpmap:")]
     assert not [line for line in kinds if "H264" in line]
     assert sender.backlog() == 0
@@ -91,17 +87,7 @@ async def test_rtcp_reaches_the_outbox() -> None:
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
     outbox = _Outbox()
     sender = aiortc_hooks.add_sender(connection, "video", outbox, "video/VP8")
-    await sender._handle_rtcp_packet(
-        RtcpPsfbPacket(fmt=RTCP_PSFB_PLI, ssrc=1, media_ssrc=sender._ssrc)
-    )
-    await sender._handle_rtcp_packet(
-        RtcpPsfbPacket(
-            fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=pack_remb_fci(500_000, [sender._ssrc])
-        )
-    )
-    await sender._handle_rtcp_packet(
-        RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=b"rubbish")
-    )
+    remb = pack_remb_fci(500_000, [sender._ssrc])
     lost = RtcpReceiverInfo(
         ssrc=sender._ssrc,
         fraction_lost=64,
@@ -111,7 +97,13 @@ async def test_rtcp_reaches_the_outbox() -> None:
         lsr=0,
         dlsr=0,
     )
-    await sender._handle_rtcp_packet(RtcpRrPacket(ssrc=1, reports=[lost]))
+    for packet in (
+        RtcpPsfbPacket(fmt=RTCP_PSFB_PLI, ssrc=1, media_ssrc=sender._ssrc),
+        RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=remb),
+        RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=b"rubbish"),
+        RtcpRrPacket(ssrc=1, reports=[lost]),
+    ):
+        await sender._handle_rtcp_packet(packet)
     assert outbox.keys == 1
     assert outbox.reports == [None, None, None, 0.25]
     await connection.close()

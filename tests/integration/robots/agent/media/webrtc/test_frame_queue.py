@@ -1,4 +1,4 @@
-"""How soon a viewer whose queue was emptied is shown something again."""
+"""How soon a viewer gets a key frame after its queue was emptied."""
 
 import asyncio
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from robots.agent.media.webrtc.sender_queue import DEPTH
 
 
 class Viewer:
-    """An outbox at a time that the test sets. `asked` has the reasons for key frames."""
+    """A queue with the clock of the test; `asked` are the reasons for key frames."""
 
     def __init__(self) -> None:
         self.now, self.number, self.asked = 100.0, 0, []
@@ -28,7 +28,7 @@ class Viewer:
         return first
 
     def hold_up(self) -> None:
-        """More pictures than fit come before any of them can be sent."""
+        """Queue more pictures than fit before one is sent."""
         for number in range(DEPTH + 1):
             self.put(key=number == 0)
 

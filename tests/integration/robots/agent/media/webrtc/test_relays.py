@@ -1,6 +1,4 @@
-"""Which relay and which address server a robot takes: decided on doubles, found out on the real
-coturn.
-"""
+"""Which relay and which address server a robot uses: decisions, and a real coturn."""
 
 import asyncio
 import socket
@@ -24,7 +22,7 @@ TURN = IceServer(
 
 
 class World:
-    """Answers after some seconds, or never; `asked` is who was asked."""
+    """Answers each transport after a delay in seconds, or never; `asked` are the probed ones."""
 
     def __init__(self, **delays: float) -> None:
         self.delays = {"udp": None, "tcp": None, "tls": None, "near": None, "far": None} | delays
@@ -43,6 +41,10 @@ class World:
         return Relays(self.probe, lambda: self.now)
 
 
+async def urls(relays: Relays, *servers: IceServer) -> list[str]:
+    return [server.urls[0] for server in await relays.usable(servers)]
+
+
 @pytest.mark.parametrize(
     ("delays", "wanted"),
     [
@@ -52,7 +54,7 @@ class World:
         ({}, None),
     ],
 )
-async def test_the_first_that_answers_is_taken_and_later_ones_wait_for_it_a_moment(delays, wanted):
+async def test_first_relay_that_answers_is_used_with_a_preference_for_udp(delays, wanted):
     world = World(**delays)
     turn = await world.relays().usable((TURN,))
     assert [server.urls for server in turn] == ([[wanted]] if wanted else [])
@@ -60,19 +62,17 @@ async def test_the_first_that_answers_is_taken_and_later_ones_wait_for_it_a_mome
     assert sorted(world.asked) == ["tcp", "tls", "udp"]
 
 
-async def test_found_relays_are_kept_for_a_while():
+async def test_probed_relays_are_cached_for_a_while():
     world = World(tcp=0.0)
     relays = world.relays()
     for moment, asked in ((0.0, 3), (1.0, 3), (FAILURE_HOLDS + 1.0, 5), (HOLDS + FAILURE_HOLDS, 8)):
         world.now = moment
-        assert [server.urls for server in await relays.usable((TURN,))] == [
-            ["turn:a?transport=tcp"]
-        ]
+        assert await urls(relays, TURN) == ["turn:a?transport=tcp"]
         await asyncio.gather(*relays._probes.values())
         assert len(world.asked) == asked, f"after {moment} s"
 
 
-async def test_two_visitors_at_once_ask_once():
+async def test_concurrent_visitors_share_a_probe():
     world = World(udp=0.1)
     relays = world.relays()
     await asyncio.gather(relays.usable((TURN,)), relays.usable((TURN,)))
@@ -84,23 +84,20 @@ async def test_two_visitors_at_once_ask_once():
     [
         ({"near": 0.0, "far": 0.0, "tcp": 0.0}, ["stun:near.example.org", "turn:a?transport=tcp"]),
         ({"far": 0.0}, ["stun:far.example.org"]),
-        # no datagram passes: aiortc would wait for the address server, and the page give up
+        # UDP is blocked: aiortc would wait for the address server until the page gives up
         ({"tcp": 0.0}, ["turn:a?transport=tcp"]),
         ({}, []),
     ],
 )
-async def test_an_address_server_that_is_silent_is_not_waited_for_again_by_aiortc(delays, wanted):
-    world = World(**delays)
-    assert [server.urls[0] for server in await world.relays().usable((STUN, TURN))] == wanted
+async def test_silent_address_servers_are_left_out(delays, wanted):
+    assert await urls(World(**delays).relays(), STUN, TURN) == wanted
 
 
-async def test_a_single_relay_that_is_silent_is_none_and_none_is_none():
+async def test_silent_or_missing_relay_is_left_out():
     one = IceServer(urls=("turn:a?transport=tcp",), username="u", credential="c")
-    assert await World().relays().usable((one,)) == []
-    assert [server.urls for server in await World(tcp=0.0).relays().usable((one,))] == [
-        ["turn:a?transport=tcp"]
-    ]
-    assert await World().relays().usable(()) == []
+    assert await urls(World().relays(), one) == []
+    assert await urls(World(tcp=0.0).relays(), one) == ["turn:a?transport=tcp"]
+    assert await urls(World().relays()) == []
 
 
 REGIONS = tuple(
@@ -114,13 +111,13 @@ REGIONS = tuple(
     [
         ({"turn:eu": 0.12, "turns:eu": 0.24, "turn:us": 0.02, "turns:us": 0.04}, "turn:us"),
         ({"turn:eu": 0.03, "turns:eu": 0.06, "turn:us": 0.12, "turns:us": 0.24}, "turn:eu"),
-        # no datagram passes
+        # UDP is blocked
         ({"turns:eu": 0.24, "turns:us": 0.06}, "turns:us"),
         # the nearest is down
         ({"turn:eu": 0.12}, "turn:eu"),
     ],
 )
-def test_the_region_that_answers_soonest_is_taken_and_stays(delays, wanted):
+def test_region_that_answers_first_is_used_and_kept(delays, wanted):
     @on_virtual_time
     async def measure() -> None:
         async def probe(server: RTCIceServer) -> bool:
@@ -140,16 +137,11 @@ def test_the_region_that_answers_soonest_is_taken_and_stays(delays, wanted):
 async def test_doubted_relays_are_probed_again():
     world = World(udp=0.0, near=0.0)
     relays = world.relays()
-    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
-        "stun:near.example.org",
-        "turn:a?transport=udp",
-    ]
+    assert await urls(relays, STUN, TURN) == ["stun:near.example.org", "turn:a?transport=udp"]
     await asyncio.gather(*relays._probes.values())
     world.delays |= {"udp": None, "near": None, "tcp": 0.0}
     relays.doubt()
-    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
-        "turn:a?transport=tcp"
-    ]
+    assert await urls(relays, STUN, TURN) == ["turn:a?transport=tcp"]
 
 
 def as_aiortc(server: IceServer) -> RTCIceServer:
@@ -158,7 +150,7 @@ def as_aiortc(server: IceServer) -> RTCIceServer:
     )
 
 
-async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_was_given(tmp_path):
+async def test_relay_over_tls_is_verified_with_the_agents_certificates(tmp_path):
     with Coturn(tmp_path) as coturn:
         page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
         page.createDataChannel("control")
@@ -179,9 +171,7 @@ async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_w
         await page.close()
 
 
-async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credentials(
-    tmp_path, monkeypatch
-):
+async def test_coturn_answers_valid_credentials_by_udp_tcp_and_tls(tmp_path, monkeypatch):
     with Coturn(tmp_path) as coturn:
         coturn.trust(monkeypatch)
         for transport in ("udp", "tcp", "tls"):
@@ -196,7 +186,7 @@ async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credential
         assert not await answers(RTCIceServer(urls=[silent])), silent
 
 
-async def test_log_says_why_a_silent_server_is_not_used(caplog):
+async def test_log_contains_why_a_silent_server_is_not_used(caplog):
     caplog.set_level("INFO")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.bind(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-"""Into the charging station and out of it, in simulation."""
+"""Docking and undocking, in simulation."""
 
 import math
 
@@ -26,8 +26,17 @@ def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
     return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
 
 
+def docking_beyond(x: float) -> Rig:
+    """Return a robot that has approached its station up to an x in metres."""
+    made = rig("1.6,6.2,3.1")
+    made.navigator.dock()
+    while made.sim.pose.x > x:
+        assert made.step().status == "RUNNING"
+    return made
+
+
 @pytest.mark.parametrize(("series", "model"), BOTH)
-def test_from_another_room_the_robot_docks_and_stays_docked(series: str, model: RobotModel) -> None:
+def test_robot_docks_from_another_room_and_stays_docked(series: str, model: RobotModel) -> None:
     made = rig("corridor-centre", model)
     made.navigator.dock()
     done = made.run(120.0)
@@ -39,9 +48,7 @@ def test_from_another_room_the_robot_docks_and_stays_docked(series: str, model: 
 
 
 @pytest.mark.parametrize(("series", "model"), BOTH)
-def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(
-    series: str, model: RobotModel
-) -> None:
+def test_undocked_robot_has_turned_its_back_to_the_station(series: str, model: RobotModel) -> None:
     made = rig("dock", model)
     before = made.sim.pose.theta
     made.navigator.undock()
@@ -51,7 +58,7 @@ def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(
     assert abs(math.remainder(made.sim.pose.theta - before, math.tau)) > math.pi - 0.2
 
 
-def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same(
+def test_undocking_finishes_without_room_to_turn(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(Follower, "turn", lambda *_: Followed(ZERO, "held", "thing"))
@@ -62,7 +69,7 @@ def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same
     assert abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) < 0.1
 
 
-def test_undocking_backs_out_first_and_turns_then() -> None:
+def test_undocking_backs_out_before_it_turns() -> None:
     made = rig("dock")
     made.navigator.undock()
     seen = []
@@ -78,7 +85,7 @@ def test_undocking_backs_out_first_and_turns_then() -> None:
     assert {turned for progress, turned in seen if progress > 0.6} == {True}
 
 
-def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_where_they_stand() -> None:
+def test_docking_a_docked_robot_and_undocking_a_free_one_finish_without_motion() -> None:
     docked = rig("dock")
     docked.navigator.dock()
     assert docked.run(3.0).status == "FINISHED"
@@ -88,7 +95,7 @@ def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_where_they_sta
     assert (free.run(2.0).status, free.sim.distance) == ("FINISHED", 0.0)
 
 
-def test_a_robot_that_slipped_out_a_little_finds_its_way_in_again() -> None:
+def test_robot_that_slipped_out_a_little_docks_again() -> None:
     made = rig(f"0.65,6.36,{math.pi - 0.15}")
     assert not made.sim.docked
     made.navigator.dock()
@@ -97,7 +104,7 @@ def test_a_robot_that_slipped_out_a_little_finds_its_way_in_again() -> None:
 
 
 @pytest.mark.nightly
-def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(
+def test_docking_fails_after_three_tries_without_contact(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made = rig("lab-centre")
@@ -112,8 +119,8 @@ def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(
     assert made.sim.clearance() > 0.1
 
 
-def test_a_robot_beside_an_open_door_backs_off_though_it_can_still_creep() -> None:
-    """It may turn by a degree now and then: that is no way on."""
+def test_robot_stuck_beside_an_open_door_backs_off() -> None:
+    """An occasional turn by a degree is no progress."""
     made = rig("1.88,2.76,1.67")
     made.navigator.dock()
     done = made.run(45.0)
@@ -122,7 +129,7 @@ def test_a_robot_beside_an_open_door_backs_off_though_it_can_still_creep() -> No
 
 
 @pytest.mark.nightly
-def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
+def test_station_behind_closed_doors_is_reported_as_unreachable() -> None:
     made = rig("2.0,1.0,1.5708")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.dock()
@@ -131,7 +138,7 @@ def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
     assert "door_closed: Laboratory door" in done.reason
 
 
-def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(
+def test_missing_station_is_searched_and_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("robots.agent.navigation.docking.station.find", lambda *_: None)
@@ -142,7 +149,7 @@ def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(
     assert done.reason == "dock_failed: not_seen"
 
 
-def test_a_robot_without_a_station_on_the_plan_is_told_so() -> None:
+def test_docking_without_a_station_on_the_plan_is_refused() -> None:
     nowhere = Navigator(
         SITE.grid, None, Simulation(GIRAFF, SITE.plan, seed=1).footprint, GIRAFF.limits, "giraff"
     )
@@ -150,40 +157,31 @@ def test_a_robot_without_a_station_on_the_plan_is_told_so() -> None:
         nowhere.dock()
 
 
-def test_a_laser_that_falls_silent_in_the_last_metre_stops_the_robot() -> None:
-    made = rig("1.6,6.2,3.1")
-    made.navigator.dock()
-    while made.sim.pose.x > 0.9:
-        assert made.step().status == "RUNNING"
+def test_silent_laser_in_the_last_metre_stops_the_robot() -> None:
+    made = docking_beyond(0.9)
     made.laser_works = False
     done = made.run(10.0)
     assert (done.status, done.reason) == ("FAILED", "no_laser: silent")
     assert made.sim.motion == STILL
 
 
-def test_wheels_that_stop_in_the_last_metre_end_the_task() -> None:
-    made = rig("1.6,6.2,3.1")
-    made.navigator.dock()
-    while made.sim.pose.x > 1.0:
-        assert made.step().status == "RUNNING"
+def test_wheels_that_stop_in_the_last_metre_fail_the_task() -> None:
+    made = docking_beyond(1.0)
     made.wheels_turn = False
     done = made.run(60.0)
     assert done.status == "FAILED"
     assert done.reason == "wheels"
 
 
-def test_robot_that_loses_the_map_on_the_last_metre_still_docks() -> None:
-    made = rig("1.6,6.2,3.1")
-    made.navigator.dock()
-    while made.sim.pose.x > 1.0:
-        assert made.step().status == "RUNNING"
+def test_robot_that_loses_its_pose_in_the_last_metre_still_docks() -> None:
+    made = docking_beyond(1.0)
     made.knows_where = False
     assert made.run(30.0).status == "FINISHED"
     assert made.sim.docked
 
 
 @pytest.mark.nightly
-def test_a_box_before_the_station_keeps_the_robot_out_and_is_not_touched() -> None:
+def test_box_in_front_of_the_station_prevents_docking_and_is_not_touched() -> None:
     box = Furniture(name="parcel", kind="box", x=0.62, y=6.3, width=0.2, depth=0.2, height=0.5)
     sim = Simulation(
         GIRAFF,

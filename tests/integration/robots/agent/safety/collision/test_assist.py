@@ -1,3 +1,5 @@
+"""The driver's assistance: what it never does, and what it prevents."""
+
 import math
 from itertools import pairwise
 
@@ -11,7 +13,7 @@ from robots.agent.safety.collision.assist import AssistSettings, DriverAssistanc
 from robots.agent.safety.collision.steering import SteeringSettings, bounds, helping_turn
 from robots.agent.safety.collision.swept import outside
 from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
-from robots.api.geometry import Pose2D
+from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, MODELS, RHODON
 from robots.world.sensing import points_in_frame
@@ -28,23 +30,18 @@ def line(x0, y0, x1, y1, spacing=0.02):
     return np.column_stack([np.linspace(x0, x1, count), np.linspace(y0, y1, count)])
 
 
-def doorway(x, width=1.0):
-    return np.vstack(
-        [
-            line(x, width / 2, x, 2.0),
-            line(x, -width / 2, x, -2.0),
-            line(x + 0.15, width / 2, x + 0.15, 2.0),
-            line(x + 0.15, -width / 2, x + 0.15, -2.0),
-        ]
-    )
+def doorway(x, half=0.5):
+    """Return the points of a wall, 15 cm thick, with an opening of twice the half width."""
+    faces = [(face, side) for face in (x, x + 0.15) for side in (1, -1)]
+    return np.vstack([line(face, side * half, face, side * 2.0) for face, side in faces])
 
 
 WALL = line(1.5, -2.0, 1.5, 2.0)
 
 
 def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, until=None, error=0.0):
-    """Drive among world points with a steady stick as the kernel ramps it; return the poses and the
-    last answer.
+    """Drive among world points with a constant stick, ramped as by the kernel; return the poses and
+    the last answer.
     """
     assist, limits = DriverAssistance(model.footprint, model.limits), model.limits
     told, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
@@ -70,11 +67,20 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
 
 
 def gap(model, pose, points):
-    return float(
-        outside(
-            DriverAssistance(model.footprint, model.limits).hull, points_in_frame(pose, points)
-        ).min()
-    )
+    """Return the distance in metres from the robot's outline to the nearest of (n, 2) points."""
+    hull = DriverAssistance(model.footprint, model.limits).hull
+    return float(outside(hull, points_in_frame(pose, points)).min())
+
+
+def shape(wanted, current, points, level, **more):
+    """Return the Giraff's answer to a velocity."""
+    assist = DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
+    return assist.shape(wanted, current, points, level, **more)
+
+
+def turned(poses):
+    """Return how far the robot turned in total, radians."""
+    return sum(abs(wrap_angle(after.theta - before.theta)) for before, after in pairwise(poses))
 
 
 # --- what is never done ---------------------------------------------------------------------------
@@ -91,35 +97,23 @@ POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).ma
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS, st.sampled_from(LEVELS))
-def test_never_faster_and_never_the_other_way(wanted, current, points, level):
-    told = (
-        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
-        .shape(wanted, current, points, level)
-        .velocity
-    )
+def test_velocity_is_never_faster_or_reversed(wanted, current, points, level):
+    told = shape(wanted, current, points, level).velocity
     assert min(0.0, wanted.linear) <= told.linear <= max(0.0, wanted.linear)
     assert abs(told.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
-def test_slowing_turns_no_further_than_was_asked_and_never_the_other_way(wanted, current, points):
-    told = (
-        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
-        .shape(wanted, current, points, "slow")
-        .velocity
-    )
+def test_slowing_never_turns_faster_or_the_other_way(wanted, current, points):
+    told = shape(wanted, current, points, "slow").velocity
     assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_steering_stays_on_the_commanded_side(wanted, current, points):
-    told = (
-        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
-        .shape(wanted, current, points, "steer")
-        .velocity
-    )
+    told = shape(wanted, current, points, "steer").velocity
     help_ = helping_turn(wanted, STEERING)
     assert (
         min(0.0, wanted.angular) - help_ - 1e-9
@@ -134,8 +128,8 @@ def test_steering_stays_on_the_commanded_side(wanted, current, points):
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, POINTS)
-def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, points):
-    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "steer")
+def test_firm_turn_is_at_most_halved_while_the_robot_is_not_slowed(wanted, points):
+    answer = shape(wanted, ZERO, points, "steer")
     if answer.why in {"free", "steer"}:
         assert (
             abs(answer.velocity.angular)
@@ -147,7 +141,7 @@ def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, poi
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES)
-def test_steering_bounds_contain_the_driver_s_turn_and_grow_steadily_around_it(wanted):
+def test_steering_bounds_contain_the_drivers_turn_and_are_continuous(wanted):
     low, high = bounds(wanted, STEERING)
     assert low <= wanted.angular <= high
     firmer = bounds(Velocity(linear=wanted.linear, angular=wanted.angular + 1e-6), STEERING)
@@ -159,33 +153,23 @@ def test_steering_bounds_contain_the_driver_s_turn_and_grow_steadily_around_it(w
 @pytest.mark.parametrize("level", ["off", *LEVELS])
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, VELOCITIES)
-def test_in_the_open_nothing_is_changed(level, wanted, current):
-    assist = DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
-    assert assist.shape(wanted, current, NOTHING, level).velocity == wanted
-    assert (
-        assist.shape(wanted, current, np.array([[30.0, 0.0], [math.nan, 0.1]]), level).velocity
-        == wanted
-    )
+def test_velocity_is_unchanged_without_obstacles(level, wanted, current):
+    far = np.array([[30.0, 0.0], [math.nan, 0.1]])
+    for points in (NOTHING, far):
+        assert shape(wanted, current, points, level).velocity == wanted
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, POINTS)
-def test_a_stop_is_a_stop(level, current, points):
-    assert (
-        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
-        .shape(ZERO, current, points, level)
-        .velocity
-        == ZERO
-    )
+def test_zero_velocity_stays_zero(level, current, points):
+    assert shape(ZERO, current, points, level).velocity == ZERO
 
 
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, POINTS)
-def test_off_changes_nothing_whatever_is_in_the_way(wanted, points):
-    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
-        wanted, ZERO, points, "off", silence=math.inf
-    )
+def test_level_off_changes_nothing(wanted, points):
+    answer = shape(wanted, ZERO, points, "off", silence=math.inf)
     assert (answer.velocity, answer.why) == (wanted, "off")
 
 
@@ -193,7 +177,7 @@ def test_off_changes_nothing_whatever_is_in_the_way(wanted, points):
 @pytest.mark.parametrize("level", LEVELS)
 @settings(deadline=None, max_examples=5)
 @given(st.integers(0, 10_000))
-def test_a_driver_who_does_anything_at_all_touches_nothing(series, level, seed):
+def test_random_driver_touches_nothing(series, level, seed):
     rng, model = np.random.default_rng(seed), MODELS[series]
     points = np.vstack(
         [
@@ -223,7 +207,7 @@ def test_a_driver_who_does_anything_at_all_touches_nothing(series, level, seed):
 
 @pytest.mark.parametrize("series", sorted(MODELS))
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level):
+def test_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level):
     model = MODELS[series]
     poses, answer = go(model, level, (model.limits.linear, 0.0), WALL)
     assert 0.02 < gap(model, poses[-1], WALL) < 0.12
@@ -231,19 +215,13 @@ def test_a_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, leve
     assert answer.side == "ahead"
     assert answer.why in {"slow", "stop"}
     assert answer.clearance == pytest.approx(gap(model, poses[-2], WALL), abs=0.01)
-    turned, _ = go(model, level, (0.0, model.limits.angular), WALL, poses[-1], seconds=6.0)
-    assert (
-        sum(
-            abs(math.remainder(later.theta - earlier.theta, math.tau))
-            for earlier, later in pairwise(turned)
-        )
-        > 2.0
-    )
-    assert min(gap(model, pose, WALL) for pose in turned) > 0.0
+    away, _ = go(model, level, (0.0, model.limits.angular), WALL, poses[-1], seconds=6.0)
+    assert turned(away) > 2.0
+    assert min(gap(model, pose, WALL) for pose in away) > 0.0
 
 
-def test_the_stop_says_where_the_obstacle_is():
-    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
+def test_stop_reports_the_obstacle():
+    answer = shape(
         Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow"
     )
     assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
@@ -254,16 +232,14 @@ def test_the_stop_says_where_the_obstacle_is():
     ("x", "y", "side"),
     [(0.6, 0.1, "ahead"), (0.1, 0.6, "left"), (-0.6, -0.1, "behind"), (0.1, -0.6, "right")],
 )
-def test_the_nearest_thing_is_told_even_when_it_changes_nothing(x, y, side):
-    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
-        ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow"
-    )
+def test_nearest_obstacle_is_reported_even_if_it_changes_nothing(x, y, side):
+    answer = shape(ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow")
     assert (answer.why, answer.side, answer.point) == ("free", side, (x, y))
 
 
 @pytest.mark.parametrize("model", [GIRAFF, RHODON], ids=lambda model: model.series)
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
+def test_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
     points = doorway(2.0)
     poses, _ = go(
         model,
@@ -281,19 +257,11 @@ def test_a_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
 
 
 @pytest.mark.parametrize("aside", [-0.35, -0.2, 0.2, 0.35])
-def test_steering_leads_a_driver_who_is_off_to_one_side_through_the_middle_of_a_door(aside):
+def test_steering_centres_the_robot_in_a_door(aside):
     points = doorway(2.0)
-    slowed, _ = go(
-        GIRAFF, "slow", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6
-    )
-    steered, _ = go(
-        GIRAFF,
-        "steer",
-        (0.7, 0.0),
-        points,
-        Pose2D(0.0, aside, 0.0),
-        until=lambda pose: pose.x > 2.6,
-    )
+    start, through = Pose2D(0.0, aside, 0.0), lambda pose: pose.x > 2.6
+    slowed, _ = go(GIRAFF, "slow", (0.7, 0.0), points, start, until=through)
+    steered, _ = go(GIRAFF, "steer", (0.7, 0.0), points, start, until=through)
     assert steered[-1].x > 2.6
     between = [abs(pose.y) for pose in steered if 1.8 < pose.x < 2.3]
     assert max(between) < abs(aside)
@@ -301,7 +269,7 @@ def test_steering_leads_a_driver_who_is_off_to_one_side_through_the_middle_of_a_
 
 
 @pytest.mark.parametrize("aside", [0.1, -0.1, 0.25])
-def test_steering_goes_round_a_thing_in_the_way(aside):
+def test_steering_avoids_an_obstacle(aside):
     post = np.array([1.6, aside]) + 0.12 * np.column_stack(
         [np.cos(np.linspace(0, 6.2, 40)), np.sin(np.linspace(0, 6.2, 40))]
     )
@@ -312,32 +280,30 @@ def test_steering_goes_round_a_thing_in_the_way(aside):
     assert min(gap(GIRAFF, pose, post) for pose in steered) > 0.02
 
 
-def test_a_robot_that_was_stopped_goes_on_saying_why():
+def test_stopped_robot_keeps_reporting_the_reason():
     poses, _ = go(GIRAFF, "slow", (0.7, 0.0), WALL)
     near = points_in_frame(poses[-1], WALL)
     for speed in (0.001, 0.004, 0.02):
-        answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
-            Velocity(linear=speed, angular=0.0), ZERO, near, "slow"
-        )
+        answer = shape(Velocity(linear=speed, angular=0.0), ZERO, near, "slow")
         assert answer.why in {"slow", "stop"}
         assert answer.side == "ahead"
 
 
-def test_steering_leaves_a_straight_drive_along_a_wide_corridor_straight():
+def test_steering_keeps_a_drive_along_a_wide_corridor_straight():
     walls = np.vstack([line(-1.0, 1.0, 6.0, 1.0), line(-1.0, -1.0, 6.0, -1.0)])
     poses, answer = go(GIRAFF, "steer", (0.5, 0.0), walls, seconds=6.0)
     assert max(abs(pose.y) for pose in poses) < 0.02
     assert answer.why == "free"
 
 
-def test_steering_does_not_fight_a_driver_who_turns_firmly_to_a_wall():
+def test_steering_does_not_oppose_a_firm_turn_towards_a_wall():
     wall = line(-1.0, 0.8, 6.0, 0.8)
     poses, _ = go(GIRAFF, "steer", (0.4, 0.7), wall, seconds=4.0)
     assert all(later.theta >= earlier.theta - 1e-9 for earlier, later in pairwise(poses))
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_robot_stays_farther_away_from_what_it_only_remembers(level):
+def test_robot_keeps_more_distance_from_remembered_obstacles(level):
     behind = line(-0.8, -1.0, -0.8, 1.0)
     exact, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0)
     vague, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0, error=0.025)
@@ -347,11 +313,11 @@ def test_a_robot_stays_farther_away_from_what_it_only_remembers(level):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_robot_turns_no_nearer_to_what_it_remembers_beside_it_and_drives_away_from_there(level):
-    # 35 mm beside it: near enough for a corner that nobody saw
+def test_robot_does_not_turn_towards_a_remembered_obstacle_beside_it(level):
+    # 35 mm beside it, where a corner could not be seen
     chair = line(-0.12, 0.315, 0.1, 0.315)
-    turned, _ = go(GIRAFF, level, (0.0, -0.7), chair, seconds=3.0, error=0.025)
-    assert min(gap(GIRAFF, pose, chair) for pose in turned) > 0.03
+    turning, _ = go(GIRAFF, level, (0.0, -0.7), chair, seconds=3.0, error=0.025)
+    assert min(gap(GIRAFF, pose, chair) for pose in turning) > 0.03
     left, _ = go(GIRAFF, level, (0.3, 0.0), chair, seconds=3.0, error=0.025)
     assert left[-1].x > 0.3
 
@@ -360,7 +326,7 @@ def test_a_robot_turns_no_nearer_to_what_it_remembers_beside_it_and_drives_away_
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_driver_leaves_a_contact_by_the_way_that_is_free_and_no_other(level):
+def test_robot_in_contact_can_only_move_away(level):
     touching = line(0.319, -0.14, 0.319, 0.14)  # the nose is a millimetre inside
     back, _ = go(GIRAFF, level, (-0.3, 0.0), touching, seconds=2.0)
     assert back[-1].x < -0.2
@@ -369,18 +335,14 @@ def test_a_driver_leaves_a_contact_by_the_way_that_is_free_and_no_other(level):
     assert answer.why == "stop"
 
 
-def test_a_robot_between_two_walls_with_room_for_its_corners_turns_round():
+def test_robot_turns_between_two_walls_with_room_for_its_corners():
     walls = np.vstack([line(-2.0, 0.38, 2.0, 0.38), line(-2.0, -0.38, 2.0, -0.38)])
     poses, _ = go(GIRAFF, "slow", (0.0, 0.7), walls, seconds=12.0)
-    turned = sum(
-        abs(math.remainder(later.theta - earlier.theta, math.tau))
-        for earlier, later in pairwise(poses)
-    )
-    assert turned > math.pi
+    assert turned(poses) > math.pi
     assert min(gap(GIRAFF, pose, walls) for pose in poses) > 0.0
 
 
-def test_a_robot_whose_corner_would_meet_the_wall_drives_on_straight():
+def test_robot_whose_corner_would_touch_the_wall_can_only_drive_straight():
     wall = line(-2.0, 0.31, 4.0, 0.31)
     turning, answer = go(GIRAFF, "slow", (0.0, -0.7), wall, seconds=2.0)
     assert min(gap(GIRAFF, pose, wall) for pose in turning) > 0.0
@@ -394,7 +356,7 @@ def test_a_robot_whose_corner_would_meet_the_wall_drives_on_straight():
 
 @pytest.mark.parametrize("aside", [0.0, 0.06])
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_station_may_be_touched_by_the_robot_whose_dock_it_is_at_a_creep(level, aside):
+def test_robot_creeps_into_contact_with_its_own_station(level, aside):
     dock = Pose2D(1.0, 0.0, 0.0)
     station = line(1.32, -0.28, 1.32, 0.28)  # the docked robot's nose touches it
     alone, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0))
@@ -411,7 +373,7 @@ def test_a_station_may_be_touched_by_the_robot_whose_dock_it_is_at_a_creep(level
     assert max(last) <= 0.06 * TICK + 1e-9
 
 
-def test_a_robot_that_has_reached_its_dock_pushes_no_further():
+def test_robot_in_its_dock_does_not_push_further():
     station = line(0.30, -0.28, 0.30, 0.28)  # a laser that sees it two centimetres too near
     poses, _ = go(
         GIRAFF,
@@ -429,7 +391,7 @@ def test_a_robot_that_has_reached_its_dock_pushes_no_further():
     "dock",
     [Pose2D(1.0, 0.0, 2.0), Pose2D(1.0, 0.6, 0.0), Pose2D(-0.4, 0.0, 0.0), Pose2D(3.0, 0.0, 0.0)],
 )
-def test_a_dock_elsewhere_allows_nothing(dock):
+def test_dock_elsewhere_does_not_allow_contact(dock):
     poses, _ = go(GIRAFF, "slow", (0.5, 0.0), line(1.0, -0.5, 1.0, 0.5), dock=dock)
     assert gap(GIRAFF, poses[-1], line(1.0, -0.5, 1.0, 0.5)) > 0.02
 
@@ -439,14 +401,12 @@ def test_a_dock_elsewhere_allows_nothing(dock):
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("silence", [0.51, math.inf, math.nan])
-def test_a_laser_that_is_silent_stops_the_robot_and_says_so(level, silence):
-    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
-        Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence
-    )
+def test_silent_laser_stops_the_robot_as_blind(level, silence):
+    answer = shape(Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence)
     assert (answer.velocity, answer.why) == (ZERO, "blind")
 
 
-def test_a_sweep_that_is_a_little_late_is_no_silence():
+def test_slightly_late_scan_does_not_count_as_silent():
     answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits, AssistSettings(silence=0.5)).shape(
         Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, "slow", silence=0.4
     )

@@ -1,4 +1,4 @@
-"""Frames are those of a pinhole camera: each point of the world is at the pixel of the model."""
+"""Frames are those of a pinhole camera: each point of the world is at its pixel."""
 
 import dataclasses
 import math
@@ -23,7 +23,7 @@ from tests.support.media.office_camera import HOME, OPEN, PLAN, office_camera, p
 @pytest.mark.nightly
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.6, 5.0), st.floats(-0.6, 0.6), st.sampled_from([-0.3, 0.0, HOME, 0.6, 0.9]))
-def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(
+def test_floor_point_of_a_pixel_is_that_of_the_pinhole_model(
     ahead: float, bearing: float, tilt: float
 ) -> None:
     lens = grind(GIRAFF.camera, tilt)
@@ -56,11 +56,11 @@ def back_to_floor(tilt: float, u: float, v: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("tilt", [0.2, HOME, 0.5])
 @pytest.mark.parametrize("pose", [(2.9, 6.1, math.pi), (2.5, 6.0, 2.9), (2.7, 5.6, 2.75)])
-def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(
+def test_yellow_lines_of_the_dock_are_at_their_pixels(
     camera: SceneCamera, pose: tuple[float, float, float], tilt: float
 ) -> None:
-    """Within 2 cm + 2 % on the floor: every probed point of the line is yellow, and 6 cm beside it
-    is not.
+    """Within 2 cm + 2 % on the floor: probed points of the line are yellow, those 7 cm beside it
+    are not.
     """
     dock = PLAN.dock_of("giraff")
     assert dock is not None
@@ -86,10 +86,8 @@ def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(
     assert sum(outer or inner for _, outer, inner in seen) <= 0.1 * len(seen)
 
 
-def test_an_edge_of_furniture_is_where_the_pinhole_puts_it(camera: SceneCamera) -> None:
-    """The upper front corners of the corridor's cabinet: white below the edge, darker wood above
-    it.
-    """
+def test_edge_of_furniture_is_at_its_pixel(camera: SceneCamera) -> None:
+    """The upper front edge of the corridor's cabinet: white below, darker wood above."""
     cabinet = next(piece for piece in PLAN.furniture if piece.name == "cabinet-1")
     pose, image = (4.9, 1.0, 0.2), picture(camera, (4.9, 1.0, 0.2))
     left, front, top = cabinet.x - cabinet.width / 2, cabinet.y - cabinet.depth / 2, cabinet.height
@@ -101,7 +99,7 @@ def test_an_edge_of_furniture_is_where_the_pinhole_puts_it(camera: SceneCamera) 
 
 
 @pytest.mark.nightly
-def test_the_picture_of_every_start_is_rich_and_each_is_different(camera: SceneCamera) -> None:
+def test_frames_of_all_starts_are_detailed_and_different(camera: SceneCamera) -> None:
     means = []
     for start in PLAN.starts:
         image = picture(camera, (start.x, start.y, start.theta))
@@ -112,7 +110,7 @@ def test_the_picture_of_every_start_is_rich_and_each_is_different(camera: SceneC
         assert all(np.abs(one - other).mean() > 5 for other in means[number + 1 :])
 
 
-def test_a_closed_door_is_seen(camera: SceneCamera) -> None:
+def test_closed_door_is_drawn(camera: SceneCamera) -> None:
     before = (2.02, 3.7, -math.pi / 2)
     opened = picture(camera, before)
     closed = picture(camera, before, doors={**OPEN, "lab-door": "closed"})
@@ -124,7 +122,7 @@ def test_a_closed_door_is_seen(camera: SceneCamera) -> None:
 
 
 @pytest.mark.parametrize("tilt", [-0.2, 0.0, HOME, 0.5])
-def test_however_the_head_is_tilted_the_docks_marker_is_where_the_pinhole_puts_it(
+def test_marker_of_the_dock_is_at_its_pixel_for_every_tilt(
     camera: SceneCamera, tilt: float
 ) -> None:
     pose = Pose2D(10.2, 1.0, 0.0)
@@ -138,12 +136,12 @@ def test_however_the_head_is_tilted_the_docks_marker_is_where_the_pinhole_puts_i
                 assert (image[int(v), int(u)].mean() > 140) == bright
 
 
-def test_facing_the_mirror_the_robot_sees_itself_and_beside_it_not(camera: SceneCamera) -> None:
+def test_robot_sees_itself_only_in_the_mirror(camera: SceneCamera) -> None:
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
     pose = Pose2D(7.9, middle, math.pi)
     image = picture(camera, tuple(pose))
-    # its display, as far behind the glass as it stands before it
+    # its display, mirrored behind the glass
     u, v = pixel_of(pose, (2 * mirror.start[0] - (7.9 - 0.07), middle, 1.26))
     face = image[int(v) - 14 : int(v) + 14, int(u) - 14 : int(u) + 14].reshape(-1, 3)
     skin = (face[:, 0] > 200) & (face[:, 2] < 200) & (face[:, 0] - face[:, 2] > 40)
@@ -153,7 +151,7 @@ def test_facing_the_mirror_the_robot_sees_itself_and_beside_it_not(camera: Scene
     assert blue_display < 0.001
 
 
-def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(
+def test_mirrors_with_equal_hashes_are_drawn_separately(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Python's hashes of -1.0 and -2.0 are the same."""
@@ -170,20 +168,20 @@ def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(
     assert asked == [-1.0, -2.0]
 
 
-def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
-    """A mirror does not swap sides: a thing at the robot's left appears at the left."""
+def test_mirror_shows_the_left_at_the_left(camera: SceneCamera) -> None:
+    """A mirror does not swap sides: furniture at the robot's left appears at the left."""
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
     image = picture(camera, tuple(pose), 0.15)
-    # south: at the left of who looks west
+    # in the south, at the left of a robot that faces west
     sideboard = next(piece for piece in PLAN.furniture if piece.name == "sideboard")
     u, v = pixel_of(pose, (2 * mirror.start[0] - sideboard.x - 0.5, sideboard.y + 0.2, 0.3), 0.15)
     assert u < 320
     assert image[int(v) - 3 : int(v) + 3, int(u) - 3 : int(u) + 3].mean() < 110  # dark wood
 
 
-def test_nearer_things_hide_farther_ones(camera: SceneCamera) -> None:
-    """From the north of the coffee table, its board hides the rug behind its near edge."""
+def test_nearer_furniture_hides_what_is_behind_it(camera: SceneCamera) -> None:
+    """Behind the near edge of the coffee table, its board hides the rug."""
     table = next(piece for piece in PLAN.furniture if piece.name == "coffee-table")
     pose = Pose2D(9.4, 4.2, math.pi / 2)
     image = picture(camera, tuple(pose))
@@ -194,7 +192,7 @@ def test_nearer_things_hide_farther_ones(camera: SceneCamera) -> None:
 
 
 @pytest.mark.nightly
-def test_the_same_seed_paints_the_same_scene_and_another_seed_another() -> None:
+def test_scene_depends_only_on_its_seed() -> None:
     one, same, other = (
         picture(SceneCamera(RHODON, PLAN, seed=seed), (5.0, 1.0, 0.0), 0.0) for seed in (3, 3, 4)
     )
@@ -210,7 +208,7 @@ def test_the_same_seed_paints_the_same_scene_and_another_seed_another() -> None:
     st.floats(-0.5, 0.9),
     st.booleans(),
 )
-def test_no_pose_breaks_the_picture(
+def test_every_pose_has_a_frame(
     x: float, y: float, theta: float, tilt: float, closed: bool
 ) -> None:
     state: DoorState = "closed" if closed else "open"
@@ -220,7 +218,7 @@ def test_no_pose_breaks_the_picture(
     assert image.max() > 0
 
 
-def test_many_lenses_and_doors_do_not_pile_up(camera: SceneCamera) -> None:
+def test_caches_of_lenses_and_doors_are_bounded(camera: SceneCamera) -> None:
     for number in range(12):
         picture(camera, (5.0, 1.0, 0.0), 0.01 * number, {"lab-door": "open", f"x{number}": "open"})
     assert camera._lens.cache_info().currsize <= 2

@@ -24,7 +24,7 @@ def changed(
     people: tuple[Person, ...],
     doors: dict[str, DoorState] = OPEN,
 ) -> np.ndarray:
-    """Return which pixels people change, their soft shadows left out."""
+    """Return which pixels people change, without their soft shadows; (height, width) bool."""
     with_people = picture(camera, pose, doors=doors, people=people)
     return np.abs(with_people - picture(camera, pose, doors=doors)).max(axis=2) > 60
 
@@ -36,7 +36,7 @@ def box(mask: np.ndarray) -> Box:
 
 
 @pytest.mark.parametrize("place", [(8.0, 1.1), (9.0, 0.9), (10.0, 1.2)])
-def test_person_is_drawn_in_true_height_and_place(
+def test_person_has_the_right_height_and_position(
     camera: SceneCamera, place: tuple[float, float]
 ) -> None:
     pose = (5.0, 1.0, 0.0)
@@ -49,17 +49,17 @@ def test_person_is_drawn_in_true_height_and_place(
     assert 0.3 * metre < right - left < 0.75 * metre
 
 
-def test_a_closed_door_hides_who_is_behind_it_and_an_open_one_does_not(camera: SceneCamera) -> None:
+def test_only_a_closed_door_hides_a_person_behind_it(camera: SceneCamera) -> None:
     before, behind = (2.02, 3.7, -math.pi / 2), (Person(2.0, 0.9, 0.0, 0.0, 4, 0.0),)
     assert changed(camera, before, behind).sum() > 500
     assert changed(camera, before, behind, {**OPEN, "lab-door": "closed"}).sum() == 0
 
 
-def test_a_wall_hides_who_is_in_the_next_room(camera: SceneCamera) -> None:
+def test_wall_hides_a_person_in_the_next_room(camera: SceneCamera) -> None:
     assert changed(camera, (5.0, 1.0, 0.0), (Person(9.5, 5.0, 0.0, 0.0, 1, 1.0),)).sum() == 0
 
 
-def test_the_nearer_of_two_hides_the_other(camera: SceneCamera) -> None:
+def test_nearer_of_two_people_hides_the_other(camera: SceneCamera) -> None:
     pose, near, far = (
         (5.0, 1.0, 0.0),
         Person(7.4, 1.0, math.pi, 0.0, 1, 0.0),
@@ -73,7 +73,7 @@ def test_the_nearer_of_two_hides_the_other(camera: SceneCamera) -> None:
 
 
 def test_mirror_shows_a_person_from_the_other_side(camera: SceneCamera) -> None:
-    """Their back is to the robot; in the mirror is the face."""
+    """The back is turned to the robot; the mirror shows the face."""
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
     pose, x, y = (9.4, middle, math.pi), 8.3, middle + 0.35
@@ -94,7 +94,7 @@ def test_mirror_shows_a_person_from_the_other_side(camera: SceneCamera) -> None:
     assert back < 0.5 * face
 
 
-def test_a_shadow_lies_on_the_floor_at_their_feet(camera: SceneCamera) -> None:
+def test_shadow_is_on_the_floor_at_the_feet(camera: SceneCamera) -> None:
     pose, person = (5.0, 1.0, 0.0), Person(8.0, 1.0, math.pi, 0.0, 1, 0.0)
     u, v = pixel_of(pose, (person.x - 0.08, person.y - 0.3, 0.0))
     spot = (slice(int(v) - 1, int(v) + 2), slice(int(u) - 2, int(u) + 3))
@@ -104,7 +104,7 @@ def test_a_shadow_lies_on_the_floor_at_their_feet(camera: SceneCamera) -> None:
     )
 
 
-def test_person_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCamera) -> None:
+def test_person_behind_the_mirrors_wall_has_no_shadow_in_it(camera: SceneCamera) -> None:
     mirror = PLAN.mirrors[0]
     pose = (mirror.start[0] + 1.5, (mirror.start[1] + mirror.end[1]) / 2, math.pi)
     behind = Person(mirror.start[0] - 1.0, pose[1], 0.0, 0.0, 1, 0.0)
@@ -113,19 +113,18 @@ def test_person_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCa
 
 def test_only_walking_people_move_their_legs(camera: SceneCamera) -> None:
     pose = (5.0, 1.0, 0.0)
-    walk = [
-        picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, 1.0),))
-        for stride in (0.0, math.pi / 2)
-    ]
-    stand = [
-        picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, 0.0),))
-        for stride in (0.0, math.pi / 2)
-    ]
-    assert (np.abs(walk[0] - walk[1]).max(axis=2) > 40).sum() > 200
-    assert np.array_equal(stand[0], stand[1])
+    walking, standing = (
+        [
+            picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, speed),))
+            for stride in (0.0, math.pi / 2)
+        ]
+        for speed in (1.0, 0.0)
+    )
+    assert (np.abs(walking[0] - walking[1]).max(axis=2) > 40).sum() > 200
+    assert np.array_equal(*standing)
 
 
-def test_the_left_foot_is_ahead_at_a_quarter_of_the_stride() -> None:
+def test_left_foot_is_ahead_at_a_quarter_of_the_stride() -> None:
     left, right = (limbs(look_of(1), math.pi / 2)[number].end for number in (2, 5))  # the shoes
     assert left[1] > 0.0 > right[1]
     assert left[0] > right[0] + 0.4
@@ -133,10 +132,10 @@ def test_the_left_foot_is_ahead_at_a_quarter_of_the_stride() -> None:
 
 @pytest.mark.parametrize("stride", [0.0, 1.1, 2.9, 4.4, None])
 @pytest.mark.parametrize("bearing", [0.0, 0.7, math.pi / 2, 2.2])
-def test_from_the_right_a_body_is_its_mirror_image_half_a_stride_later(
+def test_view_from_the_right_is_the_mirror_image_half_a_stride_later(
     stride: float | None, bearing: float
 ) -> None:
-    """What lets half of all pictures do."""
+    """For this reason half of all sprites are enough."""
     other = None if stride is None else stride + math.pi
     one, two = (
         draw(limbs(look_of(3), stride), bearing, 1.95),
@@ -149,7 +148,7 @@ def test_from_the_right_a_body_is_its_mirror_image_half_a_stride_later(
 
 
 @given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.integers(-3, 10**6), st.floats(0.0, 2.0))
-def test_there_is_a_picture_for_every_stride_and_every_side(
+def test_every_stride_and_bearing_has_a_sprite(
     bearing: float, stride: float, look: int, speed: float
 ) -> None:
     (number, phase, view), _ = chosen(Person(0.0, 0.0, 0.0, stride, look, speed), bearing)
@@ -166,10 +165,10 @@ def test_there_is_a_picture_for_every_stride_and_every_side(
     st.floats(0.0, 0.6),
     st.floats(-3.1, 3.1),
 )
-def test_no_place_of_a_person_breaks_the_frame(
+def test_every_position_of_a_person_has_a_frame(
     x: float, y: float, theta: float, distance: float, bearing: float
 ) -> None:
-    """Also not one inside of the robot's head."""
+    """Even inside the robot's head."""
     person = Person(
         x + distance * math.cos(bearing), y + distance * math.sin(bearing), bearing, theta, 1, 1.0
     )
