@@ -325,7 +325,7 @@ async def test_a_janus_that_refuses_the_stream_counts_as_lost(broadcast, janus, 
     await page.offered()
 
 
-async def test_creating_the_stream_is_tried_a_few_times_and_again_later(page, janus, monkeypatch):
+async def test_creating_the_stream_is_tried_a_few_times_and_later_again(page, janus, monkeypatch):
     monkeypatch.setattr(module, "STEP_SECONDS", 60.0)
     janus.refuses["create"] = CANNOT_CREATE
     page.say(WantOffer())
