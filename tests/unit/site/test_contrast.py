@@ -57,11 +57,11 @@ def test_black_on_white_is_21_to_1():
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
 @pytest.mark.parametrize(("front", "back", "least"), PAIRS, ids=str)
-def test_every_pair_of_colours_that_meet_can_be_told_apart(theme, front, back, least):
+def test_adjacent_colours_have_enough_contrast(theme, front, back, least):
     assert contrast(theme[f"--{front}"], theme[f"--{back}"]) >= least
 
 
-def test_the_two_places_that_say_dark_say_the_same():
+def test_both_definitions_of_the_dark_colours_are_equal():
     by_system = block(':root:not([data-theme="light"]) {')
     by_page = block(':root[data-theme="dark"] {')
     assert by_system.split() == by_page.split()

@@ -62,5 +62,5 @@ def test_clients_without_a_session_subscribe_to_a_cluster_at_qos_0():
     assert [failover(A, B).qos(qos) for qos in (0, 1)] == [0, 0]
 
 
-def test_a_silent_node_is_detected_sooner_where_there_is_another():
+def test_a_silent_node_is_detected_sooner_if_there_is_another():
     assert failover(A, B).keepalive_seconds < failover(A).keepalive_seconds
