@@ -69,7 +69,7 @@ def test_an_absent_robot_cannot_be_driven_and_shows_no_battery(changes):
     assert (it.state, it.drives, it.charge, it.battery) == ("offline", False, None, "")
 
 
-def test_an_offline_robot_shows_when_it_was_last_seen():
+def test_an_offline_robot_has_the_time_of_its_last_message():
     for seen_at, words in (
         (NOW - datetime.timedelta(hours=3, minutes=7), "Last seen 3\xa0hours ago."),
         (NOW - datetime.timedelta(seconds=59), "Last seen just now."),
@@ -219,7 +219,7 @@ DRIVEN = Traffic(in_use=True, waiting=2)
         (Traffic(), {"report": RUNS_ON}, "stopped", "Not available", ""),
     ],
 )
-def test_a_stop_or_a_fault_comes_first_and_the_details_of_a_fault_are_hidden(
+def test_a_stop_or_a_fault_is_listed_first_and_details_of_a_fault_are_hidden(
     traffic, changes, state, label, detail
 ):
     it = shown(traffic, **changes)

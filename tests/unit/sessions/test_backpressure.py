@@ -35,7 +35,7 @@ async def is_full_behind(send):
 
 
 @pytest.mark.parametrize("tls", [False, True])
-async def test_a_page_whose_network_takes_nothing_more_is_known_until_it_does_again(tls):
+async def test_a_page_with_a_blocked_network_is_reported_until_it_receives_again(tls):
     server = Server(tls=tls)
     is_full = await is_full_behind(server.send)
     assert not is_full()

@@ -33,7 +33,7 @@ def test_unknown_user_agents_are_other(agent):
     assert {device["os"], device["browser"], device["product"]} == {"other"}
 
 
-def test_client_hints_tell_chromium_from_chrome():
+def test_client_hints_distinguish_chromium_from_chrome():
     hints = {
         "user-agent": f"Mozilla/5.0 ({WINDOWS}",
         "sec-ch-ua": '"Chromium";v="128", "Not A(Brand";v="8"',

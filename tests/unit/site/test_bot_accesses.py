@@ -17,6 +17,6 @@ def test_bots_come_by_each_way_as_often_as_there_are_conditions_for_it_by_turns(
     ]
 
 
-def test_whose_ending_is_about_the_photo_comes_to_a_robot_that_takes_one():
+def test_bots_with_an_ending_about_the_photo_use_a_robot_with_photos():
     endings = [Ending.COMPLETES, Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN, Ending.COMPLETES]
     assert accesses_of(STUDY, endings) == ["open", "open", "open", "invitation"]

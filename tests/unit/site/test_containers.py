@@ -148,7 +148,7 @@ def test_containers_have_read_only_root_filesystems_and_gain_no_rights(one):
         assert not one.around.get("privileged")
 
 
-def test_both_images_run_as_the_user_whom_the_manifests_name():
+def test_both_images_run_as_the_user_of_the_manifests():
     text = (DEPLOY / "Containerfile").read_text()
     users = re.findall(r"^USER (\d+):(\d+)$", text, re.MULTILINE)
     assert users == [("10001", "10001")] * 2

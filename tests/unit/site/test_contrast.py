@@ -52,5 +52,5 @@ def test_black_on_white_is_21_to_1():
 
 @pytest.mark.parametrize("theme", [LIGHT, DARK], ids=["light", "dark"])
 @pytest.mark.parametrize(("front", "back", "least"), PAIRS, ids=str)
-def test_every_pair_of_colours_that_meet_can_be_told_apart(theme, front, back, least):
+def test_adjacent_colours_have_enough_contrast(theme, front, back, least):
     assert contrast(theme[f"--{front}"], theme[f"--{back}"]) >= least

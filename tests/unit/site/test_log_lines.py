@@ -112,7 +112,7 @@ def test_a_process_of_one_robot_names_it_in_every_thread(monkeypatch):
     assert lines[0]["robot"] == "giraff"
 
 
-def test_a_value_with_line_ends_cannot_make_a_line_of_its_own():
+def test_a_value_with_line_ends_stays_on_its_line():
     forged = record("refused", user="x\nlevel=error event=forged")
     assert "\n" not in key_value_lines().format(forged)
     assert "\n" not in json_lines().format(forged)

@@ -63,7 +63,7 @@ async def test_the_line_names_route_and_status_and_no_key(caplog):
     assert "reset" in line
 
 
-async def test_a_crash_is_noted_and_goes_on_to_the_server(caplog):
+async def test_a_crash_is_noted_and_raised_to_the_server(caplog):
     async def application(*_):
         raise RuntimeError("of the test")
 

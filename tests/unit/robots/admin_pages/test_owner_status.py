@@ -63,21 +63,21 @@ def shown(*, in_use: bool = False, **changes):
         ),
     ],
 )
-def test_an_owner_reads_one_state_and_what_to_do_next(changes, tone, label, says):
+def test_an_owner_gets_one_state_and_the_next_step(changes, tone, label, says):
     it = shown(**changes)
     assert (it.tone, it.label) == (tone, label)
     assert says in it.sentence
 
 
-def test_a_stop_of_a_hidden_robot_that_is_driven_comes_first():
+def test_a_stop_of_a_driven_hidden_robot_is_listed_first():
     report = {"safety": {"estop": True}}
     assert shown(in_use=True, shown_to_visitors=False, report=report).label == "Stopped"
 
 
-def test_the_battery_of_a_robot_that_is_away_is_unknown():
+def test_the_battery_of_an_absent_robot_is_unknown():
     assert (shown().battery, shown(**AWAY).battery) == ("82 %", "")
 
 
-def test_a_robot_is_connected_for_good_once_it_was_seen():
+def test_a_robot_that_was_online_is_connected():
     assert shown(**AWAY).connected
     assert not shown(connection="OFFLINE", last_seen_at=None).connected

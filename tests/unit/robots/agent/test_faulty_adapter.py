@@ -223,7 +223,7 @@ NONSENSE = {
 
 @pytest.mark.parametrize("what", NONSENSE)
 @pytest.mark.parametrize("robot", [functools.partial(SensingRobot, SENSING)], indirect=True)
-def test_an_invalid_reading_is_a_fault_of_the_adapter_and_the_loop_goes_on(rig, robot, what):
+def test_an_invalid_reading_is_a_fault_of_the_adapter_and_the_loop_continues(rig, robot, what):
     for _ in range(2):
         robot.nonsense = NONSENSE[what]
         assert any("nonsense" in error for error in errors_of(rig))
@@ -241,7 +241,7 @@ UNSOUND_PROGRESS = {
 
 
 @pytest.mark.parametrize("what", UNSOUND_PROGRESS)
-def test_unsound_progress_is_a_fault_of_the_adapter_and_the_loop_goes_on(rig, what):
+def test_invalid_progress_is_a_fault_of_the_adapter_and_the_loop_continues(rig, what):
     rig.act(own(m.Goto, x=1.0, y=1.0))
     rig.status("a1", "RUNNING")
     fields = {"action_id": "a1", "status": "FINISHED"} | UNSOUND_PROGRESS[what]

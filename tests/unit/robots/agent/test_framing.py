@@ -18,7 +18,7 @@ NOTES = msgspec.msgpack.Decoder(Note)
 
 
 @given(st.lists(st.text(max_size=30), max_size=6), st.integers(1, 9))
-def test_messages_arrive_whole_and_in_order_however_the_stream_is_cut(
+def test_messages_of_a_divided_stream_arrive_complete_and_in_order(
     texts: list[str], piece: int
 ) -> None:
     stream = b"".join(framing.pack(Note(text)) for text in texts)

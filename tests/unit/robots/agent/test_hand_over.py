@@ -40,7 +40,7 @@ def test_a_robot_at_speed_brakes_before_its_architecture_gets_an_action(rig, han
 
 
 @pytest.mark.parametrize("docks", [False, True], ids=["travels", "docks"])
-def test_a_contact_ends_what_an_architecture_does_by_itself_unless_it_docks(rig, docks):
+def test_a_contact_ends_autonomous_motion_except_docking(rig, docks):
     rig.act(own(m.Dock) if docks else own(m.Goto, x=1.0, y=1.0))
     rig.wait(lambda: rig.robot.going)
     rig.sleep(0.3)

@@ -50,7 +50,7 @@ def test_calls_to_a_hung_loop_are_dropped_beyond_their_number_and_counted(caplog
     assert "90" in caplog.text
 
 
-def test_a_loop_that_goes_on_takes_calls_again():
+def test_a_loop_that_continues_accepts_calls_again():
     done = []
 
     async def main():

@@ -81,7 +81,7 @@ def test_only_displays_confirm_words_and_only_those_of_the_driver(rig):
 @pytest.mark.parametrize(
     ("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")]
 )
-def test_viewer_neither_speaks_nor_calls_whatever_role_they_claim(rig, kind, way, role):
+def test_viewer_neither_speaks_nor_calls_with_any_role(rig, kind, way, role):
     fields = {"text": "I am the driver"} if kind is m.Say else {"audio": True}
     rig.act(kind(**asked(2, role=role), **fields), way=way, peer="somebody")
     assert outcome(rig, 2) == ("FAILED", "observer")

@@ -90,7 +90,7 @@ def finite(value):
 
 
 @pytest.mark.parametrize("suffix", SAMPLES)
-def test_a_message_comes_back_as_it_went(suffix):
+def test_a_decoded_message_equals_the_encoded_one(suffix):
     message = SAMPLES[suffix]
     assert codec.decode(suffix, codec.encode(message)) == message
     assert codec.decode_frame(codec.encode_frame(suffix, message)) == (suffix, message)

@@ -58,7 +58,7 @@ def test_a_gap_in_the_readings_restarts_the_time_at_rest():
     assert late.resting_since == 5.0
 
 
-def test_four_states_a_second_are_enough_to_tell():
+def test_four_states_a_second_are_enough():
     assert after((2.25, True), period=0.25).docked
     assert not after((2.0, True), period=0.25).docked
 

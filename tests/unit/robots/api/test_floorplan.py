@@ -159,7 +159,7 @@ def spoken() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("language", ["es", "es-mx", "ES"])
-def test_titles_are_translated_where_there_is_a_translation(language):
+def test_titles_with_a_translation_are_translated(language):
     plan = floorplan.in_language(spoken(), language)
     assert plan["title"] == "Cabaña"
     assert [room["title"] for room in plan["rooms"]] == ["Oeste", "East"]
@@ -169,7 +169,7 @@ def test_titles_are_translated_where_there_is_a_translation(language):
 
 
 @pytest.mark.parametrize("language", ["en", "fr", ""])
-def test_without_a_translation_a_plan_is_what_it_was(language):
+def test_without_a_translation_a_plan_is_unchanged(language):
     assert floorplan.in_language(spoken(), language) == hut()
     assert floorplan.in_language(hut(), language) == hut()
     assert floorplan.in_language({}, language) == {}

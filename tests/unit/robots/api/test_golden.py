@@ -65,7 +65,7 @@ def test_a_message_that_must_be_refused_is_refused(case):
     ("suffix", "name"),
     [(suffix, name) for suffix, examples in WIRE["toPage"].items() for name in examples],
 )
-def test_a_word_for_the_page_is_what_the_server_writes(suffix, name):
+def test_messages_to_the_page_are_written_as_in_the_golden_file(suffix, name):
     golden = WIRE["toPage"][suffix][name]
     message = msgspec.json.decode(json.dumps(golden), type=protocol.TO_PAGE[suffix])
     assert json.loads(protocol.encode_frame(suffix, message).partition("\n")[2]) == golden
@@ -75,7 +75,7 @@ def test_a_word_for_the_page_is_what_the_server_writes(suffix, name):
     ("suffix", "name"),
     [(suffix, name) for suffix, examples in WIRE["toServer"].items() for name in examples],
 )
-def test_a_word_of_the_page_is_what_the_server_reads(suffix, name):
+def test_messages_of_the_page_are_read_as_in_the_golden_file(suffix, name):
     golden = WIRE["toServer"][suffix][name]
     assert msgspec.to_builtins(protocol.decode(suffix, json.dumps(golden))) == golden
 

@@ -15,7 +15,7 @@ JPEG = b"\xff\xd8\xff\xe0" + bytes(range(200)) + b"\xff\xd9"
 LIMIT = topics.find("picture").limit
 
 
-def test_a_picture_comes_back_from_the_wire_as_it_went():
+def test_a_decoded_picture_equals_the_encoded_one():
     assert picture.unpack(
         codec.decode("picture", picture.pack(1766000000.25, JPEG), "from_robot")
     ) == (1766000000.25, JPEG)

@@ -57,5 +57,5 @@ def test_clients_reconnect_at_different_times():
     assert len(waits) == 20
 
 
-def test_a_node_that_falls_silent_is_noticed_sooner_where_there_is_another():
+def test_a_silent_node_is_detected_sooner_if_there_is_another():
     assert failover(A, B).keepalive_seconds < failover(A).keepalive_seconds

@@ -50,7 +50,7 @@ def grazes(x: float, y: float, angle: float, s: tuple[float, float, float, float
     coordinate,
     st.lists(st.floats(-4, 4), min_size=1, max_size=20),
 )
-def test_all_rays_at_once_find_what_one_at_a_time_finds(
+def test_all_rays_together_equal_single_rays(
     segments: list, x: float, y: float, angles: list
 ) -> None:
     ranges, which = cast(np.array(segments), x, y, np.array(angles))
@@ -80,9 +80,7 @@ def test_the_nearest_of_two_walls_stops_the_ray() -> None:
 
 @examples(50, thorough=1500)
 @given(st.floats(-2, 14), st.floats(-2, 9), beams)
-def test_a_sweep_finds_what_single_rays_find(
-    x: float, y: float, fan: tuple[float, float, int]
-) -> None:
+def test_a_sweep_equals_single_rays(x: float, y: float, fan: tuple[float, float, int]) -> None:
     if any(inside(solid.outline, np.array(x), np.array(y)) for solid in SOLIDS):
         return
     start, step, count = fan

@@ -11,7 +11,7 @@ def sweep(ranges, mount=CENTRE):
     return LaserScan(1.0, -math.pi / 2, math.pi / 2, 8.0, np.array(ranges), mount)
 
 
-def test_points_lie_where_the_beams_ended_seen_from_the_robot():
+def test_points_are_the_ends_of_the_beams_in_the_robots_frame():
     points = sweep([1.0, 2.0, 3.0], Pose2D(0.2, 0.1, 0.0)).points()
     assert points == pytest.approx(np.array([[0.2, -0.9], [2.2, 0.1], [0.2, 3.1]]))
 

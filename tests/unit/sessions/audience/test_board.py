@@ -1,4 +1,4 @@
-"""Hands and questions, and how the boards of several web processes become one."""
+"""Hands and questions, in one web process and in several."""
 
 import itertools
 
@@ -189,7 +189,7 @@ def test_a_visitor_lowers_their_hand_from_another_process():
     assert names(one) == names(two) == ()
 
 
-def test_a_process_that_joins_late_or_missed_an_update_gets_all():
+def test_a_process_that_starts_late_or_misses_an_update_gets_everything():
     one, two, late = opened("a"), opened("b"), opened("c")
     key = asks(one, "ada")
     talk(one, two)
@@ -231,22 +231,22 @@ def test_a_hand_stays_raised_when_its_page_reconnects_to_another_process():
     talk(one, two, now=100.0)
     raises(two, "ada", 50.0)
     two.expire(100.0 + HAND_SECONDS)
-    assert names(two) == ("Ada", "Cy"), "and keeps its place in the row"
+    assert names(two) == ("Ada", "Cy"), "the hand keeps its place"
     assert two.lower_hand("ada") == ""
     assert names(two) == ("Cy",)
 
 
-def test_a_hand_outlives_the_connection_that_its_page_has_replaced():
+def test_a_hand_stays_raised_when_the_previous_connection_of_its_page_closes():
     board = opened()
-    raises(board, "ada", 1.0, page="lost, and not known to be")
-    raises(board, "ada", 2.0, page="again")
-    board.leave("lost, and not known to be")
+    raises(board, "ada", 1.0, page="first")
+    raises(board, "ada", 2.0, page="second")
+    board.leave("first")
     assert names(board) == ("Ada",)
-    board.leave("again")
+    board.leave("second")
     assert names(board) == ()
 
 
-def test_hundreds_of_hands_of_several_processes_are_one_list():
+def test_600_hands_of_three_processes_are_one_list():
     boards = [opened(process) for process in "abc"]
     for number in range(600):
         raises(boards[number % 3], f"user{number}", float(number))
@@ -277,16 +277,16 @@ def test_updates_of_another_drive_are_ignored():
         max_size=25,
     )
 )
-def test_all_boards_agree_after_any_changes(deeds):
+def test_all_boards_agree_after_any_changes(steps):
     boards = [opened(process) for process in "abc"]
     keys = []
-    for clock, (at, deed, which) in enumerate(deeds):
-        if deed == "ask":
+    for clock, (at, step, which) in enumerate(steps):
+        if step == "ask":
             keys.append(asks(boards[at], f"user{len(keys)}", float(clock)))
-        elif deed == "talk":
+        elif step == "talk":
             talk(*boards)
         elif keys:
-            boards[at].mark(keys[which % len(keys)], deed)
+            boards[at].mark(keys[which % len(keys)], step)
     talk(*boards)
     assert len({board.digest for board in boards}) == 1
     assert states(boards[0]) == states(boards[1]) == states(boards[2])

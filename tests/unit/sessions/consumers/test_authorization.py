@@ -159,7 +159,7 @@ def test_stop_and_estop_pass_from_every_page_under_its_own_name(make, kind):
         assert (sent.role, sent.user, sent.session, sent.epoch) == ("observer", make().who, None, 0)
 
 
-def test_the_number_of_a_stop_counts_from_the_driver_alone():
+def test_the_number_of_a_stop_counts_only_from_the_driver():
     assert say(driver(), action(m.Stop, seq=40))[0].message.seq == 40
     assert say(observer(), action(m.Stop, seq=40))[0].message.seq == 0
 
@@ -175,7 +175,7 @@ def test_operators_clear_an_emergency_stop_under_their_own_role_and_resend_no_st
 
 
 @pytest.mark.parametrize("kind", [m.Photo, m.Relocalize, m.Cancel])
-def test_an_operator_needs_no_lease_for_what_a_role_allows(kind):
+def test_an_operator_needs_no_lease_for_actions_of_its_role(kind):
     (effect,) = say(observer(operator="staff"), action(kind, role="driver"))
     assert (effect.message.role, effect.message.session, effect.message.epoch) == ("staff", None, 0)
 

@@ -46,7 +46,7 @@ def test_messages_of_a_screen_have_the_role_screen(authorization, message):
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_a_screen_stops_the_robot_in_its_own_name(authorization, kind):
+def test_a_screen_stops_the_robot_under_its_own_name(authorization, kind):
     effect = say(authorization, "command/action", asked(kind, **FORGED))
     assert isinstance(effect, Halt)
     assert (effect.message.role, effect.message.user) == ("screen", "Giraff")

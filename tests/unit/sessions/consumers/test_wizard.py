@@ -179,7 +179,7 @@ def test_action_statuses_are_relayed_and_answers_only_to_this_page():
     assert for_wizard(ReceivedMessage("signal/participant/reply", answer), "wizard") is None
 
 
-def test_a_heartbeat_keeps_the_echo_of_this_page_alone():
+def test_a_heartbeat_keeps_only_the_echo_of_this_page():
     echoes = tuple(
         m.Echo(peer=peer, n=1, stamp=1.0, received=1.0) for peer in ("participant", "wizard")
     )

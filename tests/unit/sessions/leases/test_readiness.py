@@ -36,7 +36,7 @@ def test_a_robot_that_is_away_gets_one_order_to_dock():
     ("condition", "order"),
     [(replace(HOME, localized=False), "relocalize"), (replace(HOME, head_is_level=False), "level")],
 )
-def test_a_docked_robot_gets_an_order_for_what_it_lacks(condition, order):
+def test_a_docked_robot_gets_an_order_for_its_missing_state(condition, order):
     readiness, kind = decide(Readiness(), condition, 0.0)
     assert (readiness.phase, kind) == ("returning", order)
 
@@ -100,7 +100,7 @@ def test_an_emergency_stop_pauses_at_once_and_drops_the_order():
     assert decide(readiness, AWAY, 2.0)[1] == "dock"
 
 
-def test_attempts_start_anew_after_a_stop_was_released():
+def test_attempts_are_counted_from_zero_after_a_stop_is_released():
     spent = Readiness("paused", "the wheels do not turn", None, ATTEMPTS, 10.0)
     stopped, _ = decide(spent, replace(AWAY, estop=True), 11.0)
     released, kind = decide(stopped, AWAY, 12.0)

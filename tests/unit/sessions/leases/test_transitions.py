@@ -68,7 +68,7 @@ def test_a_silent_visitor_is_reconnecting_and_drives_again(world):
     assert world.tick() == (SetState(session, "driving"),)
 
 
-def test_a_closed_page_alone_does_not_interrupt_the_drive(world):
+def test_a_closed_page_does_not_interrupt_the_drive(world):
     session = drive(world)
     pass_time(world, 120.0, open_pages=())
     assert world.sessions[session].state == "driving"
@@ -109,7 +109,7 @@ def restarted(world: World, session: str | None = None) -> RobotLink:
     return RobotLink(0.0, world.now, world.now, session, 0, None)
 
 
-def test_a_robot_that_restarts_again_and_again_is_a_robot_fault(world):
+def test_repeated_restarts_are_a_robot_fault(world):
     session = drive(world)
     assert world.tick(restarted(world)) == (SetState(session, "reconnecting", world.now),)
     while world.scene.hold.session is not None:

@@ -46,7 +46,7 @@ def refuses(error):
 
 
 @pytest.mark.parametrize("error", [OperationalError("gone"), InterfaceError("closed")])
-async def test_a_refused_step_is_told_and_the_next_one_gets_a_new_connection(
+async def test_a_refused_step_is_reported_and_the_next_one_gets_a_new_connection(
     thread, health, connection, error
 ):
     assert await thread.attempt(refuses(error), refused="later") == "later"

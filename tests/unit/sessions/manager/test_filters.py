@@ -5,7 +5,7 @@ from sessions.manager.broker_connection import MAX_FILTERS, packets_of
 from sessions.manager.ingest import filters
 
 
-def test_a_share_hears_what_is_frequent_of_its_robots_alone_and_what_is_rare_of_all():
+def test_a_share_receives_frequent_messages_of_its_robots_and_rare_ones_of_all():
     subscribed = {topic for topic, _ in filters(["giraff"])}
     assert topics.of("giraff", "state") in subscribed
     assert topics.of("+", "state") not in subscribed
@@ -17,7 +17,7 @@ def test_one_session_manager_needs_as_many_filters_as_one_robot():
     assert len(filters()) == len(filters(["giraff"])) == 9
 
 
-def test_over_a_cluster_only_rare_messages_have_a_queue_for_any_number_of_robots():
+def test_in_a_cluster_only_rare_messages_need_a_queue_and_as_many_as_for_one_robot():
     robots = [f"robot-{number}" for number in range(100)]
     with_queue = {topic for topic, qos in filters(robots, frequent_qos=0) if qos}
     assert with_queue == {topic for topic, qos in filters(["giraff"], frequent_qos=0) if qos}

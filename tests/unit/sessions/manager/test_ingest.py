@@ -95,7 +95,7 @@ def test_older_messages_are_not_taken(manager):
     assert len(manager.recorded) == 1
 
 
-def test_without_a_change_of_owners_nothing_is_taken_again(manager):
+def test_without_a_change_of_owners_no_robot_is_taken_over_again(manager):
     manager.own("giraff")
     manager.robot_says("event", event(1))
     manager.gate.follow()
@@ -161,7 +161,7 @@ def test_presence_that_was_not_stored_is_repeated_in_order(manager):
     assert manager.intake.presence_news() == [*news, PresenceNews("giraff", words.broken())]
 
 
-def test_a_robot_that_beats_on_is_there_whatever_a_late_will_says_of_it(manager):
+def test_a_robot_with_heartbeats_stays_online_after_a_late_will(manager):
     manager.own("giraff")
     manager.robot_says("connection", ONLINE)
     manager.robot_says("connection", words.broken())

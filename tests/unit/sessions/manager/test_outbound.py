@@ -53,14 +53,14 @@ async def test_no_more_messages_are_on_their_way_than_a_client_keeps():
     assert broker.most == TOGETHER <= MAX_INFLIGHT / 2
 
 
-async def test_a_process_whose_slot_is_gone_publishes_nothing_more():
+async def test_a_process_without_its_slot_publishes_nothing():
     broker, outbox = Broker(lost=""), messages(5)
     await publish_all(outbox, broker, lambda: len(broker.published) < 2)
     assert broker.published == ["t/0", "t/1"]
     assert [message.topic for message in outbox] == ["t/2", "t/3", "t/4"]
 
 
-async def test_states_that_cannot_be_asked_for_now_are_asked_for_later_by_others():
+async def test_states_that_cannot_be_requested_now_are_requested_later_by_others():
     topic = topics.of("giraff", "command/action")
     broker = Broker(lost=topic)
     work = SimpleNamespace(ownership=EVERYTHING)

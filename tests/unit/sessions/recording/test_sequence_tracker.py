@@ -1,4 +1,4 @@
-"""Which states have been seen, and which are owed."""
+"""Received, missing and requested states."""
 
 import itertools
 
@@ -59,12 +59,12 @@ def tracker() -> SequenceTracker:
     return tracker
 
 
-def test_a_state_that_comes_twice_is_new_once(tracker):
+def test_a_repeated_state_is_not_new(tracker):
     assert not tracker.arrive(7, "s", 1.0)
     assert due(tracker, 100.0) == ([], [])
 
 
-def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker):
+def test_a_gap_is_requested_after_a_second_and_repeatedly_until_it_is_filled(tracker):
     tracker.arrive(14, "s", 0.0)
     assert due(tracker, FIRST_REQUEST_S / 2) == ([], [])
     assert due(tracker, FIRST_REQUEST_S) == ([(11, 13)], [])
@@ -77,27 +77,27 @@ def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker
     assert not tracker.owes("s")
 
 
-def asked_in_vain(tracker, hole, *, first_at):
+def losses_without_an_answer(tracker, gap, *, first_at):
     """Request a gap that is never filled until it is given up; return the losses."""
     now = first_at
     while now < ASKING_SECONDS:
-        assert due(tracker, now) == ([hole], [])
+        assert due(tracker, now) == ([gap], [])
         now += REPEAT
-    asks, losses = due(tracker, now)
-    assert asks == []
+    requests, losses = due(tracker, now)
+    assert requests == []
     return losses
 
 
-def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
+def test_a_gap_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
     tracker.arrive(13, "t", 0.0)
-    losses = asked_in_vain(tracker, (11, 12), first_at=FIRST_REQUEST_S)
+    losses = losses_without_an_answer(tracker, (11, 12), first_at=FIRST_REQUEST_S)
     assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [
         (((11, 12),), frozenset("st"), 2)
     ]
     assert not tracker.owes("s")
 
 
-def test_requests_wait_while_the_robot_is_away_and_none_is_given_up(tracker):
+def test_requests_wait_for_an_absent_robot(tracker):
     tracker.arrive(12, "s", 0.0)
     assert due(tracker, 1000.0, present=False) == ([], [])
     for attempt in range(ATTEMPTS):
@@ -106,44 +106,44 @@ def test_requests_wait_while_the_robot_is_away_and_none_is_given_up(tracker):
     assert [loss.count for loss in losses] == [1]
 
 
-def test_states_of_an_earlier_run_of_the_agent_are_lost_at_once(tracker):
+def test_missing_states_of_an_earlier_run_of_the_agent_are_lost_at_once(tracker):
     tracker.arrive(12, "s", 0.0)
     _, losses = due(tracker, 0.1, alive=False)
     assert [loss.count for loss in losses] == [1]
 
 
-def test_states_without_a_session_are_nobodys_loss(tracker):
+def test_missing_states_outside_sessions_are_no_loss(tracker):
     tracker.arrive(11, None, 0.0)
     tracker.arrive(20, None, 0.0)
     assert due(tracker, 100.0) == ([], [])
 
 
-def test_a_pause_of_the_lease_is_no_hole(tracker):
+def test_states_without_a_lease_leave_no_gap(tracker):
     for seq in range(11, 15):
         tracker.arrive(seq, None, 0.0)
     tracker.arrive(15, "s", 0.0)
     assert due(tracker, 100.0) == ([], [])
 
 
-def test_the_first_states_of_a_session_are_owed_from_its_beginning():
+def test_the_missing_first_states_of_a_session_are_requested():
     tracker = SequenceTracker()
     tracker.begins(100, "s", 0.0)
     tracker.arrive(103, "s", 0.0)
     assert due(tracker, 2.0) == ([(100, 102)], [])
 
 
-def test_the_last_states_of_a_session_are_owed_up_to_its_end(tracker):
+def test_the_missing_last_states_of_a_session_are_requested(tracker):
     tracker.ends(13, "s", 0.0)
     assert tracker.owes("s")
     assert due(tracker, 2.0) == ([(11, 13)], [])
 
 
-def test_a_session_that_ends_where_it_was_seen_owes_nothing(tracker):
+def test_a_session_with_a_received_last_state_misses_nothing(tracker):
     tracker.ends(10, "s", 0.0)
     assert not tracker.owes("s")
 
 
-def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
+def test_after_a_restart_the_states_that_are_not_stored_are_requested():
     tracker = SequenceTracker()
     tracker.restore("s", StoredStates(((1, 10), (11, 20)), begins=1), 0.0)
     assert not tracker.arrive(15, "s", 0.0)
@@ -151,14 +151,14 @@ def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
     assert due(tracker, 2.0) == ([(21, 30)], [])
 
 
-def test_a_hole_that_was_stored_is_asked_for_again_and_not_missed():
+def test_a_stored_gap_is_requested_again_and_is_no_new_loss():
     tracker = SequenceTracker()
     tracker.restore("s", StoredStates(((1, 10), (15, 20)), begins=1), 0.0)
-    assert asked_in_vain(tracker, (11, 14), first_at=2.0) == []
+    assert losses_without_an_answer(tracker, (11, 14), first_at=2.0) == []
     assert not tracker.owes("s")
 
 
-def test_a_hole_that_was_stored_is_filled_by_the_second_answer_where_the_first_was_lost():
+def test_a_stored_gap_is_filled_by_the_second_answer_if_the_first_is_lost():
     tracker = SequenceTracker()
     tracker.restore("s", StoredStates(((1, 10), (12, 20)), begins=1), 0.0)
     assert due(tracker, 2.0) == ([(11, 11)], [])
@@ -190,20 +190,26 @@ def test_states_out_of_order_after_a_takeover_leave_no_gap():
     assert due(tracker, 2.0) == ([(21, 24)], [])
 
 
-def test_without_a_known_first_state_the_minute_before_is_requested():
+@pytest.mark.parametrize(
+    ("stored", "arrived", "requested"),
+    [
+        pytest.param(StoredStates(((11, 20),), begins=11), 21, [], id="nothing is missing"),
+        pytest.param(
+            StoredStates(begins=300, ends=350), 500, [(300, 499)], id="no state is stored"
+        ),
+        pytest.param(
+            StoredStates(((1000, 1010),)), 1011, [(1000 - HEAD, 999)], id="the first is unknown"
+        ),
+    ],
+)
+def test_missing_states_of_a_restored_session_are_requested(stored, arrived, requested):
     tracker = SequenceTracker()
-    tracker.restore("s", StoredStates(((1000, 1010),)), 0.0)
-    assert due(tracker, 2.0) == ([(1000 - HEAD, 999)], [])
+    tracker.arrive(arrived, None, 0.0)
+    tracker.restore("s", stored, 0.0)
+    assert due(tracker, 2.0) == (requested, [])
 
 
-def test_events_tell_of_states_none_of_which_is_stored():
-    tracker = SequenceTracker()
-    tracker.arrive(500, None, 0.0)
-    tracker.restore("s", StoredStates(begins=300, ends=350), 0.0)
-    assert due(tracker, 2.0) == ([(300, 499)], [])
-
-
-def test_of_a_session_of_which_nothing_is_known_the_minute_before_all_is_asked_for():
+def test_for_an_unknown_session_the_minute_before_it_is_requested():
     tracker = SequenceTracker()
     tracker.arrive(500, None, 0.0)
     tracker.suspect_before("s", 0.0)
@@ -211,20 +217,13 @@ def test_of_a_session_of_which_nothing_is_known_the_minute_before_all_is_asked_f
     assert tracker.owes("s")
 
 
-def test_a_restart_in_the_middle_of_a_calm_session_asks_for_nothing():
-    tracker = SequenceTracker()
-    tracker.restore("s", StoredStates(((11, 20),), begins=11), 0.0)
-    tracker.arrive(21, "s", 0.0)
-    assert due(tracker, 2.0) == ([], [])
-
-
-def test_without_any_knowledge_the_last_minute_is_asked_for_and_not_missed():
+def test_without_a_known_session_the_last_minute_is_requested_and_is_no_loss():
     tracker = SequenceTracker()
     tracker.arrive(1000, "s", 0.0)
-    assert asked_in_vain(tracker, (1000 - HEAD, 999), first_at=2.0) == []
+    assert losses_without_an_answer(tracker, (1000 - HEAD, 999), first_at=2.0) == []
 
 
-def test_a_robot_that_counts_strangely_costs_nothing(tracker):
+def test_a_jump_of_the_numbers_is_not_requested(tracker):
     tracker.arrive(2**53 - 1, "s", 0.0)
     tracker.arrive(11, "s", 0.0)
     assert due(tracker, 100.0) == ([], [])
@@ -232,12 +231,12 @@ def test_a_robot_that_counts_strangely_costs_nothing(tracker):
 
 @examples(100, thorough=3000)
 @given(st.permutations(range(1, 31)), st.sets(st.integers(2, 29), max_size=10))
-def test_in_whatever_order_states_come_what_is_owed_is_what_is_missing(order, lost):
+def test_the_missing_states_are_requested_in_any_order_of_arrival(order, lost):
     tracker = SequenceTracker()
     tracker.begins(1, "s", 0.0)
     for seq in order:
         if seq not in lost:
             tracker.arrive(seq, "s", 0.0)
     tracker.ends(30, "s", 0.0)
-    asked = {seq for low, high in due(tracker, 2.0)[0] for seq in range(low, high + 1)}
-    assert asked == lost
+    requested = {seq for low, high in due(tracker, 2.0)[0] for seq in range(low, high + 1)}
+    assert requested == lost

@@ -15,7 +15,7 @@ def state(stamp, distance, *methods, **more):
     }
 
 
-def test_distance_is_what_the_odometer_grew_by_in_each_run():
+def test_distance_is_the_growth_of_the_odometer_in_each_run():
     first, second = [state(0.0, 100.0), state(1.0, 101.5)], [state(5.0, 0.0), state(6.0, 2.0)]
     assert summarise([("a", first), ("b", second)])["distance"] == pytest.approx(3.5)
 

@@ -259,7 +259,8 @@ async def test_no_task_continues_after_the_end(broadcast, page, janus, bridge):
     assert bridge.delivery.robots == ()
 
 
-async def test_a_robot_whose_answer_janus_refuses_gets_another_offer(page, janus, bridge):
+async def test_a_robot_whose_answer_janus_refuses_gets_another_offer(broadcast, janus, bridge):
+    page = Viewer(broadcast, "page")
     janus.refuses["generate"] = INVALID
     page.say(WantOffer())
     await until(lambda: len(bridge.offers()) >= 3)
@@ -269,8 +270,9 @@ async def test_a_robot_whose_answer_janus_refuses_gets_another_offer(page, janus
     assert isinstance(page.received[0], m.SdpOffer)
 
 
-async def test_a_robot_gets_its_offer_when_the_broker_is_back(broadcast, page, bridge):
+async def test_a_robot_gets_its_offer_when_the_broker_is_back(broadcast, bridge):
     bridge.lose_broker()
+    page = Viewer(broadcast, "page")
     page.say(WantOffer())
     await until(lambda: broadcast._leg is not None)
     assert page.received == []
@@ -279,9 +281,9 @@ async def test_a_robot_gets_its_offer_when_the_broker_is_back(broadcast, page, b
     assert len(bridge.offers()) == 1
 
 
-async def test_a_full_robot_refuses_only_the_pages_that_ask(broadcast, page, bridge):
+async def test_a_full_robot_refuses_only_the_pages_that_ask(broadcast, bridge):
     bridge.answers = [m.Bye(reason="full")]
-    idle = Viewer(broadcast, "idle")
+    idle, page = Viewer(broadcast, "idle"), Viewer(broadcast, "page")
     page.say(WantOffer())
     await until(lambda: page.byes())
     assert page.byes() == ["full"]
@@ -325,9 +327,12 @@ async def test_a_janus_that_refuses_the_stream_counts_as_lost(broadcast, janus, 
     await page.offered()
 
 
-async def test_creating_the_stream_is_tried_a_few_times_and_again_later(page, janus, monkeypatch):
+async def test_creating_the_stream_is_tried_a_few_times_and_later_again(
+    broadcast, janus, monkeypatch
+):
     monkeypatch.setattr(module, "STEP_SECONDS", 60.0)
     janus.refuses["create"] = CANNOT_CREATE
+    page = Viewer(broadcast, "page")
     page.say(WantOffer())
     await until(lambda: "create" in janus.asked)
     for _ in range(1000):

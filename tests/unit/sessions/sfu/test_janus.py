@@ -68,7 +68,7 @@ async def test_an_answer_is_the_one_that_names_the_request_and_not_its_acknowled
     assert {message["apisecret"] for message in socket.sent} == {"secret"}
 
 
-async def test_a_refused_request_raises_what_janus_says(session, socket):
+async def test_a_refused_request_raises_the_error_of_janus(session, socket):
     request = asyncio.ensure_future(session.request("attach"))
     await asked(socket)
     socket.say("error", to=0, error={"code": 403, "reason": "Unauthorized"})

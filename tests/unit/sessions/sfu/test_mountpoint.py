@@ -29,7 +29,7 @@ def test_ports_of_different_streams_do_not_overlap():
     assert all(port >= FIRST_PORT and port + 3 <= LAST_PORT and port % 4 == 0 for port in ports)
 
 
-def test_a_mountpoint_listens_on_loopback_where_the_plain_offer_says():
+def test_a_mountpoint_listens_at_the_loopback_port_of_the_plain_offer():
     media = mountpoint_of("site", "giraff").create(24000, "me 0")["media"]
     assert {stream["iface"] for stream in media} == {"127.0.0.1"}
     offer = plain_offer(24000)

@@ -16,7 +16,7 @@ A, B = ManagerSlot(0, "a", 5, (0, 1)), ManagerSlot(1, "b", 7, (0, 1))
 ALL_OF_A = [Holding(number, "a", 1) for number in ALL]
 
 
-def test_a_member_whose_count_stops_growing_is_silent_by_the_observers_clock_alone():
+def test_a_member_with_a_constant_count_is_silent_by_the_observers_clock():
     observer = Observer()
     observer.see([A], 100.0)
     assert not observer.is_alive(A, 100.0), "one look does not say whether it beats"
@@ -26,7 +26,7 @@ def test_a_member_whose_count_stops_growing_is_silent_by_the_observers_clock_alo
     assert observer.is_silent(grown, 100.5 + SILENT_SECONDS)
 
 
-def test_a_member_that_was_never_seen_to_beat_has_longer():
+def test_a_member_without_an_observed_heartbeat_has_more_time():
     observer = Observer()
     observer.see([A], 100.0)
     observer.see([A], 102.0)
@@ -34,7 +34,7 @@ def test_a_member_that_was_never_seen_to_beat_has_longer():
     assert observer.is_silent(A, 100.0 + FIRST_SECONDS)
 
 
-def test_another_process_in_the_slot_begins_anew():
+def test_another_process_in_the_slot_has_a_new_time():
     observer = Observer()
     observer.see([A], 100.0)
     other = ManagerSlot(0, "c", 5)

@@ -29,7 +29,7 @@ def test_steps_in_their_order_deviate_from_nothing():
     assert pressed(ScriptProgress(script(*ABCD), 0.0), *"abcd") == [("", 0)] * 4
 
 
-def test_a_step_that_passes_others_over_says_how_many_and_those_are_out_of_order_later():
+def test_a_step_reports_how_many_it_skips_and_those_are_out_of_order_later():
     assert pressed(ScriptProgress(script(*ABCD), 0.0), *"adbcc") == [
         ("", 0),
         ("out_of_order", 2),
@@ -67,7 +67,7 @@ def test_a_step_that_the_script_does_not_have_is_none():
     assert progress.done == []
 
 
-def test_each_step_asks_the_robot_for_one_thing():
+def test_each_step_requests_one_action_of_the_robot():
     given = {"action_id": "a1", "stamp": 1.0}
     say = action_of(step("a", text="Hello", aloud=False), "en", **given)
     assert say == m.Say(text="Hello", language="en", aloud=False, **given)

@@ -164,7 +164,7 @@ def test_rule_of_the_study_decides_which_response_counts(rule, value):
 
 
 @pytest.mark.parametrize(("rule", "several"), [("first", False), ("all", True)])
-def test_the_notes_say_what_is_counted_and_of_whom_the_interval_is(rule, several):
+def test_the_notes_say_what_is_counted_and_what_the_interval_is_of(rule, several):
     dataset = answered({"q1": 2}, {"q1": -2}, {"q1": 1}, study=counting(rule))
     responses = (*dataset.responses[:2], replace(dataset.responses[2], participant="P0"))
     found = table_5(replace(dataset, responses=responses))

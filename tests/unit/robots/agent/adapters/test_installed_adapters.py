@@ -1,12 +1,14 @@
 """Adapters of other packages are entry points, with the same rules for names as ours."""
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common.robot_profile import load_profile
+from robots.agent.adapters.simulator import adapter as simulator
 from robots.agent.config import ConfigError, add_arguments, load
 from robots.agent.robot_interface import AdapterError
 from robots.api import adapter_names
@@ -68,6 +70,26 @@ def test_an_adapter_of_ours_that_cannot_be_imported_is_refused(monkeypatch) -> N
     monkeypatch.setitem(adapter_names.OURS, "ghost", "robots.agent.adapters.no_such_module")
     with pytest.raises(AdapterError, match="cannot be loaded"):
         registry.create("ghost", "giraff")
+
+
+def test_an_adapter_without_a_watchdog_is_refused(monkeypatch) -> None:
+    made = simulator.profile_of
+
+    def without_watchdog(*arguments, **options):
+        return dataclasses.replace(made(*arguments, **options), watchdog=0.0)
+
+    monkeypatch.setattr(simulator, "profile_of", without_watchdog)
+    with pytest.raises(AdapterError, match="has no watchdog"):
+        registry.create("simulator", "giraff")
+
+
+@pytest.mark.parametrize(
+    ("profile", "options", "words"),
+    [("r2d2", {}, "giraff, rhodon"), ("giraff", {"sede": "1"}, "no option sede")],
+)
+def test_the_error_of_a_wrong_name_lists_the_right_ones(profile, options, words) -> None:
+    with pytest.raises(AdapterError, match=words):
+        registry.create("simulator", profile, options)
 
 
 def test_listing_names_imports_nothing(site) -> None:

@@ -386,7 +386,7 @@ def test_a_photo_is_a_jpeg_whose_hash_is_in_the_event(rig):
 
 
 @pytest.mark.parametrize("picture", [None, "of the adapter's own"], ids=["none", "no frame"])
-def test_a_photo_without_a_frame_fails_and_the_drive_goes_on(rig, picture):
+def test_a_photo_without_a_frame_fails_and_the_drive_continues(rig, picture):
     rig.grant()
     rig.drive(0.5)
     rig.media.picture = picture
@@ -396,7 +396,7 @@ def test_a_photo_without_a_frame_fails_and_the_drive_goes_on(rig, picture):
     assert rig.kernel.fault is None
 
 
-def test_a_disk_check_that_raises_is_repeated_and_the_drive_goes_on(rig, caplog):
+def test_a_disk_check_that_raises_is_repeated_and_the_drive_continues(rig, caplog):
     rig.grant(ttl=30.0)
     checks = []
     rig.store.shortage = lambda: checks.append(rig.now()) or 1 / 0
@@ -468,7 +468,7 @@ def test_pages_of_the_lease_are_in_every_heartbeat_among_any_number_of_viewers(r
     assert rig.kernel.clocks.of("w1") is not None
 
 
-def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
+def test_a_page_gets_the_displayed_fields_without_those_of_the_record(rig):
     scan = m.Scan(
         stamp=1.0, angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None, 9.0)
     )
@@ -507,7 +507,7 @@ def test_docking_collisions_and_a_lost_localization_are_events(rig):
     assert sum(s.contacts for s in rig.link.all("state")) == 1
 
 
-def test_the_drive_goes_on_while_the_broker_is_away_and_no_state_is_lost(rig):
+def test_the_drive_continues_without_the_broker_and_no_state_is_lost(rig):
     rig.grant()
     rig.drive(0.5)
     rig.link.cut()

@@ -64,7 +64,7 @@ def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, 
         (at_screen(), CommandSender("datachannel", "p2", role="driver"), "observer"),
     ],
 )
-def test_others_cannot_point_whatever_role_they_claim(command, sender, reason):
+def test_others_cannot_point_with_any_role(command, sender, reason):
     pointing = Pointing()
     assert take(pointing, command, sender) is None
     assert pointing.refused == {reason: 1}

@@ -94,7 +94,7 @@ def test_a_base_has_stopped_when_it_stays_at_rest(samples, seconds):
 @pytest.mark.parametrize(
     ("measured", "is_well"), [(0.3, True), (0.74, True), (0.76, False), (None, False)]
 )
-def test_a_base_keeps_its_watchdog_up_to_what_can_be_measured(measured, is_well):
+def test_a_base_keeps_its_watchdog_up_to_the_measurable_delay(measured, is_well):
     assert verdict(measured, 0.5, CheckParams())[0] is is_well
 
 

@@ -24,7 +24,7 @@ def test_an_address_of_the_network_keeps_its_colons_and_its_query():
     assert found.options["rtsp_transport"] == "udp"
 
 
-def test_names_with_blanks_and_colons_are_the_devices_own():
+def test_names_with_blanks_and_colons_are_names_of_devices():
     assert read("dshow:video=USB Camera", "camera") == DeviceSetting("video=USB Camera", "dshow")
     assert read(r"C:\films\a talk.mp4", "camera") == DeviceSetting(
         r"C:\films\a talk.mp4", live=False

@@ -38,7 +38,7 @@ def test_devices_are_named_by_command_line_environment_and_file(giraff, tmp_path
     assert isinstance(equipped(giraff, microphone="talk.mp4")[0].audio, DeviceMicrophone)
 
 
-def test_a_named_camera_is_in_the_factsheet_with_where_it_looks(giraff):
+def test_a_named_camera_is_in_the_factsheet_with_its_direction(giraff):
     equipment, config = equipped(giraff, camera="/dev/video0")
     sheet = factsheet_of(giraff, equipment, config, "b")
     assert {"photo", "video", "audio"} <= set(sheet.capabilities)

@@ -136,7 +136,7 @@ def test_the_next_visitor_has_a_clean_network_before_the_server_ends_the_lab(rig
     assert min(ages()) < 0.15, "nothing holds them"
 
 
-def test_a_network_for_this_session_alone_waits_for_its_driver(rig):
+def test_a_network_of_one_session_waits_for_its_driver(rig):
     configure(rig, m.NetworkLab(delay=0.2), session="s7")
     rig.grant()
     assert rig.link.wait("state", lambda s: s.session == "s1").control_network is None

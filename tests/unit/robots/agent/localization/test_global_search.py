@@ -93,7 +93,7 @@ def test_no_beams_find_nothing() -> None:
     assert len(finish(search(FLAT), empty)[0].poses) == 0
 
 
-def test_a_map_with_little_free_space_still_has_places_to_look_at() -> None:
+def test_a_map_with_little_free_space_has_places_for_a_search() -> None:
     picture = "###\n#.#\n###"
     whole = GlobalSearch(field_of(drawn_map(picture, scale=2)), SensorModel(), Searching())
     assert len(whole.places) > 0

@@ -71,7 +71,7 @@ def test_evidence_moves_weight_and_depletes_the_particles() -> None:
 
 @given(st.lists(st.floats(-1e6, 0.0), min_size=3, max_size=30))
 @examples(50, thorough=500)
-def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None:
+def test_weights_sum_to_one_with_any_evidence(evidence: list[float]) -> None:
     weighed = uniform(np.zeros((len(evidence), 3))).reweighted(np.array(evidence))
     assert weighed.weights.sum() == pytest.approx(1.0)
     assert (weighed.weights >= 0.0).all()
@@ -94,13 +94,13 @@ def test_places_have_their_best_particles_and_a_turn_is_another_place() -> None:
     assert owner.tolist() == [2] * 100 + [1] * 100 + [0] * 100
 
 
-def test_a_particle_of_nan_is_a_place_of_its_own() -> None:
+def test_a_particle_of_nan_is_a_separate_place() -> None:
     owner, best = places(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), np.zeros(2), 0.6, 0.5)
     assert sorted(owner.tolist()) == [0, 1]
     assert len(best) == 2
 
 
-def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
+def test_a_cluster_at_180_degrees_has_one_heading() -> None:
     cluster = heaviest_cluster(
         uniform(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0)
     )

@@ -61,7 +61,7 @@ def test_media_clock_is_sent_every_second_and_when_it_no_longer_fits() -> None:
 
 @examples(50, thorough=1000)
 @given(st.binary(min_size=1, max_size=9_000))
-def test_a_picture_cut_into_payloads_is_put_together_again(picture: bytes) -> None:
+def test_a_picture_is_assembled_from_its_payloads(picture: bytes) -> None:
     parsed = [VpxPayloadDescriptor.parse(payload) for payload in vp8_payloads(picture)]
     assert b"".join(data for _, data in parsed) == picture
     assert [d.partition_start for d, _ in parsed] == [1] + [0] * (len(parsed) - 1)
@@ -147,7 +147,7 @@ def test_old_packets_are_not_sent_again() -> None:
     assert stream.retransmission(60_000, NOW) is None
 
 
-def test_after_a_key_frame_nothing_from_before_it_is_sent_again() -> None:
+def test_after_a_key_frame_no_earlier_packet_is_repeated() -> None:
     stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
     stream.packets((b"old",), 1, NOW)
     stream.packets((b"key",), 2, NOW, key=True)

@@ -74,7 +74,7 @@ def echoed(clocks, now, first=()):
     return [echo.peer for echo in clocks.beat(now, 50.0, first=first).echoes]
 
 
-def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_heard_in_the_last_5_s():
+def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_of_the_last_5_s():
     clocks = PeerClocks()
     for number in range(10):
         hear(clocks, f"p{number}", now=100.0 + number, n=number)
@@ -200,7 +200,7 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
             assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
 
 
-def test_each_transport_has_an_echo_of_its_own():
+def test_each_transport_has_its_own_echo():
     clocks = PeerClocks()
     clocks.on_heartbeat(
         "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0

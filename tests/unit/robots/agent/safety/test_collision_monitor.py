@@ -77,7 +77,7 @@ def test_a_covered_or_silent_laser_counts_as_blind():
 
 
 @pytest.mark.parametrize("more", [(), ("localization", "goto"), ("assist",)])
-def test_a_robot_with_a_sensor_has_a_monitor_whatever_else_it_can_do(more):
+def test_a_robot_with_a_sensor_has_a_monitor_with_any_capability(more):
     assert monitor_of(PROFILE) is None
     able = (*PROFILE.capabilities, *more)
     assert monitor_of(replace(PROFILE, laser=Laser(x=0.0), capabilities=able)) is not None

@@ -350,7 +350,7 @@ def test_navigation_of_the_rca_into_a_contact_is_ended(bench):
     assert bench.kernel.drain_cancelled() == [("g1", "collision")]
 
 
-def test_metres_of_the_rca_lead_away_from_a_contact(bench):
+def test_metres_of_the_rca_point_away_from_a_contact(bench):
     bench.kernel.contacts.felt(["ahead"])
     bench.navigate()
     bench.run(0.5)
@@ -370,7 +370,7 @@ def test_robot_left_by_the_rca_brakes_from_its_measured_speed(bench):
     assert 0.2 < bench.speed < 0.45
 
 
-def test_agent_that_yields_to_a_newer_one_leaves_the_base_alone(bench):
+def test_agent_that_yields_to_a_newer_one_does_not_command_the_base(bench):
     bench.run(1.0)
     bench.kernel.yields = True
     bench.motion = m.Velocity(linear=0.3, angular=0.0)
@@ -865,6 +865,6 @@ def test_an_action_that_the_lease_does_not_allow_is_refused_and_stops_are_obeyed
     assert bench.estop(way="datachannel", peer="p1")
 
 
-def test_the_server_docks_a_robot_whatever_a_lease_allows(bench):
+def test_the_server_docks_a_robot_under_any_lease(bench):
     bench.lease(renewal=1, actions=(), ways=("datachannel",))
     assert dock_refusal(bench) is None

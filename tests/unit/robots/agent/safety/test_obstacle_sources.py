@@ -76,7 +76,7 @@ def depth_source(*points):
 # --- the sensors of a profile ---------------------------------------------------------------------
 
 
-def test_each_sensor_that_a_profile_names_is_a_source_of_its_own():
+def test_each_sensor_of_a_profile_is_a_separate_source():
     def kinds(**fields):
         return [type(source).__name__ for source in sources_of(replace(PROFILE, **fields))]
 
@@ -89,7 +89,7 @@ def test_each_sensor_that_a_profile_names_is_a_source_of_its_own():
 # --- sonar ----------------------------------------------------------------------------------------
 
 
-def test_an_echo_may_come_from_anywhere_on_its_arc():
+def test_an_echo_may_lie_anywhere_on_its_arc():
     arc = SonarRig(FRONT).hear(1.0)
     assert np.hypot(arc[:, 0] - 0.3, arc[:, 1]) == pytest.approx(np.ones(len(arc)))
     assert np.abs(np.arctan2(arc[:, 1], arc[:, 0] - 0.3)).max() == pytest.approx(0.25)
@@ -252,7 +252,7 @@ def test_a_driver_who_turns_along_the_edge_of_a_view_is_slowed_without_jumps():
     assert np.abs(steps).max() < 1e-3
 
 
-def test_a_bumper_alone_lets_a_driver_creep():
+def test_with_only_a_bumper_a_driver_creeps():
     watch = monitor(BumperSource(hull(FOOTPRINT)))
     watch.sense(reading(bumper=()), 1.0)
     for wanted in (AHEAD, BACK):
@@ -293,7 +293,7 @@ def test_a_bumper_remembers_where_a_contact_was():
 # --- depth points ---------------------------------------------------------------------------------
 
 
-def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
+def test_depth_points_have_the_places_of_objects_and_an_empty_view_is_no_fault():
     source, track = depth_source((1.0, 0.1), (9.0, 0.0), (-1.0, 0.0))
     near = source.seen(ORIGIN, 1.5)
     assert near == pytest.approx(np.array([[1.0, 0.1]]), abs=0.01)
@@ -328,7 +328,7 @@ def test_navigation_uses_arcs_of_sonars_only_without_a_better_sensor():
         assert watch.clearance() < 0.7
 
 
-def test_navigation_stops_by_the_sonar_where_the_laser_sees_through_a_glass_door():
+def test_navigation_stops_by_the_sonar_at_a_glass_door():
     scan = Scan(stamp=1.0, angle_min=-1.5, angle_increment=0.1, range_max=5.0, ranges=(4.0,) * 31)
     watch = monitor(LaserSource(Laser(x=0.0)), SonarSource((FRONT,)))
     watch.sense(reading(scan=scan, sonar=echoes(0.15)), 1.0)

@@ -71,7 +71,7 @@ def test_the_next_wizard_counts_from_the_beginning_and_the_last_one_drives_no_mo
     )
 
 
-def test_the_visitors_stop_holds_the_robot_until_the_wizard_has_let_go(bench):
+def test_the_visitors_stop_holds_the_robot_until_the_wizard_sends_zeros(bench):
     bench.run(2.0, every=0.06, linear=0.5, sender=WIZARD, epoch=7)
     assert bench.stop(session="s1", epoch=1, seq=9)
     assert bench.run(1.0, every=0.06, linear=0.5, sender=WIZARD, epoch=7) == 0.0
@@ -85,7 +85,7 @@ def test_the_visitors_emergency_stop_stops_and_does_not_latch(bench):
     assert bench.kernel.held
 
 
-def test_the_visitor_speaks_and_takes_photos_and_moves_nothing(bench):
+def test_the_visitor_speaks_and_takes_photos_without_moving_the_robot(bench):
     for kind, fields in ((m.Photo, {}), (m.Say, {"text": "Hi"}), (m.Call, {})):
         assert bench.ask(action(bench, kind, 1, "visitor", **fields)) is None
     for kind, fields in ((m.Goto, {"place": "desk"}), (m.Dock, {}), (m.Tilt, {"angle": 0.1})):

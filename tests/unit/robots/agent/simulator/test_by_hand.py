@@ -15,7 +15,7 @@ CHECKPOINTS = 4
     [(0.15, (0.01, 0.01), 0.1), (0.4, (0.04, 0.05), 0.3)],
     ids=["deft", "clumsy"],
 )
-def test_docking_with_keys_alone_touches_nothing(start, late, blur, looks):
+def test_docking_by_keys_has_no_contact(start, late, blur, looks):
     person = Person(seed=5, start=start, late=late, blur=blur, looks=looks)
     seconds = person.drive(passed=CHECKPOINTS, within=180.0)
     assert seconds is not None, f"stands at {person.sim.pose}"

@@ -16,7 +16,7 @@ def test_a_block_is_twenty_milliseconds_of_int16() -> None:
     assert block.dtype == np.int16
 
 
-def test_a_standing_robot_hears_a_quiet_room_and_not_nothing() -> None:
+def test_a_standing_robots_microphone_has_the_noise_of_a_quiet_room() -> None:
     assert 30 < sound(0.0).std() < 200
 
 

@@ -82,7 +82,7 @@ def golden() -> dict:
     }
 
 
-def test_the_golden_file_says_where_the_simulators_camera_draws_the_floor():
+def test_the_golden_file_has_the_floor_of_the_simulators_camera():
     assert json.loads(PROJECTION.read_text()) == json.loads(json.dumps(golden()))
 
 

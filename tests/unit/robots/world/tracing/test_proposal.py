@@ -219,7 +219,7 @@ def test_a_map_without_floor_is_refused():
         propose_plan(drawn(np.full((100, 100), UNKNOWN)), "a", "A")
 
 
-def test_a_map_with_grey_walls_is_refused_with_what_to_do():
+def test_a_map_with_grey_walls_is_refused_with_a_remedy():
     image = np.full((100, 100), 150)
     image[10:90, 10:90] = FREE
     with pytest.raises(TracingError, match="lower threshold"):

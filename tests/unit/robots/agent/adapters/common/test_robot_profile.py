@@ -235,7 +235,7 @@ def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch)
         ("simulator", "plan", "castle", "office"),
     ],
 )
-def test_a_malformed_option_is_refused_with_what_it_must_be(adapter, option, value, sentence):
+def test_a_malformed_option_is_refused_with_its_rule(adapter, option, value, sentence):
     with pytest.raises(AdapterError, match=sentence) as error:
         registry.create(adapter, "giraff", {option: value})
     assert "\n" not in str(error.value)

@@ -40,7 +40,7 @@ def adapter_and_topics():
 
 
 @on_virtual_time
-async def test_it_is_put_together_with_the_first_odometry(adapter_and_topics):
+async def test_a_reading_is_assembled_with_the_first_odometry(adapter_and_topics):
     adapter, hear_fix, hear_odometry = adapter_and_topics
     hear_fix(fix(5.0, 100.0))
     assert not adapter.readings.pose.localized

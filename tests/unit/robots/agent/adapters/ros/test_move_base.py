@@ -56,7 +56,7 @@ async def test_a_goal_is_refused_where_no_status_is_published(rig):
     assert await rig.navigator.cancel("telepresence-1")
 
 
-async def test_a_cancel_is_confirmed_by_the_terminal_status_alone(rig):
+async def test_a_cancel_is_confirmed_only_by_the_terminal_status(rig):
     rig.navigator.send(TARGET, "telepresence-1")
     rig.status(telepresence_1=ACTIVE)
     assert not await rig.navigator.cancel("telepresence-1")

@@ -210,7 +210,7 @@ async def test_a_docking_call_without_an_answer_is_cancelled_for_a_while(monkeyp
     assert await docks.cancel()
 
 
-async def test_the_answer_to_a_cancel_counts_for_its_own_docking_only(monkeypatch):
+async def test_the_answer_to_a_cancel_applies_only_to_its_docking(monkeypatch):
     monkeypatch.setattr(docking, "CANCEL_TIME", 0.01)
     bus = LateDock()
     docks = TriggerDocking("/cancel_dock", bus, lambda: True)

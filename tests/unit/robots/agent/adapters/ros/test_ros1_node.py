@@ -37,7 +37,7 @@ def node_without_ros(new_master=None, **fields):
     return node
 
 
-def test_the_first_message_is_ready_however_long_that_takes():
+def test_the_first_message_is_awaited_without_a_limit():
     reported = threading.Event()
     node = node_without_ros(moved_at=None, watch_master=lambda: None, answer_questions=lambda: None)
 
@@ -317,7 +317,7 @@ def test_half_a_second_after_the_last_heartbeat_the_guard_cancels_and_brakes(nav
     assert guard.passes(1.0) == 0
 
 
-def test_a_robot_that_a_joystick_moves_is_left_alone(guard):
+def test_a_robot_that_a_joystick_moves_gets_no_commands(guard):
     guard.guard.starting, guard.guard.began_at = True, guard.now
     assert guard.passes(3.0, 0.3, beats=True) == 0
     assert guard.passes(3.0, 0.3) == 0

@@ -47,7 +47,7 @@ def test_fast_dds_uses_udp(environment, some):
 
 
 @pytest.mark.parametrize("some", [LOCAL, {"ROS_LOCALHOST_ONLY": "1"}])
-def test_fast_dds_on_one_computer_uses_udp_there_alone(environment, some):
+def test_fast_dds_on_one_computer_uses_only_local_udp(environment, some):
     found = environment(some)
     assert profile_of(found) == "fastdds_loopback"
     assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
@@ -62,5 +62,5 @@ def test_fast_dds_on_one_computer_uses_udp_there_alone(environment, some):
         {"FASTRTPS_DEFAULT_PROFILES_FILE": "/etc/robot.xml"},
     ],
 )
-def test_another_middleware_or_a_users_own_profile_stays_as_it_is(environment, some):
+def test_another_middleware_or_a_users_own_profile_is_unchanged(environment, some):
     assert environment(some | LOCAL) == some | LOCAL

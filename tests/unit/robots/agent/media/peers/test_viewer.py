@@ -46,7 +46,7 @@ def show(viewer, rtp, *, layer=0, key=False):
     viewer.show(Picture((b"x",), key, rtp, rtp / 90_000, layer))
 
 
-def test_after_a_pause_pictures_go_on_with_a_key_frame_that_was_asked_for_once(viewer):
+def test_after_a_pause_pictures_continue_with_a_key_frame_that_is_requested_once(viewer):
     show(viewer, 1, key=True)
     viewer._adapter.paused = True
     for rtp in (2, 3):

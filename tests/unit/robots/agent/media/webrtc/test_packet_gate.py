@@ -45,14 +45,14 @@ def test_word_stop_in_another_message_is_no_stop() -> None:
     assert isinstance(gate.take(ESTOP, 0.0), EStop)
 
 
-def test_an_oversized_frame_is_dropped_whatever_it_says() -> None:
+def test_an_oversized_frame_is_dropped_with_any_content() -> None:
     gate = PacketGate()
     assert gate.take("stop" * MAX_BYTES, 0.0) is None
     assert gate.take(b"x" * (MAX_BYTES + 1), 0.0) is None
     assert gate.counts == {"oversized": 2}
 
 
-def test_only_commands_may_come_this_way() -> None:
+def test_only_commands_are_accepted() -> None:
     gate = PacketGate()
     reasons = []
     for frame in (

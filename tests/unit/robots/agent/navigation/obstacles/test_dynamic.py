@@ -30,7 +30,7 @@ def test_passed_people_are_forgotten_after_a_while_distant_ones_at_once() -> Non
     assert len(lost_obstacles.out_of_sight(LOST.hold + 0.1, HERE, half_round())) == 0
 
 
-def test_a_laser_that_sees_all_round_has_no_place_to_hide() -> None:
+def test_a_laser_with_a_full_view_has_no_hidden_places() -> None:
     round_about = LaserScan(0.0, -math.pi, math.tau / 360.0, 10.0, np.full(361, 5.0))
     lost_obstacles = LostObstacles()
     lost_obstacles.take(0.0, HERE, np.array([[-0.5, 0.1], [-0.5, -0.1]]))

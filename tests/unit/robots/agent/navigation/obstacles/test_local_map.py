@@ -54,7 +54,7 @@ def test_an_obstacle_is_marked_until_the_laser_sees_through_it() -> None:
     assert not thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 
 
-def test_the_longer_an_obstacle_was_seen_the_later_it_is_forgotten() -> None:
+def test_an_obstacle_is_forgotten_later_the_longer_it_was_observed() -> None:
     sim, briefly = giraff()
     briefly.look(sim.pose, with_thing(sim), 0.0)
     _, long = giraff()
@@ -79,7 +79,7 @@ def test_only_long_still_obstacles_are_settled() -> None:
     assert obstacle_map.strange(sim.pose, np.vstack([point, elsewhere]), now).all()
 
 
-def test_obstacle_seen_now_and_then_but_never_passed_settles() -> None:
+def test_an_occasionally_observed_obstacle_that_no_ray_passes_becomes_permanent() -> None:
     """Most scans of an obstacle's edge close to a wall show the wall."""
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])

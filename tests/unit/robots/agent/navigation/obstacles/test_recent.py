@@ -65,7 +65,7 @@ def test_points_lie_where_they_were_and_are_soon_forgotten() -> None:
 
 
 @pytest.mark.parametrize("moved", [Pose2D(0.1, 0.0, 0.0), Pose2D(0.0, 0.0, 0.2)])
-def test_a_robot_that_moves_looks_at_its_newest_sweep_alone(moved: Pose2D) -> None:
+def test_a_moving_robot_uses_only_its_newest_sweep(moved: Pose2D) -> None:
     recent = RecentSweeps(0.35)
     recent.take(CENTRE, sweep(1.0, (0.4, 0.0), 0.0))
     assert len(recent.near(moved, 1.1)) == 0

@@ -57,7 +57,7 @@ def test_a_path_through_a_narrow_gap_keeps_to_the_middle_of_it(
     assert np.abs(aside[inside]).max() < 0.01
 
 
-def test_a_robot_that_is_wrong_about_its_place_drives_through_the_middle_of_what_it_sees() -> None:
+def test_a_robot_with_a_wrong_pose_drives_through_the_middle_of_an_observed_gap() -> None:
     follower = Follower(BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits), GIRAFF.limits)
     follower.take(PlannedPath(resampled(np.array([[0.0, 0.0], [3.0, 0.0]]))), None)
     seen = np.linspace(1.4, 1.7, 13)
@@ -78,7 +78,7 @@ def test_a_robot_that_is_wrong_about_its_place_drives_through_the_middle_of_what
     assert np.abs(aside).max() < 0.02
 
 
-def test_a_line_is_left_alone_where_there_is_room_or_something_on_one_side_only() -> None:
+def test_a_line_is_unchanged_with_room_or_an_obstacle_on_one_side_only() -> None:
     line = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21)])
     for posts in (
         [(0.5, 0.35)],
@@ -90,7 +90,7 @@ def test_a_line_is_left_alone_where_there_is_room_or_something_on_one_side_only(
         assert np.array_equal(moved, line)
 
 
-def test_a_line_between_two_posts_is_moved_there_and_comes_back_to_where_it_was() -> None:
+def test_a_line_is_moved_between_two_posts_and_returns_behind_them() -> None:
     line = np.column_stack([np.linspace(0.0, 3.0, 61), np.zeros(61)])
     moved = centred_between(line, line[:, 0], np.array([(1.5, 0.40), (1.5, -0.30)]), HALF)
     assert moved[30] == pytest.approx((1.5, 0.05), abs=0.005)

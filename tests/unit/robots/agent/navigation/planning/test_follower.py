@@ -22,7 +22,7 @@ def followed(*posts: tuple[float, float]) -> Followed:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_in_a_tight_place_the_robot_keeps_to_the_middle_of_what_it_sees(side: float) -> None:
+def test_in_a_narrow_place_the_robot_drives_in_the_middle_of_its_reading(side: float) -> None:
     """Where its pose is a few centimetres wrong, the path leads along one side."""
     step = followed((0.4, side * (HALF + 0.06)), (0.4, -side * (HALF + 0.03)))
     assert step.velocity.linear > 0.0

@@ -81,7 +81,7 @@ def test_points_in_view_are_exact_and_remembered_points_may_be_off():
     assert errors.max() == memory.settings.inexact
 
 
-def test_time_alone_forgets_nothing():
+def test_time_removes_no_obstacle():
     memory = RollingObstacleMap()
     memory.update(START, look(START, stamp=0.0))
     turned = Pose2D(0.0, 0.0, math.pi)
@@ -197,7 +197,7 @@ def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
 @pytest.mark.slow
 @examples(30, thorough=300)
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
-def test_every_wall_seen_on_a_drive_is_remembered_in_its_place(x, y, heading, seed):
+def test_every_observed_wall_is_remembered_in_its_place(x, y, heading, seed):
     rng = np.random.default_rng(seed)
     memory = RollingObstacleMap()
     pose = Pose2D(x, y, heading)
@@ -232,7 +232,7 @@ def test_an_obstacle_continues_behind_an_edge_that_is_out_of_view():
         assert 0.03 < hidden[beside < 0.12, 0].max() - 0.6 < 0.09
 
 
-def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_look():
+def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_scan():
     memory = RollingObstacleMap()
     memory.update(START, look(START, NEAR_BOX))
     memory.update(START, look(START, NEAR_BOX))

@@ -27,7 +27,7 @@ def test_before_any_reading_the_robot_is_at_the_start() -> None:
     assert OdometryTrack().at(3.0) == OdometryTrack().newest() == Pose2D(0.0, 0.0, 0.0)
 
 
-def test_a_jump_of_the_counters_is_taken_out_and_the_way_goes_on() -> None:
+def test_a_jump_of_the_counters_is_removed_and_the_way_continues() -> None:
     track = OdometryTrack()
     track.add(0.0, Pose2D(5.0, 1.0, 1.0))
     assert track.add(0.1, Pose2D(0.0, 0.0, 0.0)) == Pose2D(5.0, 1.0, 1.0)
@@ -51,7 +51,7 @@ def test_reading_that_is_not_a_number_counts_as_rest(reading: Pose2D) -> None:
     assert track.jumps == 0
 
 
-def test_a_clock_that_steps_back_begins_the_past_anew_at_the_same_place() -> None:
+def test_a_clock_that_steps_back_clears_the_past_at_the_same_place() -> None:
     track = OdometryTrack()
     track.add(100.0, Pose2D(1.0, 0.0, 0.0))
     track.add(50.0, Pose2D(1.05, 0.0, 0.0))

@@ -68,7 +68,7 @@ def test_an_arc_whose_turn_must_grow_first_bends_later():
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=8),
     st.floats(0.0, 0.1),
 )
-def test_a_point_is_never_nearer_than_its_distance_says(pose, points, margin):
+def test_a_point_is_never_nearer_than_its_distance(pose, points, margin):
     shape, points = hull(GIRAFF.footprint), np.array(points)
     found = distances(shape, np.array([[pose]]), points, np.full((1, 8), margin))[0, 0]
     local = np.array([pose.inverse().apply(*point) for point in points])

@@ -44,7 +44,7 @@ def test_the_same_seed_gives_the_same_walks_and_another_seed_others() -> None:
     assert walk(crowd(), 20.0) == walk(crowd(), 20.0) != walk(crowd(seed=2), 20.0)
 
 
-def test_people_get_about_at_their_pace_and_look_where_they_go() -> None:
+def test_people_walk_at_their_pace_and_face_forwards() -> None:
     seen = walk(crowd(), 120.0)
     for number in range(3):
         one = [moment[number] for moment in seen]

@@ -16,7 +16,7 @@ def test_at_most_one_door_is_closed_at_any_time() -> None:
         assert list(doors.values()).count("closed") <= 1
 
 
-def test_doors_move_about_as_often_as_asked() -> None:
+def test_doors_move_about_as_often_as_set() -> None:
     air = random_doors()
     assert 150 < sum(bool(air.due(0.1 * step)) for step in range(20000)) < 250
 
@@ -26,7 +26,7 @@ def test_without_doors_or_without_wind_nothing_moves() -> None:
     assert random_doors(doors=()).due(1e6) == {}
 
 
-def test_a_door_that_is_left_alone_moves_no_more() -> None:
+def test_a_door_without_random_motion_stays_still() -> None:
     air = random_doors()
     air.leave({"a", "b"})
     assert {name for second in range(2000) for name in air.due(float(second))} == {"c"}

@@ -19,7 +19,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(3)
 
 
-def test_in_the_middle_of_a_square_room_the_beams_say_so() -> None:
+def test_in_the_middle_of_a_square_room_opposite_beams_are_equal() -> None:
     model = dataclasses.replace(SILENT, x=0.0)
     ranges = scan(ROOM, Pose2D(0, 0, 0), model, rng())
     angles = model.angle_min + model.angle_increment * np.arange(model.beams)
@@ -27,12 +27,12 @@ def test_in_the_middle_of_a_square_room_the_beams_say_so() -> None:
     assert ranges == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_laser_sits_where_the_profile_says() -> None:
+def test_the_laser_is_mounted_as_in_the_profile() -> None:
     ranges = scan(ROOM, Pose2D(0, 0, math.pi / 2), SILENT, rng())
     assert ranges[SILENT.beams // 2] == pytest.approx(2.0 - SILENT.x, abs=1e-6)
 
 
-def test_beyond_its_range_it_hears_nothing() -> None:
+def test_beyond_its_range_a_laser_measures_nothing() -> None:
     ranges = scan(ROOM, Pose2D(0, 0, 0), dataclasses.replace(SILENT, range_max=1.0), rng())
     assert np.isinf(ranges).all()
 

@@ -51,7 +51,7 @@ def test_history_has_commanded_and_real_speeds_of_every_step() -> None:
     assert play.history(-1.0) == ()
 
 
-def test_the_truth_before_the_first_command_says_that_there_was_none() -> None:
+def test_before_the_first_command_the_truth_has_no_command() -> None:
     play = playback()
     assert play.truth().commanded_at == 0.0
     play.advance(100.05, 5000.05)

@@ -78,7 +78,7 @@ def test_before_the_watchdog_the_last_command_holds() -> None:
     assert sim.motion.linear == pytest.approx(0.5)
 
 
-def test_a_contact_counts_once_however_long_the_robot_pushes() -> None:
+def test_a_contact_of_any_length_counts_once() -> None:
     sim = giraff("2.2,5.6,1.5708")
     drive(sim, 0.4, 0.0, 6.0)
     assert sim.contacts == 1

@@ -47,7 +47,7 @@ def test_a_picture_in_the_making_is_not_given_out(ring) -> None:
     assert (reader.copy(writer.commit())[:18] == 9).all()
 
 
-def test_a_copy_does_not_change_when_the_writer_goes_on(ring) -> None:
+def test_a_copy_does_not_change_with_later_writes(ring) -> None:
     writer, reader = ring
     copy = reader.copy(put(writer, 7))
     for value in range(5):
@@ -55,7 +55,7 @@ def test_a_copy_does_not_change_when_the_writer_goes_on(ring) -> None:
     assert (copy == 7).all()
 
 
-def test_the_writers_end_takes_the_memory_away_and_the_readers_does_not(ring) -> None:
+def test_the_memory_is_removed_with_the_writer_and_not_with_a_reader(ring) -> None:
     writer, reader = ring
     name = writer.name
     reader.close()
