@@ -60,10 +60,9 @@ def _script(to_page: dict[str, Schema], parts: dict[str, Schema], limits: dict[s
 
 def _wrapped(line: str, indent: str = "") -> str:
     """Return code on lines of at most 100 columns; a field stays beside its shape."""
-    more = {"initial_indent": indent, "subsequent_indent": indent + "  "}
-    joined = line.replace(": ", ":\0")
-    lines = textwrap.fill(joined, 100, break_long_words=False, break_on_hyphens=False, **more)
-    return lines.replace("\0", " ")
+    wrapper = textwrap.TextWrapper(100, break_long_words=False, break_on_hyphens=False)
+    wrapper.initial_indent, wrapper.subsequent_indent = indent, indent + "  "
+    return wrapper.fill(line.replace(": ", ":\0")).replace("\0", " ")
 
 
 class _ShapeWriter:

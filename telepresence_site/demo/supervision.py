@@ -99,7 +99,7 @@ class ServiceSupervisor:
         parts: Sequence[DemoPart],
         *,
         within: float,
-        step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext,
+        step: Callable[[str], AbstractContextManager[object]] = contextlib.nullcontext,
     ) -> None:
         """Start parts side by side, because they wait for each other; then wait for each in turn.
 
