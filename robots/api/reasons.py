@@ -105,9 +105,9 @@ class ReasonCode(StrEnum):
         _("An obstacle is in front of the charging station. The robot is waiting."),
         _("an obstacle is in front of the charging station"),
     )
-    SOMEBODY_STAYED = "somebody_stayed", _("Someone was in the way for too long.")
-    SOMEBODY = (
-        "somebody",
+    PERSON_STAYED = "person_stayed", _("Someone was in the way for too long.")
+    PERSON = (
+        "person",
         _("Someone is in the way. The robot is waiting."),
         _("someone is in the way"),
     )
@@ -222,7 +222,7 @@ class ReasonCode(StrEnum):
     BUTTON_PRESSED = "button_pressed"
     OWNER_ONLY = "owner_only"
     NOT_YOURS = "not_yours"
-    NOBODY_THERE = "nobody_there"
+    NO_LISTENER = "nobody_there"
     NOTHING_RUNS = "nothing_runs"
     UNKNOWN_BOOT = "unknown_boot"
     EMPTY_RANGE = "empty_range"

@@ -236,7 +236,7 @@ class Journey:
         if not held:
             return self._running(followed.velocity, "")
         is_person = followed.why == "walker"
-        return self._running(ZERO, ReasonCode.SOMEBODY if is_person else ReasonCode.VERY_CLOSE)
+        return self._running(ZERO, ReasonCode.PERSON if is_person else ReasonCode.VERY_CLOSE)
 
     def _moved_on(self, sense: Sense, held: Sense) -> bool:
         """Tell whether the robot got away from where it was held; creeping does not count."""
@@ -316,7 +316,7 @@ class Journey:
         patience = params.patience_with_people if is_person_ahead else params.no_progress
         if late or (sense.now - self._best_at > patience and not turning):
             if is_person_ahead:
-                return failed(ReasonCode.SOMEBODY_STAYED)
+                return failed(ReasonCode.PERSON_STAYED)
             return failed(ReasonCode.NO_FARTHER.of(f"{self._follower.remaining:.1f} m"))
         return None
 

@@ -33,8 +33,8 @@ def test_a_stop_at_the_robot_is_from_its_screen_or_its_button():
     assert [source for source, there in pressed.items() if there] == ["screen:Giraff", "button"]
 
 
-def test_a_fault_is_shown_without_its_name():
-    assert fault_of({"errors": ["rival: another agent runs"]}) == "another agent runs"
+def test_a_fault_is_shown_by_its_text():
+    assert fault_of({"errors": ["rival: another agent runs"]}).startswith("another agent runs as")
     assert [fault_of(report) for report in ({}, None, {"errors": []}, {"errors": [1]})] == [""] * 4
 
 

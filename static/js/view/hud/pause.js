@@ -38,7 +38,7 @@ export const betweenVisits = (pause) => {
  */
 const FOR_WAITING = /** @type {Record<string, string | null>} */ ({
   "reason.before_dock": "because.before_dock",
-  "reason.somebody": "because.somebody",
+  "reason.person": "because.person",
   "reason.very_close": "because.very_close",
   "reason.waits_for_route": "reason.all_blocked",
   "reason.not_found": "because.lost",

@@ -51,7 +51,12 @@ def shown(*, in_use: bool = False, **changes):
             "Not available",
             "Has a fault: it does not say which.",
         ),
-        ({"report": RUNS_ON}, "bad", "Not available", "Has a fault: the robot keeps moving. No"),
+        (
+            {"report": RUNS_ON},
+            "bad",
+            "Not available",
+            "Has a fault: the robot keeps moving although it was told to stop. Nobody",
+        ),
         ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
         ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),
         ({"turnaround": "charging"}, "busy", "Charging", "as soon as it is ready"),
