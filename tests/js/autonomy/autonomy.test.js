@@ -278,8 +278,8 @@ describe("what is offered", () => {
       ["task.place", { place: "Sofa" }, 0.4, "stop", "task.take_over"],
     );
     assert.equal(
-      offerFor(driving({ task: going({ reason: "somebody" }) })).detail.word,
-      "reason.somebody",
+      offerFor(driving({ task: going({ reason: "person" }) })).detail.word,
+      "reason.person",
     );
   });
 
