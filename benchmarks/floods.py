@@ -37,7 +37,7 @@ from benchmarks.traffic import shares
 from benchmarks.traffic.flooder import HOST, KEY_FLOODS, STRANGER_FLOODS
 from benchmarks.traffic.mqtt_line import MqttLine, hello
 from robots.api import topics
-from robots.cancellation import cancel
+from robots.process.cancellation import cancel
 from tests.support.programs.server import certificate
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -26,7 +26,7 @@ from robots.agent.media.peers.connections import FLOOD_PAUSE
 from robots.agent.thread_priority import SECOND, set_nice
 from robots.api import messages as m
 from robots.api.codec import encode_frame
-from robots.interpreter import set_up_for_latency
+from robots.process.interpreter import set_up_for_latency
 from tests.support.agents.control_rig import ThreadedControlRig, stamped
 from tests.support.browsers.browser_page import BrowserPage, chromium
 from tests.support.media.loopback_peer import Exchange, until

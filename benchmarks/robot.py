@@ -14,8 +14,8 @@ import time
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.messages import Goto
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan, shipped_sites

@@ -18,7 +18,7 @@ pass them to the standard library's logging.
 
 import os
 
-from robots import logs
+from robots.process import logs
 
 os.environ.setdefault("GNUTLS_SYSTEM_PRIORITY_FILE", "/etc/gnutls/config")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

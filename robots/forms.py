@@ -11,8 +11,14 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names
-from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
 from robots.models import FloorPlan, Robot, RobotElsewhere
+from robots.plans.floorplans import (
+    MAX_IMAGE,
+    MAX_PLAN,
+    MAX_YAML,
+    FloorPlanRefusedError,
+    read_upload,
+)
 
 
 class AdapterInput(forms.TextInput):

@@ -19,9 +19,9 @@ from accounts.rate_limits import too_many
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.enrol import credentials
 from robots.enrol.elsewhere import misdirected
-from robots.floorplans import plan_content
 from robots.ice import ice_servers
 from robots.models import FloorPlan
+from robots.plans.floorplans import plan_content
 
 ASKED = Attempts("agent", limit=120)
 REFUSED = Attempts("agent-refused", limit=20)

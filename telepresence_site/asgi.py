@@ -13,7 +13,7 @@ from whitenoise.middleware import WhiteNoiseMiddleware
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
 http = get_asgi_application()
 
-from robots.interpreter import set_up_for_latency
+from robots.process.interpreter import set_up_for_latency
 from sessions.backpressure import Backpressure
 from sessions.urls import websocket_urlpatterns
 from telepresence_site.web.asgi_limits import (

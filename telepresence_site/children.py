@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robots.processes import tied_to_parent
+from robots.process.ending import tied_to_parent
 
 STOP_SECONDS = 8.0
 NOTICE_PREFIX = "tell: "  # begins a line that the parent shows in its terminal

@@ -30,10 +30,10 @@ from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState, SonarEcho
 from robots.agent.safety.collision_monitor import MONITOR, monitor_of
 from robots.agent.safety.contacts import sides_of
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import AssistLevel, Scan, Velocity
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites
 from tests.support.agents.kernel_bench import Bench

@@ -19,9 +19,9 @@ from benchmarks.table import Figure, keep
 from robots.agent.navigation.docking.approach import DOCKING, UNDOCKING
 from robots.agent.navigation.docking.station import STATION
 from robots.agent.navigation.planning.steps import NavigationStep
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.agents.navigation_rig import Rig

@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from robots.agent.localization.localizer import Localizer, Settings
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS
 from robots.world.sensing import Estimate
 from robots.world.sites import Site, load_site, shipped_sites

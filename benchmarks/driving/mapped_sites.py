@@ -31,8 +31,8 @@ from benchmarks.driving.true_world import Spot, TrueWorld
 from benchmarks.table import Figure, keep
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.steps import NavigationStep
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OCCUPIED, OccupancyGrid
 from robots.world.inspection import BACKED_OUT, Floor, drawn_plan
 from robots.world.render_plan import rasterise

@@ -26,8 +26,8 @@ from robots.agent.navigation.obstacles.local_map import LOCAL_MAP
 from robots.agent.navigation.planning.follower import FOLLOWER
 from robots.agent.navigation.planning.planner import PLANNER
 from robots.agent.safety.collision.braking import BRAKING
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import DoorState
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.agents.navigation_rig import Rig

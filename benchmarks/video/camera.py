@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.table import Figure, keep, quantiles
-from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.people import Person
+from robots.simulator.render.camera import SceneCamera
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 

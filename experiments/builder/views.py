@@ -33,8 +33,8 @@ from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
-from robots.floorplans import plan_content
 from robots.models import FloorPlan
+from robots.plans.floorplans import plan_content
 from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import by_place, sentences, text_name

@@ -17,7 +17,7 @@ from experiments.extraction.events import page_offset, robot_offset
 from experiments.models import Drive, TaskEvent
 from experiments.research.event_text import in_words
 from experiments.stored_states import StateReader
-from robots.floorplans import plan_content
+from robots.plans.floorplans import plan_content
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
 # The columns, and how many decimals each has; 0 is a whole number.

@@ -22,7 +22,7 @@ from experiments.research import interventions, live
 from experiments.research.replay import photos_of, player_config, replay
 from experiments.research.study_access import viewer_page
 from robots.access import may_observe, may_operate
-from robots.floorplans import plan_content
+from robots.plans.floorplans import plan_content
 from sessions.models import Session
 
 LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)

@@ -18,13 +18,13 @@ from django.shortcuts import render
 from django.utils.translation import gettext as _
 
 from accounts import audit
-from robots import plan_edits
 from robots.admin_pages.access import OfRobots
 from robots.api.floorplan import FloorPlan as Plan
-from robots.floorplans import FloorPlanRefusedError, plan_content
 from robots.models import FloorPlan
-from robots.plan_edits import Document, EditError
-from robots.site_drafts import checked, free_at, grid_of, propose, series_titles, store_site
+from robots.plans import edits as plan_edits
+from robots.plans.drafts import checked, free_at, grid_of, propose, series_titles, store_site
+from robots.plans.edits import Document, EditError
+from robots.plans.floorplans import FloorPlanRefusedError, plan_content
 
 KINDS = ("place", "dock", "checkpoint", "opening")
 

@@ -22,7 +22,6 @@ from typing import Any
 
 import structlog
 
-from robots import logs
 from robots.agent.adapters import registry
 from robots.agent.broker_link.broker_discovery import broker_urls, tls_context
 from robots.agent.broker_link.enrolment import enrol_if_asked, keep_renewing
@@ -40,7 +39,8 @@ from robots.agent.thread_priority import SECOND, set_nice
 from robots.agent.timing import Backoff
 from robots.agent.watchdog import HANG_S, HangDetector, Systemd, end_process
 from robots.api.messages import Capability, Factsheet
-from robots.interpreter import set_up_for_latency
+from robots.process import logs
+from robots.process.interpreter import set_up_for_latency
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -18,8 +18,8 @@ from typing import NoReturn
 
 import structlog
 
-from robots import logs
 from robots.agent.timing import Cadence
+from robots.process import logs
 
 log = structlog.stdlib.get_logger(__name__)
 

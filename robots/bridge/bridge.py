@@ -42,8 +42,8 @@ from robots.bridge.failover import Failover, parse_nodes
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
 from robots.bridge.quick_writing import QuickWriter, writer_of
-from robots.cancellation import cancel
 from robots.enrol.credentials import server_credentials
+from robots.process.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -23,7 +23,7 @@ from robots.broker.engines import Engine
 from robots.broker.listeners import Listeners
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, ReadUsers, UsersUnavailableError
-from robots.processes import tied_to_parent
+from robots.process.ending import tied_to_parent
 
 logger = structlog.stdlib.get_logger(__name__)
 

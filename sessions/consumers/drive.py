@@ -14,11 +14,11 @@ import structlog
 from django.conf import settings
 from django.utils import timezone
 
-from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, ActionStatus, Message, Say
 from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import IceCredentials
+from robots.process import log_ids
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of
 from sessions.consumers import queries, relay, waiting_chat

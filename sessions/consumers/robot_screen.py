@@ -7,10 +7,10 @@ import time
 import structlog
 from django.utils import timezone
 
-from robots import log_ids
 from robots.api.messages import Bye, Lease, Say
 from robots.bridge.delivery import ReceivedMessage
 from robots.ice import IceCredentials
+from robots.process import log_ids
 from robots.screens import cookie_of, screen_of
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of

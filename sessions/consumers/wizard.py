@@ -16,12 +16,12 @@ import structlog
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
-from robots import log_ids
 from robots.api.errors import Rejection
 from robots.api.messages import Action, Bye, Lease, Message, Say
 from robots.bridge.delivery import NOTICE, ReceivedMessage
 from robots.ice import IceCredentials
 from robots.models import Robot
+from robots.process import log_ids
 from sessions import page_channel
 from sessions import protocol as pages
 from sessions.consumers import queries, wizard_relay

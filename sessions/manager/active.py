@@ -22,9 +22,9 @@ from robots.api.disk_space import DiskSpace
 from robots.bridge.broker_address import BrokerAddress
 from robots.bridge.failover import Failover
 from robots.bridge.quick_reading import read_quickly
-from robots.cancellation import cancel
 from robots.enrol.credentials import server_client_id
 from robots.presence.writer import PresenceWriter
+from robots.process.cancellation import cancel
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.disk_watch import DiskWatch

@@ -26,9 +26,9 @@ from django.utils import timezone
 from robots.api import codec, messages, topics
 from robots.api.bucket import Bucket
 from robots.bridge import broker_address
-from robots.cancellation import until_one_ends
 from robots.models import Robot
 from robots.presence.writer import PresenceWriter
+from robots.process.cancellation import until_one_ends
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
 from sessions.manager import notices

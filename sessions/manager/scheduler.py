@@ -20,9 +20,9 @@ from django.db import DatabaseError
 from django.db.models import Q
 from django.dispatch import Signal
 
-from robots import log_ids
 from robots.api import codec, topics
 from robots.models import Robot
+from robots.process import log_ids
 from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms

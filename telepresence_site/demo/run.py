@@ -19,7 +19,7 @@ from django.utils import timezone
 
 from experiments.publishing import NotPublishableError
 from robots.models import Robot, RobotPresence
-from robots.processes import ignore_end_signals, interrupted_by_signals
+from robots.process.ending import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat
 from telepresence_site.children import Child, Children
 from telepresence_site.demo import lan

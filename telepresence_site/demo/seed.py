@@ -8,8 +8,8 @@ from django.conf import settings
 from django.contrib.admin.models import CHANGE, LogEntry
 
 from accounts.models import User
-from robots.floorplans import store_floor_plan
 from robots.models import Robot
+from robots.plans.floorplans import store_floor_plan
 from telepresence_site.environment import kept_secret
 from telepresence_site.local_credentials import save_local_credentials
 

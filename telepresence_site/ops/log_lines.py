@@ -17,8 +17,8 @@ from urllib.parse import unquote, urlsplit
 
 import structlog
 
-from robots import log_ids
-from robots.logs import TRACEBACK, pairs
+from robots.process import log_ids
+from robots.process.logs import TRACEBACK, pairs
 from telepresence_site.web.request_log import route_of
 
 STRUCK = "***"

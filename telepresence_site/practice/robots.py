@@ -5,8 +5,8 @@ import datetime
 from django.conf import settings
 from django.db.models import Max
 
-from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
+from robots.plans.floorplans import store_floor_plan
 from sessions.leases.policy import PAGE_GONE_SECONDS
 from sessions.leases.store import LIVE, waits_here
 from sessions.models import Session

@@ -35,7 +35,7 @@ from experiments.rehearsal import findings
 from experiments.rehearsal.plan import AT_ONCE, problems
 from experiments.rehearsal.report import RehearsalReport, judge
 from experiments.resources import obstacles_here
-from robots.processes import tied_to_parent, wait_or_kill
+from robots.process.ending import tied_to_parent, wait_or_kill
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
 from telepresence_site.rehearsal.heartbeat import attempt, repeated

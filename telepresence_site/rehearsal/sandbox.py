@@ -24,8 +24,8 @@ from experiments.definition.schema import StudyDefinition
 from experiments.models import Study
 from robots.api.credentials_file import ENVIRONMENT
 from robots.enrol import credentials
-from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot, RobotPresence
+from robots.plans.floorplans import store_floor_plan
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow

@@ -19,7 +19,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
-# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), as multipart.
+# The largest form is a floor plan (robots/plans/floorplans.py): image, YAML and plan, multipart.
 MAX_BODY = 10 * 1024 * 1024
 TOO_LARGE = 413
 # A class behind one address may reload its pages together.

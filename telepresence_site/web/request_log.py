@@ -15,7 +15,7 @@ import structlog
 from django.urls import Resolver404, resolve
 from prometheus_client import Counter, Gauge, Histogram
 
-from robots import log_ids
+from robots.process import log_ids
 
 log = structlog.stdlib.get_logger("telepresence.request")
 HEADER = b"x-request-id"

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import structlog
 
-from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
 from robots.agent.autonomy.navigation_node import ActionError, NavigationNode
-from robots.logs import reason_of
-from robots.processes import interrupted_by_signals
+from robots.process import framing
+from robots.process.ending import interrupted_by_signals
+from robots.process.logs import reason_of
 from robots.world.sensing import LaserScan
 
 log = structlog.stdlib.get_logger(__name__)

@@ -3,7 +3,6 @@
 import numpy as np
 from msgspec import Struct, msgpack
 
-from robots.agent import framing
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
@@ -16,6 +15,7 @@ from robots.api.messages import (
     Undock,
     Velocity,
 )
+from robots.process import framing
 from robots.world.sensing import LaserScan
 
 

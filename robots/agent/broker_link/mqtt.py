@@ -29,7 +29,7 @@ from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -31,7 +31,7 @@ from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.agent.timing import TimeSource
 from robots.agent.watchdog import end_process
 from robots.api.messages import Capability, Message, Role, SignalReply
-from robots.cancellation import cancel
+from robots.process.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
 

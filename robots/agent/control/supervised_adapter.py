@@ -35,8 +35,8 @@ from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.api.reasons import ReasonCode
-from robots.cancellation import until_one_ends
-from robots.logs import reason_of
+from robots.process.cancellation import until_one_ends
+from robots.process.logs import reason_of
 from robots.world.sensing import Floats
 
 log = structlog.stdlib.get_logger(__name__)

@@ -6,8 +6,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.floorplans import FloorPlanRefusedError, import_site, read_folder
 from robots.models import FloorPlan
+from robots.plans.floorplans import FloorPlanRefusedError, import_site, read_folder
 
 
 class Command(BaseCommand):

@@ -8,9 +8,9 @@ from django.core.management.base import BaseCommand, CommandError
 from django.urls import reverse
 
 from robots.api import floorplan
-from robots.floorplans import FloorPlanRefusedError
 from robots.models import FloorPlan
-from robots.site_drafts import propose, read_map, store_site
+from robots.plans.drafts import propose, read_map, store_site
+from robots.plans.floorplans import FloorPlanRefusedError
 
 
 class Command(BaseCommand):

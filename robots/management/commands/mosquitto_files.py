@@ -17,7 +17,7 @@ from robots.api.private_files import write_private
 from robots.broker.engines import ENGINES, Engine
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
-from robots.processes import interrupted_by_signals
+from robots.process.ending import interrupted_by_signals
 
 logger = structlog.stdlib.get_logger(__name__)
 GROUP_MAY_READ = 0o640

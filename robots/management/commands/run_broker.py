@@ -14,12 +14,12 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from robots import logs
 from robots.broker.engines import ENGINES
 from robots.broker.listeners import Listeners, Tls
 from robots.broker.server import BrokerError, BrokerServer
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
-from robots.cancellation import until_one_ends
+from robots.process import logs
+from robots.process.cancellation import until_one_ends
 
 
 class Command(BaseCommand):

@@ -7,11 +7,11 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from robots import log_ids
 from robots.agent.agent import agent_of, run_until_signalled
 from robots.agent.config import ConfigError, add_arguments
 from robots.agent.control.robot_check import check_robot, say_line
 from robots.api.credentials_file import ENVIRONMENT
+from robots.process import log_ids
 
 
 class Command(BaseCommand):

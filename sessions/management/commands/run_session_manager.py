@@ -10,7 +10,7 @@ from django.core.management.base import BaseCommand, CommandError
 
 from robots.bridge.broker_address import BadAddress
 from robots.enrol.credentials import server_credentials
-from robots.interpreter import set_up_for_latency
+from robots.process.interpreter import set_up_for_latency
 from sessions.manager.active import RecorderDied
 from sessions.manager.service import SessionManager
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.processes import interrupted_by_signals
+from robots.process.ending import interrupted_by_signals
 from telepresence_site.demo.supervision import PartLostError
 from telepresence_site.rehearsal.play import PlayFailed, carry_out
 

@@ -19,7 +19,7 @@ from experiments.definition.problems import problems
 from experiments.models import Study
 from experiments.rehearsal import plan, runs
 from experiments.rehearsal.report import ConditionReport, RehearsalReport
-from robots.processes import interrupted_by_signals
+from robots.process.ending import interrupted_by_signals
 from telepresence_site.rehearsal.heartbeat import heartbeats, retry_until_written
 from telepresence_site.rehearsal.play import PROGRESS, Orders, PlayFailed, play
 from telepresence_site.rehearsal.sandbox import sandbox_folder

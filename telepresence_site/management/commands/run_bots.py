@@ -17,7 +17,7 @@ from experiments.bots.endings import Ending, draw, in_turn
 from experiments.bots.persona import EffectError, effect
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
-from robots.processes import ended_by_signals, interrupted_by_signals
+from robots.process.ending import ended_by_signals, interrupted_by_signals
 from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, line_of, play
 from telepresence_site.rehearsal.sandbox import sandbox_folder
 

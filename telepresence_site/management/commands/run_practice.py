@@ -7,7 +7,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand
 
-from robots.processes import END_SIGNALS
+from robots.process.ending import END_SIGNALS
 from telepresence_site.children import NOTICE_PREFIX
 from telepresence_site.practice.robots import prepare
 from telepresence_site.practice.supervisor import READY, Supervisor

@@ -13,11 +13,11 @@ from experiments.definition.course import CourseTrack, lay_out
 from experiments.definition.shipped import shipped
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, Seen, seen
-from robots.agent.simulator.physics.drive import STILL
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import AppliedCommand, Battery, Pose, State, Velocity
+from robots.simulator.physics.drive import STILL
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions.protocol import Task

@@ -10,8 +10,8 @@ from experiments import publishing, resources
 from experiments.definition.shipped import shipped
 from experiments.models import FrozenStudyError, Rehearsal, Study, StudyMember
 from experiments.publishing import NotPublishableError, publish, store
-from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
+from robots.plans.floorplans import store_floor_plan
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from tests.support.paths import ROOT

@@ -20,9 +20,9 @@ from robots.admin import RobotAdmin
 from robots.enrol.credentials import robot_of
 from robots.files import limited_process
 from robots.files.limited_process import ChildLimits
-from robots.floorplans import MAX_PLAN, store_floor_plan
 from robots.forms import RobotForm
 from robots.models import FloorPlan, Robot, RobotPermit, RobotPresence
+from robots.plans.floorplans import MAX_PLAN, store_floor_plan
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
 from tests.support.architectures.installed_adapters import install

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.models import FloorPlan
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_site
 from tests.support.agents.mapped_building import building, mapped

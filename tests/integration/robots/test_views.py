@@ -9,8 +9,8 @@ from django.utils import timezone
 from accounts.attempts import Attempts, address_of
 from robots import views
 from robots.enrol.credentials import make_credentials, revoke
-from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
+from robots.plans.floorplans import store_floor_plan
 from robots.world.sites import SHIPPED
 
 pytestmark = pytest.mark.django_db

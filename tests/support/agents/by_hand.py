@@ -9,10 +9,10 @@ from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.cues import LEAVING, NEAR_HOME
 from experiments.definition.shipped import shipped
-from robots.agent.simulator.physics.drive import STILL
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.drive import STILL
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions import protocol

@@ -6,8 +6,8 @@ import numpy as np
 
 from robots.agent.autonomy.area import Area, area_of, update_of
 from robots.agent.autonomy.sensor_snapshot import Body, SensorSnapshot
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.messages import Velocity
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
 from tests.support.agents.headless import Headless

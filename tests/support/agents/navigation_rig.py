@@ -15,9 +15,9 @@ from robots.agent.localization.localizer import Localizer
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.planning.steps import NavigationStep
 from robots.agent.safety.collision.memory import RollingObstacleMap
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
+from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import with_stations
 from robots.world.sensing import Estimate, LaserScan

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
-from robots.agent.simulator.render.frame_ring import _attach
+from robots.simulator.render.frame_ring import _attach
 from tests.support.agents.truth import Onlooker
 from tests.support.paths import ROOT
 from tests.support.patience import patient
@@ -27,11 +27,11 @@ def eventually(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
 
 
 class Simulator:
-    """A running `python -m robots.agent.simulator`."""
+    """A running `python -m robots.simulator`."""
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robots.agent.simulator", *arguments],
+            [sys.executable, "-m", "robots.simulator", *arguments],
             cwd=ROOT,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

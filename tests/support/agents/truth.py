@@ -3,8 +3,8 @@
 import socket
 from dataclasses import dataclass
 
-from robots.agent import framing
-from robots.agent.simulator import wire
+from robots.process import framing
+from robots.simulator import wire
 from tests.support.patience import patient
 
 

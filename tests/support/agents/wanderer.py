@@ -12,8 +12,8 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from robots.agent.simulator.physics.simulation import Simulation, StartError
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.simulator.physics.simulation import Simulation, StartError
 from robots.world.grid import OccupancyGrid
 
 SPACING = 2  # cells of the map a step of a way

@@ -15,7 +15,7 @@ import time
 
 from aiomqtt import Client, MqttError
 
-from robots.cancellation import cancel
+from robots.process.cancellation import cancel
 from tests.support.architectures import openmora_rules
 from tests.support.architectures.rca_world import RcaRig
 from tests.support.patience import patient

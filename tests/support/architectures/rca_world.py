@@ -14,9 +14,9 @@ import numpy as np
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common.robot_profile import SHIPPED
-from robots.agent.simulator.physics.realtime import Playback
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.simulator.physics.realtime import Playback
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import model_of
 from robots.world.sites import load_plan
 from tests.support.patience import patient

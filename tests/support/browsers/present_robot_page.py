@@ -20,8 +20,8 @@ from robots.agent.control.remote_pointer import Pointing
 from robots.agent.media import MediaSide
 from robots.agent.robot_interface import FROM_PAGE
 from robots.agent.safety.permissions import CommandSender
-from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.api import messages as m
+from robots.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from sessions import protocol
 from sessions.consumers.authorization import Halt, Publish
 from sessions.consumers.screen_authorization import ScreenAuthorization

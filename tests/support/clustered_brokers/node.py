@@ -8,7 +8,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from robots.processes import tied_to_parent
+from robots.process.ending import tied_to_parent
 from tests.support.patience import patient
 
 START_SECONDS = 60.0

@@ -7,10 +7,10 @@ import numpy as np
 
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Frame
-from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.people import Person
+from robots.simulator.render.camera import SceneCamera
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 

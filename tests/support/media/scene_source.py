@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from robots.agent.robot_interface import Frame
-from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import FloorPlan
+from robots.simulator.physics.simulation import Simulation
+from robots.simulator.render.camera import SceneCamera
 
 
 class SceneSource:

@@ -23,7 +23,7 @@ from asgiref.sync import sync_to_async
 from django.conf import settings
 
 from robots.api import codec, messages, topics
-from robots.cancellation import cancel, until_one_ends
+from robots.process.cancellation import cancel, until_one_ends
 from sessions.manager.service import SessionManager
 from tests.support.paths import ROOT
 from tests.support.patience import patient

@@ -319,7 +319,7 @@ class Site:
             f"{name}-simulator",
             [
                 "-m",
-                "robots.agent.simulator",
+                "robots.simulator",
                 "--profile",
                 name,
                 "--listen",

@@ -74,7 +74,7 @@ class Simulator:
             "--fps",
             "6",
         ]
-        self.site.start("rca", ["-m", "robots.agent.simulator", *words])
+        self.site.start("rca", ["-m", "robots.simulator", *words])
         wait_for(lambda: self.site.listening(self.port), 30, "the simulator")
         self._onlooker = Onlooker(self.port)
 

@@ -17,8 +17,8 @@ from experiments.models import Drive, Participant, Study
 from experiments.participation import progress, questions
 from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
-from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
+from robots.plans.floorplans import store_floor_plan
 from sessions.models import Session
 from surveys.models import Answer, Response
 from tests.support.agents.docked_robot import report_in_dock

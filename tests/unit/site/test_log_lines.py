@@ -8,7 +8,7 @@ from collections import Counter
 
 import pytest
 
-from robots import log_ids, logs
+from robots.process import log_ids, logs
 from telepresence_site.ops.log_lines import json_lines, key_value_lines, known_secrets
 
 

@@ -5,7 +5,7 @@ import logging
 import pytest
 from prometheus_client import REGISTRY
 
-from robots import log_ids
+from robots.process import log_ids
 from telepresence_site.web.request_log import RequestLog, route_of
 
 

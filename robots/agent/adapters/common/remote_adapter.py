@@ -50,8 +50,8 @@ from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 from robots.api.reasons import ReasonCode
-from robots.cancellation import cancel
-from robots.logs import reason_of
+from robots.process.cancellation import cancel
+from robots.process.logs import reason_of
 
 CONNECT_TIME = 5.0
 FIRST_READING = 5.0

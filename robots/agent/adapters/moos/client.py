@@ -11,7 +11,7 @@ from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.moos import wire
 from robots.agent.adapters.moos.wire import Mail, Value
 from robots.agent.robot_interface import AdapterError
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 GREETING_TIME = 3.0
 BEAT = 1.0

@@ -45,7 +45,7 @@ from robots.agent.broker_link.mqtt import Endpoint, subscribe
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
 from robots.api.reasons import ReasonCode
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
 SUBSCRIBED = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import structlog
 
-from robots.agent import framing
 from robots.agent.adapters.common.child_process import (
     connect_child,
     send_token,
@@ -19,7 +18,8 @@ from robots.agent.robot_interface import AdapterError
 from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
 from robots.api.reasons import ReasonCode
-from robots.logs import reason_of
+from robots.process import framing
+from robots.process.logs import reason_of
 
 START_TIME = 30.0  # a slow computer takes that long to import scipy
 READY_TIME = 5.0  # that an action waits for a process that is starting

@@ -27,7 +27,7 @@ from robots.agent.adapters.ros.bus import (
 )
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import AdapterError
-from robots.processes import wait_or_kill
+from robots.process.ending import wait_or_kill
 
 START_TIME = 15.0  # seconds for a node to start: more than 5 on a loaded computer
 GRAPH_TIME = 5.0

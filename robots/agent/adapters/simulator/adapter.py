@@ -4,7 +4,7 @@ address.
 Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (the number who
 walk about), `door-changes` (seconds between random changes of doors), `fps` (images per second),
 `linger`, `camera` ("no": without images), `sensors` (for obstacles, some of "laser", "sonar",
-"bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`,
+"bumper", with commas), or `address` (host:port of a running `python -m robots.simulator`,
 whose profile must be the same).
 """
 
@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 import structlog
 
-from robots.agent import framing
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.remote_adapter import check_tilt
 from robots.agent.adapters.common.robot_profile import nearest
@@ -40,13 +39,14 @@ from robots.agent.robot_interface import (
     SonarEcho,
     VideoSource,
 )
-from robots.agent.simulator import wire
-from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
-from robots.agent.simulator.physics.simulation import StartError, start_pose
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
 from robots.api.reasons import ReasonCode
-from robots.logs import reason_of
+from robots.process import framing
+from robots.process.logs import reason_of
+from robots.simulator import wire
+from robots.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
+from robots.simulator.physics.simulation import StartError, start_pose
 from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from robots.agent.adapters.common.child_process import start_module
 from robots.agent.robot_interface import AdapterError
-from robots.processes import wait_or_kill
+from robots.process.ending import wait_or_kill
 
 START_TIME = 20.0
 END_TIME = 3.0
@@ -18,7 +18,7 @@ LINGER = 2.0
 def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:
     """Start a simulator and wait for its address; blocks. Raises AdapterError."""
     linger = str(options.get("linger", LINGER))
-    command = ["robots.agent.simulator", "--profile", series, "--tied", "--linger", linger]
+    command = ["robots.simulator", "--profile", series, "--tied", "--linger", linger]
     command += [
         f"--{name}={options[name]}"
         for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps")

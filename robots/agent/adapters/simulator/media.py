@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent import framing
 from robots.agent.robot_interface import AdapterError, Frame
-from robots.agent.simulator import wire
-from robots.agent.simulator.render.frame_ring import FrameReader
+from robots.process import framing
+from robots.simulator import wire
+from robots.simulator.render.frame_ring import FrameReader
 
 CONNECT_TIME = 2.0
 CHUNK = 64 << 10

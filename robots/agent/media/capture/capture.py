@@ -15,7 +15,7 @@ import av
 import structlog
 
 from robots.agent.robot_interface import AdapterError
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -19,7 +19,7 @@ import structlog
 
 from robots.agent.media.rtp import AUDIO_RATE
 from robots.agent.robot_interface import AdapterError, Display, Speaker
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

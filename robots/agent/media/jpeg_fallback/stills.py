@@ -18,7 +18,7 @@ from robots.agent.robot_interface import Frame
 from robots.agent.thread_priority import ORDINARY, set_nice
 from robots.api import picture, topics
 from robots.api.messages import PictureRequest
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -47,7 +47,7 @@ from robots.agent.media.rtp import (
     extension_block,
     ntp_time,
 )
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

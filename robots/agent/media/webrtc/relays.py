@@ -23,7 +23,7 @@ from aiortc import RTCIceServer
 from aiortc.rtcicetransport import connection_kwargs
 
 from robots.api.messages import IceServer
-from robots.logs import reason_of
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -28,8 +28,8 @@ from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.api.messages import Candidate, SdpOffer
-from robots.cancellation import cancel
-from robots.logs import reason_of
+from robots.process.cancellation import cancel
+from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 

@@ -70,7 +70,7 @@ const station = (dock, robot) => {
   return sign;
 };
 
-/** @param {any} site robots.floorplans.plan_content @returns {SVGElement} */
+/** @param {any} site robots.plans.floorplans.plan_content @returns {SVGElement} */
 export const picture = ({ origin: [x, y, theta], resolution, width, height, image }) => {
   const [left, bottom] = toUnits([x, y]);
   const turn = [

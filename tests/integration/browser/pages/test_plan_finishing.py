@@ -18,7 +18,7 @@ SIZES = {"desktop": (1366, 768), "tablet": (820, 1180), "phone": (390, 844)}
 SETUP = """
 from pathlib import Path
 from accounts.models import User
-from robots.site_drafts import propose, read_map, store_site
+from robots.plans.drafts import propose, read_map, store_site
 User.objects.filter(username={name!r}).update(is_staff=True, is_superuser=True)
 grid = read_map(Path({map!r}), occupied=None, free=None)
 print(store_site(propose(grid, 'hall', 'Hall'), grid)[0].pk)

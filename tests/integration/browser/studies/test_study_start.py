@@ -7,7 +7,7 @@ import signal
 import pytest
 from playwright.sync_api import expect
 
-from robots.agent.simulator.wire import CarryTo
+from robots.simulator.wire import CarryTo
 from tests.support.agents.truth import SimulatorOperator
 from tests.support.sessions.site import Site, wait_for
 from tests.support.studies.task_study import begin_short_study

@@ -8,8 +8,8 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from robots.agent.simulator.wire import CarryTo
 from robots.api.geometry import wrap_angle
+from robots.simulator.wire import CarryTo
 from tests.support.agents.truth import SimulatorOperator
 from tests.support.media.photographs import keep_at_all_sizes
 from tests.support.patience import patient

@@ -64,7 +64,7 @@ def test_part_that_loses_its_child_is_named_with_its_own_message(people):
     people.ana_drives()
 
 
-@pytest.mark.parametrize("program", ["robots.agent.simulator", "robots.agent.autonomy"])
+@pytest.mark.parametrize("program", ["robots.simulator", "robots.agent.autonomy"])
 def test_robot_restarts_its_simulator_and_its_navigation(people, program):
     robot = people.demo.member("run_robot", "giraff")
     first = child_of(robot, program)

@@ -10,7 +10,7 @@ from django.urls import reverse
 from accounts.models import AuditEntry
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
-from robots.site_drafts import grid_of, propose, store_site
+from robots.plans.drafts import grid_of, propose, store_site
 from robots.world.grid import encode_png
 from robots.world.inspection import inspect_site
 from robots.world.site_files import read_upload

@@ -26,8 +26,8 @@ from robots.broker.engines import ENGINES
 from robots.broker.listeners import Listeners
 from robots.broker.server import ROOM_BYTES, BrokerError, BrokerServer
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
-from robots.logs import LINES_OF_EVENT
 from robots.models import Robot
+from robots.process.logs import LINES_OF_EVENT
 from tests.support.patience import patient
 from tests.support.programs.server import certificate
 from tests.support.sessions.broker_rig import KINDS, Receiver, until_thrown_out

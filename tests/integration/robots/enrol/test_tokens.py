@@ -14,7 +14,6 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from accounts.models import AuditEntry
-from robots import log_ids
 from robots.agent.agent import agent_of
 from robots.agent.broker_link import enrolment as agent_side
 from robots.agent.broker_link.broker_discovery import ServerAwayError
@@ -33,6 +32,7 @@ from robots.enrol.credentials import (
 from robots.enrol.tokens import make_token, redeem
 from robots.management.commands import run_robot
 from robots.models import Enrolment, Robot
+from robots.process import log_ids
 from tests.support.sessions.permitted import may_publish
 
 pytestmark = pytest.mark.django_db

@@ -12,10 +12,10 @@ from django.contrib.auth import get_user_model
 from django.db import OperationalError
 from django.utils import timezone
 
-from robots import log_ids
 from robots.api import messages as m
 from robots.api.errors import Rejection
 from robots.models import Robot, RobotPermit
+from robots.process import log_ids
 from sessions import protocol
 from sessions.consumers import drive, last_seen, queries
 from sessions.consumers.authorization import Authorization

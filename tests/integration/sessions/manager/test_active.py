@@ -10,8 +10,8 @@ from django.db import OperationalError
 from django.utils import timezone
 
 from accounts.models import User
-from robots.cancellation import cancel
 from robots.models import Robot
+from robots.process.cancellation import cancel
 from sessions.leases import store
 from sessions.manager.active import RecorderDied
 from sessions.manager.scheduler import Scheduler

@@ -19,8 +19,8 @@ from django.utils import timezone
 from accounts.models import User
 from robots.api import codec, messages, topics
 from robots.api.disk_space import DiskSpace
-from robots.cancellation import cancel
 from robots.models import Robot, RobotPresence
+from robots.process.cancellation import cancel
 from sessions import protocol, signals
 from sessions.leases import readiness, store
 from sessions.manager.return_to_dock import ReturnToDock

@@ -5,8 +5,8 @@ from django.utils import timezone
 
 from accounts.models import User
 from experiments.models import Participant
-from robots.floorplans import store_floor_plan
 from robots.models import Robot
+from robots.plans.floorplans import store_floor_plan
 from telepresence_site.demo.seed import RESEARCHER, seed
 from telepresence_site.demo.study import publish_study
 from tests.support.browsers.html_page import read

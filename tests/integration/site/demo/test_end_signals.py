@@ -65,8 +65,8 @@ def commands(var: Path, silent: socket.socket) -> dict[str, tuple[list[str], str
         "run_practice": (["manage.py", "run_practice"], "practice ready"),
         "run_robot": (["manage.py", "run_robot", "giraff"], "simulator_connected"),
         "robots.agent": (["-m", "robots.agent", "rhodon", *credentials], "simulator_connected"),
-        "robots.agent.simulator": (
-            ["-m", "robots.agent.simulator", "--listen", f"{LOOPBACK}:{free_port()}"],
+        "robots.simulator": (
+            ["-m", "robots.simulator", "--listen", f"{LOOPBACK}:{free_port()}"],
             '"address"',
         ),
         "mosquitto_files": (

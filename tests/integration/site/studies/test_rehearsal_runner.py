@@ -9,7 +9,7 @@ from django.utils import timezone
 from experiments import publishing
 from experiments.models import Rehearsal
 from experiments.rehearsal import runs
-from robots.processes import interrupted_by_signals
+from robots.process.ending import interrupted_by_signals
 from telepresence_site.children import Children
 from telepresence_site.rehearsal import heartbeat, runner
 from telepresence_site.rehearsal.runner import RehearsalRunner

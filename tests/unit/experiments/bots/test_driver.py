@@ -10,11 +10,11 @@ from experiments.definition.course import lay_out
 from experiments.definition.shipped import shipped
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
-from robots.agent.simulator.physics.drive import STILL
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Scan
+from robots.simulator.physics.drive import STILL
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
 from sessions.protocol import Task

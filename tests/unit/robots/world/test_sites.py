@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import DoorState
+from robots.simulator.physics.simulation import Simulation
 from robots.world import sites
 from robots.world.inspection import inspect_site
 from robots.world.render_plan import rasterise, write_map

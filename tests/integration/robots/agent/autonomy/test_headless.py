@@ -9,9 +9,9 @@ import pytest
 from robots.agent.autonomy.area import AreaError, area_of, update_of
 from robots.agent.autonomy.navigation_node import ActionError
 from robots.agent.autonomy.sensor_snapshot import Body
-from robots.agent.simulator.wire import Faults
 from robots.api import messages as m
 from robots.api.geometry import Pose2D
+from robots.simulator.wire import Faults
 from robots.world.render_plan import rasterise
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site

@@ -111,9 +111,7 @@ def test_pyav_alone_reads_both_files(tmp_path):
         pytest.param((sys.executable, "manage.py", "check"), id="the site"),
         pytest.param((sys.executable, "manage.py", "run_robot", "--help"), id="run_robot"),
         pytest.param((sys.executable, "-m", "robots.agent", "--help"), id="the agent alone"),
-        pytest.param(
-            (sys.executable, "-m", "robots.agent.simulator", "--help"), id="the simulator"
-        ),
+        pytest.param((sys.executable, "-m", "robots.simulator", "--help"), id="the simulator"),
         pytest.param(python(SOUNDS), id="microphone and loudspeaker"),
     ],
 )

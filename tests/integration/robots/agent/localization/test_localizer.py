@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from robots.agent.localization.localizer import Localizer
-from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.wire import Faults
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
+from robots.simulator.physics.simulation import Simulation
+from robots.simulator.wire import Faults
 from robots.world.grid import MapError, OccupancyGrid
 from robots.world.render_plan import rasterise
 from robots.world.robot_models import GIRAFF, RHODON, RobotModel

@@ -12,9 +12,9 @@ from benchmarks.driving.assist import (
 )
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision_monitor import MONITOR
-from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.wire import Faults
 from robots.api.messages import Velocity
+from robots.simulator.physics.simulation import Simulation
+from robots.simulator.wire import Faults
 from robots.world.robot_models import GIRAFF, MODELS
 from robots.world.sites import load_site, shipped_sites
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.simulation import Simulation
 from robots.world.render_plan import rasterise
 from robots.world.robot_models import GIRAFF
 from tests.support.agents.mapped_building import THICK, building

@@ -10,10 +10,10 @@ from robots.agent.navigation.navigator import IN_VAIN, Navigator, WheelWatch
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.ramp import ZERO
-from robots.agent.simulator.physics.drive import STILL
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.simulator.physics.drive import STILL
+from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OccupancyGrid
 from robots.world.robot_models import GIRAFF, MODELS, RHODON, RobotModel
 from robots.world.sensing import CENTRE, Estimate

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, seed
 from hypothesis import strategies as st
 
-from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames, serve
 from robots.agent.autonomy.area import update_of
@@ -18,6 +17,7 @@ from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, Sensor
 from robots.agent.robot_interface import NOWHERE, ActionProgress
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Scan, Velocity
+from robots.process import framing
 from robots.world.robot_models import model_of
 from robots.world.sensing import LaserScan, beams_of
 from robots.world.sites import load_site

@@ -11,9 +11,9 @@ import pytest
 from robots.agent.adapters.registry import create
 from robots.agent.adapters.simulator.adapter import SimulatorAdapter
 from robots.agent.robot_interface import NOWHERE, Adapter, AdapterError, VideoSource
-from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.api.geometry import Pose2D
 from robots.api.messages import Config, Tilt, Velocity
+from robots.simulator.physics.realtime import LONGEST_LAG
 from tests.support.agents.simulators import alive, eventually, simulator
 from tests.support.agents.truth import Onlooker
 from tests.support.architectures.adapter_conformance import (

@@ -8,7 +8,7 @@ from robots.agent.media.capture import outputs
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.sound import BLOCK, SoundEncoder
 from robots.agent.robot_interface import AdapterError
-from robots.agent.simulator.outputs import MeasuringSpeaker
+from robots.simulator.outputs import MeasuringSpeaker
 from tests.support.agents.simulators import eventually
 from tests.support.programs.sound_server import sine
 

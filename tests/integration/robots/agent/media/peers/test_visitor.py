@@ -8,7 +8,7 @@ import pytest
 
 from robots.agent.media import MediaSide
 from robots.agent.media.rtp import JoinedTicks
-from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
+from robots.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from tests.support.browsers.visitor_tracks import SpeakingPage
 from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone

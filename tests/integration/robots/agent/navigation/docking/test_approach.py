@@ -9,9 +9,9 @@ from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.planning.follower import Followed, Follower
 from robots.agent.ramp import ZERO
-from robots.agent.simulator.physics.drive import STILL
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import Furniture
+from robots.simulator.physics.drive import STILL
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import GIRAFF, MODELS, RobotModel
 from robots.world.sites import load_site
 from tests.support.agents.navigation_rig import Rig

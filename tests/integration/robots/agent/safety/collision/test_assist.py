@@ -12,9 +12,9 @@ from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.assist import AssistSettings, DriverAssistance
 from robots.agent.safety.collision.steering import SteeringSettings, bounds, helping_turn
 from robots.agent.safety.collision.swept import outside
-from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
+from robots.simulator.physics.drive import WheelMotion, advance, follow
 from robots.world.robot_models import GIRAFF, MODELS, RHODON
 from robots.world.sensing import points_in_frame
 

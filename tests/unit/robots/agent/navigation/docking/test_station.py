@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robots.agent.navigation.docking.station import NARROW, WIDE, SearchWindow, find
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_plan
 

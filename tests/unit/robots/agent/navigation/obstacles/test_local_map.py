@@ -9,8 +9,8 @@ import pytest
 from robots.agent.navigation.obstacles.doors import DOORS, DoorWatch
 from robots.agent.navigation.obstacles.local_map import LOCAL_MAP, LocalObstacleMap
 from robots.agent.navigation.planning.costmap import CostMap
-from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D
+from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import GIRAFF
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_site

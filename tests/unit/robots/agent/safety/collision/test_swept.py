@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.safety.collision.swept import arcs, distances, hull, outside, stops
-from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.simulator.physics.drive import WheelMotion, advance, follow
 from robots.world.robot_models import GIRAFF, MODELS
 from tests.support.examples import examples
 

@@ -1,9 +1,0 @@
-import pytest
-
-from robots.agent.simulator.render.camera import SceneCamera
-from tests.support.media.office_camera import office_camera
-
-
-@pytest.fixture
-def camera() -> SceneCamera:
-    return office_camera()
