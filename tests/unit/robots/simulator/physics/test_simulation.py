@@ -207,11 +207,13 @@ def test_carrying_a_robot_does_not_change_its_odometry() -> None:
     assert sim.motion == STILL
 
 
-def test_a_robot_is_not_carried_into_furniture() -> None:
+def test_a_robot_is_not_carried_into_furniture_or_out_of_the_site() -> None:
     sim = giraff()
     before = sim.pose
     with pytest.raises(StartError, match="desk-1 is in that spot"):
         sim.carry_to(Pose2D(2.4, 7.2, 0.0))
+    with pytest.raises(StartError, match="not in a room"):
+        sim.carry_to(Pose2D(50.0, 1.0, 0.0))
     assert sim.pose == before
 
 
