@@ -83,7 +83,7 @@ def test_laser_fault_stops_the_robot_within_1_5_s(fault, level):
     assert robot.world.motion.linear > 0.4
     robot.world.faults = fault
     drive(robot, AHEAD, 1.5)
-    assert (robot.why, robot.told) == ("blind", ZERO)
+    assert (robot.why, robot.last_sent) == ("blind", ZERO)
     assert robot.stands
     robot.world.faults = Faults()
     drive(robot, AHEAD, 1.0)
