@@ -6,11 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from django.utils import timezone
 
 from experiments.analysis.report import reports
 from experiments.dataset.columns import matrix_of
 from experiments.extraction.build import dataset_of
+from experiments.models import Participant
+from experiments.participation.drive_status import DriveStatus
+from experiments.participation.journey import JourneyPlace
+from experiments.participation.questions import ask
 from tests.support.analysis.study_dataset import made_up
+from tests.support.people import person
+from tests.support.studies import participants as p
 from tests.support.studies.study_rows import put
 
 pytestmark = pytest.mark.django_db
@@ -105,3 +112,22 @@ def test_tables_of_extracted_and_stored_dataset_are_the_same(both):
         assert [[cell.text for cell in row] for row in first.rows] == [
             [cell.text for cell in row] for row in second.rows
         ], first.name
+
+
+def test_answers_after_a_repeated_practice_are_about_the_task():
+    robot, study = p.site(), p.published(p.of("assistance"))
+    one = p.assign(p.comer(study, person()), "alone", "assisted")
+    for step, number, outcome in (
+        ("practice", 1, "connection_refused"),
+        ("practice", 2, "completed"),
+        ("task", 1, "completed"),
+    ):
+        Participant.objects.filter(pk=one.pk).update(step=step)
+        one.refresh_from_db()
+        p.drive_of(robot, one, outcome=outcome, moved=True, number=number)
+    place = JourneyPlace(1, 0, "workload")
+    asked = study.as_definition().step("workload")
+    ask(one, place, asked, drive=DriveStatus(), now=timezone.now())
+    dataset = dataset_of(study)
+    (task,) = (one.id for one in dataset.sessions if not one.practice)
+    assert [one.session for one in dataset.responses] == [task]
