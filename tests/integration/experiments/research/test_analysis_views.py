@@ -221,6 +221,15 @@ def test_a_change_of_the_data_changes_the_key_of_the_report(stored):
     assert before != analysis_cache.key_of(stored.study, ("participant",))
 
 
+def test_a_new_release_or_library_changes_the_key_of_the_report(stored, monkeypatch):
+    before = analysis_cache.key_of(stored.study, ("participant",))
+    monkeypatch.setattr(analysis_cache, "software_version", lambda: "9.9.9")
+    release = analysis_cache.key_of(stored.study, ("participant",))
+    monkeypatch.setattr(analysis_cache.metadata, "version", lambda _name: "99.0")
+    library = analysis_cache.key_of(stored.study, ("participant",))
+    assert len({before, release, library}) == 3
+
+
 def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, member, client):
     report = computed(stored.study)
     for kind, name in (
