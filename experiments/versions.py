@@ -4,6 +4,7 @@ import subprocess
 import tomllib
 from collections.abc import Mapping
 from functools import cache
+from importlib import metadata
 from typing import Any
 
 from django.conf import settings
@@ -24,6 +25,12 @@ def software_version() -> str:
     except (OSError, subprocess.SubprocessError):
         return version
     return f"{version}+{found.stdout.strip()}"
+
+
+@cache
+def analysis_versions() -> tuple[str, ...]:
+    """Return the versions of everything that computes a report: the server and its libraries."""
+    return software_version(), *map(metadata.version, ("numpy", "scipy", "statsmodels"))
 
 
 def versions_of(sheet: Mapping[str, Any], sha256: str) -> dict[str, str]:

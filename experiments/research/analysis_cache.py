@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +31,10 @@ from experiments.dataset.records import COUNTING, EVERY
 from experiments.export.reports import ReportProgress, home
 from experiments.extraction.robots import plans_of, robots_of
 from experiments.models import Drive, Participant, StepVisit, Study
-from experiments.versions import software_version
+from experiments.versions import analysis_versions
 from sessions.models import StateChunk
 from surveys.models import Questionnaire, Response
 
-COMPUTED_WITH = ("numpy", "scipy", "statsmodels")
 STALE_SECONDS = 120.0  # without output: the process is gone
 KEPT = 6  # reports a study
 _started: dict[Path, "subprocess.Popen[bytes]"] = {}  # children of this process, by their log
@@ -97,7 +95,7 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
         robots_of(definition, drives.values_list("session__robot__name", flat=True)),
         plans_of(definition),
         (study.sha256, study.published_at, study.deviations, VERSION, LAYOUT, sorted(kinds)),
-        (software_version(), *(metadata.version(name) for name in COMPUTED_WITH)),
+        analysis_versions(),
     )
     return hashlib.sha256(repr(about).encode()).hexdigest()[:24]
 

@@ -12,6 +12,7 @@ import pytest
 from django.test import AsyncClient
 from django.urls import reverse
 
+from experiments import versions
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.extraction.build import dataset_of
@@ -221,11 +222,14 @@ def test_a_change_of_the_data_changes_the_key_of_the_report(stored):
     assert before != analysis_cache.key_of(stored.study, ("participant",))
 
 
-def test_a_new_release_or_library_changes_the_key_of_the_report(stored, monkeypatch):
+def test_a_new_release_or_library_changes_the_key_of_the_report(stored, monkeypatch, request):
+    request.addfinalizer(versions.analysis_versions.cache_clear)
     before = analysis_cache.key_of(stored.study, ("participant",))
-    monkeypatch.setattr(analysis_cache, "software_version", lambda: "9.9.9")
+    monkeypatch.setattr(versions, "software_version", lambda: "9.9.9")
+    versions.analysis_versions.cache_clear()
     release = analysis_cache.key_of(stored.study, ("participant",))
-    monkeypatch.setattr(analysis_cache.metadata, "version", lambda _name: "99.0")
+    monkeypatch.setattr(versions.metadata, "version", lambda _name: "99.0")
+    versions.analysis_versions.cache_clear()
     library = analysis_cache.key_of(stored.study, ("participant",))
     assert len({before, release, library}) == 3
 
