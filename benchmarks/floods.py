@@ -46,7 +46,7 @@ SECONDS = float(os.environ.get("FLOODS_SECONDS", "4"))
 WARM_SECONDS = 1.0
 RATE = 50.0  # Hz of each kind of message
 NEWCOMER_SECONDS = 0.25
-HEARD_BY_SERVER = (("pose", 0), ("state", 1), ("connection", 1))
+SERVER_SUBSCRIPTIONS = (("pose", 0), ("state", 1), ("connection", 1))
 STRANGERS = 20  # connections without a key; `SILENT`: those that send nothing
 SILENT = 70
 KEY_BOUND_MS, STRANGER_BOUND_MS = 500.0, 250.0  # more than in peace, 99 of 100 messages
@@ -116,8 +116,8 @@ class FloodedBroker:
             robot = await self.enter(
                 "the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)]
             )
-            heard = [(topics.of(HONEST, suffix), qos) for suffix, qos in HEARD_BY_SERVER]
-            server = await self.enter("the-server", "web", heard)
+            filters = [(topics.of(HONEST, suffix), qos) for suffix, qos in SERVER_SUBSCRIPTIONS]
+            server = await self.enter("the-server", "web", filters)
         except (OSError, TimeoutError):
             return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # no client can connect
         sample = FloodDelays()

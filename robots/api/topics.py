@@ -172,7 +172,7 @@ def subscriptions(robot: str) -> tuple[str, ...]:
     """Return the filters that an agent subscribes to at QoS 0: its inputs and its connection.
 
     QoS 1 would only add acknowledgements, as the session ends with the connection. NATS creates a
-    queue for each subscription at QoS 1, and can lose messages meanwhile.
+    queue for each subscription at QoS 1, and can lose messages of others while it does.
     """
     inputs = (of(robot, topic.suffix) for topic in TABLE if topic.direction == "to_robot")
     return (*inputs, of(robot, "connection"))

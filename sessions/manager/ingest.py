@@ -148,7 +148,7 @@ class Intake:
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
     ) -> None:
-        """Update what is known of a robot's liveness, and record the message.
+        """Update the robot's liveness, and record the message.
 
         Called in the order of arrival; the recorder writes in another thread. Photos that the
         session manager ordered itself are not recorded.

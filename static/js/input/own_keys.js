@@ -1,7 +1,7 @@
 /**
  * The list in which a visitor chooses keys: for each command a button with its keys. Once pressed,
- * it takes the next key. No key drives meanwhile: the panel holds the keys (key_dispatcher.js), and
- * the event of the chosen key stops here.
+ * it takes the next key. While the panel is open no key drives: it holds the keys
+ * (key_dispatcher.js), and the event of the chosen key stops here.
  */
 
 import { rememberKeys } from "../lib/storage.js";

@@ -20,7 +20,7 @@ export const rememberLeaving = (robot) => {
 };
 
 /**
- * Returns what is stored, and deletes the note that the page was left, which holds for one load.
+ * Returns the stored session, and deletes the mark that the page was left: it holds for one load.
  * @param {string} robot @returns {{session: string | null, left: boolean}}
  */
 export const recall = (robot) => {
