@@ -310,19 +310,16 @@ class Bridge:
             return False
         # otherwise it would overtake earlier messages
         if qos == 0 and self._writer is not None and not self._not_started:
-            return self._write(self._writer, topic, payload)
+            began = time.monotonic()
+            written = self._writer.publish(topic, payload)
+            self.counts["sent" if written else "unsent"] += 1
+            if written:
+                SEND_SECONDS.observe(time.monotonic() - began)
+            return written
         self._launch(
             functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain)
         )
         return True
-
-    def _write(self, writer: QuickWriter, topic: str, payload: bytes) -> bool:
-        began = time.monotonic()
-        written = writer.publish(topic, payload)
-        self.counts["sent" if written else "unsent"] += 1
-        if written:
-            SEND_SECONDS.observe(time.monotonic() - began)
-        return written
 
     def _publish_stop(self, stop: _Stop) -> None:
         if self._client is None:

@@ -62,6 +62,14 @@ class Publish:
 
 
 @dataclass(frozen=True)
+class PublishAsOperator:
+    """Send an operator's action to the robot if the database confirms the page's rights."""
+
+    suffix: str
+    message: Action
+
+
+@dataclass(frozen=True)
 class Halt:
     """Send a stop or e-stop to the robot, with retries."""
 
@@ -129,6 +137,7 @@ class Close:
 
 Effect = (
     Publish
+    | PublishAsOperator
     | Halt
     | Verb
     | Write
@@ -173,7 +182,12 @@ class PageAuthorization:
         suffix = ""
         try:
             suffix, payload = _split(frame)
-            message = self._decode(suffix, payload)
+            # the Robot API has more suffixes, for servers and robots
+            message = (
+                codec.decode(suffix, payload, "to_robot")
+                if suffix in topics.FROM_PAGE
+                else self._protocol.decode(suffix, payload)
+            )
             if not self._allowance.passes(message, now):
                 return self.deny(suffix, "rate", now)
             return (self._effect(suffix, message, lease, now),)
@@ -181,16 +195,6 @@ class PageAuthorization:
             return self.deny(suffix, rejection.reason, now)
         except FrameRefused as refused:
             return self.deny(suffix, str(refused), now)
-
-    def _decode(self, suffix: str, payload: str) -> Any:
-        """Return the message of one of the suffixes that a page may use; the Robot API has more,
-        for servers and robots.
-        """
-        return (
-            codec.decode(suffix, payload, "to_robot")
-            if suffix in topics.FROM_PAGE
-            else self._protocol.decode(suffix, payload)
-        )
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
         """Count a refusal; report the same one to the page at most once a second, and close the
@@ -316,7 +320,8 @@ class Authorization(PageAuthorization):
             case VelocityCommand():
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._require(may=self.holds(lease))
+                if not self.holds(lease):
+                    raise self._not_driving()
                 return Publish(
                     suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False
                 )
@@ -348,12 +353,12 @@ class Authorization(PageAuthorization):
                 return TellAudience(suffix, message)
         return Verb(suffix, message)
 
-    def _require(self, *, may: bool) -> None:
-        if not may:
-            raise FrameRefused("observer" if self.watches else "not_driver")
+    def _not_driving(self) -> FrameRefused:
+        return FrameRefused("observer" if self.watches else "not_driver")
 
     def _velocity(self, command: VelocityCommand, lease: Lease | None, now: float) -> Publish:
-        self._require(may=self.drives(lease))
+        if not self.drives(lease):
+            raise self._not_driving()
         assert self.session is not None
         self.velocity_seq, self.velocity_at = max(self.velocity_seq, command.seq), now
         return Publish(
@@ -376,7 +381,8 @@ class Authorization(PageAuthorization):
         )
 
     def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
-        self._require(may=self.holds(lease))
+        if not self.holds(lease):
+            raise self._not_driving()
         stamped = msgspec.structs.replace(
             command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
         )
@@ -398,10 +404,13 @@ class Authorization(PageAuthorization):
         # driver has yet to send.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped
 
-    def _action(self, suffix: str, action: Action, lease: Lease | None) -> Publish | Write:
+    def _action(self, suffix: str, action: Action, lease: Lease | None) -> Effect:
         if isinstance(action, Say) and self.role == "waiting" and lease is None:
             return Write(action)
-        return Publish(suffix, self.stamp_action(action, lease))
+        stamped = self.stamp_action(action, lease)
+        if stamped.role in {"owner", "staff"}:
+            return PublishAsOperator(suffix, stamped)
+        return Publish(suffix, stamped)
 
     def stamp_action(self, action: Action, lease: Lease | None) -> Action:
         """Return an action with the role, session and user of this page.
@@ -420,8 +429,8 @@ class Authorization(PageAuthorization):
                 action, session=None, epoch=0, role=self.operator, user=self.who
             )
         is_visitor = lease is not None and lease.kind == "wizard" and self.holds(lease)
-        if not (is_visitor and isinstance(action, OF_A_VISITOR)):
-            self._require(may=self.drives(lease))
+        if not (is_visitor and isinstance(action, OF_A_VISITOR)) and not self.drives(lease):
+            raise self._not_driving()
         return msgspec.structs.replace(
             action,
             session=self.session,

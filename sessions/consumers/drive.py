@@ -15,7 +15,7 @@ from django.conf import settings
 from django.utils import timezone
 
 from robots.api import picture
-from robots.api.messages import Action, ActionStatus, Message, Say
+from robots.api.messages import ActionStatus, Message, Say
 from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import IceCredentials
 from robots.process import log_ids
@@ -26,6 +26,7 @@ from sessions.consumers.authorization import (
     Authorization,
     Effect,
     Publish,
+    PublishAsOperator,
     ReportFrame,
     SkipDirect,
     TellAudience,
@@ -152,6 +153,9 @@ class RobotConsumer(RobotPageConsumer):
 
     def _do(self, effect: Effect) -> None:
         match effect:
+            case PublishAsOperator(suffix, action):
+                send = functools.partial(self._publish, Publish(suffix, action))
+                self._launch(self._do_as_operator(suffix, self._is_operator, send), suffix)
             case ReportFrame(message):
                 self.bridge.report(protocol.page_reports(message.session), message)
             case ToSfu(message):
@@ -190,14 +194,6 @@ class RobotConsumer(RobotPageConsumer):
     def _change_audience(self, effect: TellAudience) -> None:
         if reason := self.page_session.tell_audience(effect.message):
             self._deny(effect.suffix, reason)
-
-    def _publish(self, publish: Publish) -> None:
-        match publish:
-            case Publish(suffix=suffix, message=Action(role="owner" | "staff")):
-                send = functools.partial(super()._publish, publish)
-                self._launch(self._do_as_operator(suffix, self._is_operator, send), suffix)
-            case _:
-                super()._publish(publish)
 
     def _may_moderate(self) -> bool:
         return self.authorization.moderates(self.known.lease)

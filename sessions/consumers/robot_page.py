@@ -13,7 +13,7 @@ import msgspec
 import structlog
 from django.db import DatabaseError, InterfaceError
 
-from robots.api.messages import Action, Bye, Lease, Message, Stay
+from robots.api.messages import Action, Bye, Message, Stay
 from robots.bridge import bridge
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from sessions import protocol
@@ -103,15 +103,11 @@ class RobotPageConsumer(DirectConsumer):
         frame = text_data if text_data is not None else bytes_data or b""
         suffix = frame.partition("\n")[0][:80] if isinstance(frame, str) else ""
         with self._guarded(suffix):
-            effects = self.authorization.receive(frame, self._lease(), time.monotonic())
+            effects = self.authorization.receive(frame, self.known.lease, time.monotonic())
             self._perform(effects)
             if any(isinstance(effect, Verb) for effect in effects):
                 # starts the verb before the next frame, which may be the last
                 await asyncio.sleep(0)
-
-    def _lease(self) -> Lease | None:
-        """Return the lease by which frames are authorized."""
-        return self.known.lease
 
     def _perform(self, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
@@ -143,13 +139,13 @@ class RobotPageConsumer(DirectConsumer):
         if isinstance(message, Action) and message.role != "driver":
             # The robot knows the clocks of the driver, by heartbeats, and of the server.
             message = msgspec.structs.replace(message, stamp=time.time())
-        if not self._send_to_robot(publish.suffix, message) and publish.wanted:
+        reached = self.known.online is not False and self.bridge.send(
+            self.name, publish.suffix, message
+        )
+        if publish.wanted and not reached:
             is_signal = publish.suffix.startswith(protocol.SIGNAL)
             suffix = protocol.SIGNAL if is_signal else publish.suffix
             self._deny(suffix, "robot_unreachable")
-
-    def _send_to_robot(self, suffix: str, message: Message) -> bool:
-        return self.known.online is not False and self.bridge.send(self.name, suffix, message)
 
     def _signal(self, signal: Bye | Stay) -> None:
         self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)

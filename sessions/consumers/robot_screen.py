@@ -7,7 +7,7 @@ import time
 import structlog
 from django.utils import timezone
 
-from robots.api.messages import Bye, Lease, Say
+from robots.api.messages import Bye, Say
 from robots.bridge.delivery import ReceivedMessage
 from robots.ice import IceCredentials
 from robots.process import log_ids
@@ -73,10 +73,6 @@ class ScreenConsumer(RobotPageConsumer):
         await super()._clean_up()
         self.audience.part(self)
         log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
-
-    def _lease(self) -> Lease | None:
-        """Return None: the permissions of a display do not depend on the driver."""
-        return None
 
     def _publish(self, publish: Publish) -> None:
         if isinstance(publish.message, Say) and self.waiting is not None:

@@ -220,7 +220,9 @@ class WizardConsumer(RobotPageConsumer):
             stamped = self.authorization.stamp_action(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
-        return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
+        online = self.known.online is not False
+        sent = online and self.bridge.send(self.name, "command/action", stamped)
+        return "" if sent else "robot_unreachable"
 
     def _line(self, ask: protocol.FreeLine) -> None:
         """Have the robot speak a text that is not in the script, which is a deviation."""

@@ -79,7 +79,8 @@ class WizardAuthorization(Authorization):
                 self._check_method(message, now)
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
-                self._require(may=self.drives(lease))
+                if not self.drives(lease):
+                    raise self._not_driving()
                 beat = msgspec.structs.replace(message, peer=self.peer)
                 return Publish(suffix, beat, wanted=False)
             case Stop() | EStop():

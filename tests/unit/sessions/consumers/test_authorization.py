@@ -16,6 +16,7 @@ from sessions.consumers.authorization import (
     DenyFrame,
     Halt,
     Publish,
+    PublishAsOperator,
     ReportFrame,
     ToSfu,
     Verb,
@@ -169,6 +170,7 @@ def test_operators_clear_an_emergency_stop_under_their_own_role_and_resend_no_st
     assert denied(observer(), action(m.ClearEStop, role="staff", user="Ada")) == "not_allowed"
     for page in (driver(operator="staff"), observer(operator="owner")):
         (effect,) = say(page, action(m.ClearEStop, role="server", user="Mallory"))
+        assert isinstance(effect, PublishAsOperator)  # once the database confirms the rights
         assert (effect.message.role, effect.message.user) == (page.operator, page.who)
     resend = action(m.ResendStates, boot="b", first=1, last=2, role="server")
     assert denied(driver(operator="owner"), resend) == "not_allowed"
