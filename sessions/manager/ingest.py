@@ -119,31 +119,26 @@ class Intake:
         topic, payload = str(message.topic), bytes(message.payload or b"")
         now = self._clock() if received_at is None else received_at
         try:
-            self._on_message(topic, payload, now, retained=message.retain)
+            if topic.startswith(_REPORTS):
+                report = _decoded(protocol.PageReport, payload, topic)
+                self._put(PageItem(report, now))
+                self._notice_sign(report, now)
+            elif topic.startswith(_NOTICES):
+                frame = _bounded(payload, topic).decode("utf-8", "replace")
+                if isinstance(protocol.decode_notice(frame), protocol.Ended):
+                    self._wake_scheduler()  # a web process has ended it
+            elif parsed := topics.parse(topic):
+                self._on_robot_message(*parsed, payload, now, retained=message.retain)
+            else:
+                self._reject(topic, Rejection("unknown_topic", topic[:80]))
         except Rejection as rejection:
-            self.counts[rejection.reason] += 1
-            if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:
-                logger.warning(
-                    "message_rejected",
-                    topic=topic,
-                    reason=str(rejection),
-                    count=self.counts[rejection.reason],
-                )
+            self._reject(topic, rejection)
 
-    def _on_message(self, topic: str, payload: bytes, now: float, *, retained: bool) -> None:
-        if topic.startswith(_REPORTS):
-            report = _decoded(protocol.PageReport, payload, topic)
-            self._put(PageItem(report, now))
-            self._notice_sign(report, now)
-        elif topic.startswith(_NOTICES):
-            frame = _bounded(payload, topic).decode("utf-8", "replace")
-            if isinstance(protocol.decode_notice(frame), protocol.Ended):
-                self._wake_scheduler()  # a web process has ended it
-        else:
-            parsed = topics.parse(topic)
-            if parsed is None:
-                raise Rejection("unknown_topic", topic[:80])
-            self._on_robot_message(*parsed, payload, now, retained=retained)
+    def _reject(self, topic: str, rejection: Rejection) -> None:
+        self.counts[rejection.reason] += 1
+        count = self.counts[rejection.reason]
+        if count <= 100 or count % 1000 == 0:
+            logger.warning("message_rejected", topic=topic, reason=str(rejection), count=count)
 
     def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
@@ -162,7 +157,11 @@ class Intake:
         match message:
             case messages.State():
                 late = not liveness.take(message, received)
-                self._on_state(robot, liveness, message, payload, now, late=late)
+                offset = liveness.offset.seconds
+                item = StateItem(robot, message, payload, now, offset, late=late)
+                self._stated.add(robot)
+                put = self._recorder.put if message.session is None else self._put
+                put(item)
             case messages.Heartbeat():
                 liveness.heartbeat(message, received, now)
                 if (refutation := liveness.refutation(now)) is not None:
@@ -186,22 +185,6 @@ class Intake:
             case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
                 self._recorder.put(PhotoItem(robot, action, message, now))
 
-    def _on_state(
-        self,
-        robot: str,
-        liveness: RobotLiveness,
-        state: messages.State,
-        payload: bytes,
-        now: float,
-        *,
-        late: bool,
-    ) -> None:
-        item = StateItem(robot, state, payload, now, liveness.offset.seconds, late=late)
-        self._recorder.put(item)
-        self._stated.add(robot)
-        if state.session is not None:
-            self._freshen(item)
-
     def _notice_sign(self, report: protocol.PageReport, now: float) -> None:
         if (
             report.suffix != "page/event"
@@ -215,11 +198,8 @@ class Intake:
         if len(self.signs) > MAX_SIGNS:
             del self.signs[next(iter(self.signs))]
 
-    def _put(self, item: EventItem | ActionItem | PageItem) -> None:
+    def _put(self, item: "Fresh") -> None:
         self._recorder.put(item)
-        self._freshen(item)
-
-    def _freshen(self, item: "Fresh") -> None:
         self._fresh.append(item)
         self._wake_signals()
 

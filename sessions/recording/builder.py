@@ -70,7 +70,7 @@ class RecordBuilder:
         self._released: list[ReleaseItem] = []
         self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
         self.rows: list[Model] = []
-        self.counts: Counter[str] = Counter()
+        self.counts = store.counts
         self.refused: Counter[str] = Counter()  # by robots, by reason
 
     def take(self, item: Item) -> None:
@@ -97,25 +97,19 @@ class RecordBuilder:
 
     def _state(self, item: StateItem) -> None:
         state = item.state
-        session = self._own(item.robot, state.session, item.received_at)
+        session = self._store.own_session(item.robot, state.session, item.received_at)
         if not self._runs.take(item.robot, state, session, item.received_at):
             self.counts["duplicates"] += 1
         elif session is not None:
             self.counts["states"] += 1
             self.refused.update(state.refused)
-            self._keep(self._chunks.add(session, item, _storable(item.payload)))
+            closed = self._chunks.add(session, item, _storable(item.payload))
+            if closed is not None:
+                self._keep(closed)
 
-    def _keep(self, chunk: Chunk | None) -> None:
-        if chunk is not None:
-            self._touched.add(chunk.session)
-            self.rows.append(row_of(chunk))
-
-    def _own(self, robot: str, session: str | None, now: float) -> str | None:
-        """Return a message's session, if it is this robot's: a robot cannot write other records."""
-        if session is None or self._store.robot_of(session, now) == robot:
-            return session
-        self.counts["foreign_session"] += 1
-        return None
+    def _keep(self, chunk: Chunk) -> None:
+        self._touched.add(chunk.session)
+        self.rows.append(row_of(chunk))
 
     # --- events -----------------------------------------------------------------------------------
 
@@ -124,7 +118,7 @@ class RecordBuilder:
         case. All reading comes first (see the top).
         """
         event, now = item.event, item.received_at
-        session = self._own(item.robot, event.session, now)
+        session = self._store.own_session(item.robot, event.session, now)
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
         if session is not None:
             self._runs.on_event(item.robot, event, session, now)
@@ -139,7 +133,7 @@ class RecordBuilder:
 
     def _action(self, item: ActionItem) -> None:
         status, now = item.status, item.received_at
-        session = self._own(item.robot, item.session, now)
+        session = self._store.own_session(item.robot, item.session, now)
         if session is not None:
             data = _without(status, "stamp")
             row = _event_row(session, Source.ROBOT, "action", status.stamp, now, data)
@@ -165,7 +159,7 @@ class RecordBuilder:
         if photo is None:
             return
         event = photo.event
-        session = self._own(photo.robot, event.session, now)
+        session = self._store.own_session(photo.robot, event.session, now)
         if session is None:
             return
         if not photo.intact:

@@ -46,17 +46,22 @@ REPORT_SECONDS = 10.0
 
 
 class Buffer:
-    """A bounded queue between a loop that must not wait and a thread that may."""
+    """A bounded queue between a loop that must not wait and a thread that may; `clock`: Unix
+    seconds.
+    """
 
-    def __init__(self, limits: BufferLimits) -> None:
+    def __init__(self, limits: BufferLimits, clock: Callable[[], float]) -> None:
         self._limits = limits
+        self._clock = clock
+        self.dropped = 0
+        self._reported_at = 0.0
         self._items: deque[tuple[Item, str, int]] = deque()
         self._used: Counter[str] = Counter()  # bytes of each robot and session
         self._bytes = 0
         self._filled = threading.Condition()
 
     def put(self, item: Item) -> bool:
-        """Add an item; False when there is no room."""
+        """Add an item; False when there is no room and it was dropped."""
         source, size = memory_of(item)
         with self._filled:
             if (
@@ -64,18 +69,21 @@ class Buffer:
                 or self._bytes + size > self._limits.total
                 or self._used[source] + size > self._limits.each
             ):
+                self._drop()
                 return False
             self._items.append((item, source, size))
-            self._count(source, size)
+            self._bytes += size
+            self._used[source] += size
             if len(self._items) == BATCH:
                 self._filled.notify()
         return True
 
-    def _count(self, source: str, size: int) -> None:
-        self._bytes += size
-        self._used[source] += size
-        if not self._used[source]:
-            del self._used[source]
+    def _drop(self) -> None:
+        self.dropped += 1
+        now = self._clock()
+        if now - self._reported_at > REPORT_SECONDS:
+            self._reported_at = now
+            logger.error("record_buffer_full", dropped=self.dropped)
 
     def wake(self) -> None:
         """Wake the thread that waits in `take`."""
@@ -90,7 +98,10 @@ class Buffer:
                 self._filled.wait(seconds)
             while self._items and len(taken) < BATCH and total < self._limits.batch:
                 item, source, size = self._items.popleft()
-                self._count(source, -size)
+                self._bytes -= size
+                self._used[source] -= size
+                if not self._used[source]:
+                    del self._used[source]
                 taken.append(item)
                 total += size
         return taken
@@ -117,22 +128,21 @@ class Recorder:
         clock: Callable[[], float] = time.time,
         ownership: Ownership = EVERYTHING,
     ) -> None:
-        self._buffer = Buffer(limits)
+        self._buffer = Buffer(limits, clock)
+        self.put = self._buffer.put
         self._clock = clock
         self._ownership = ownership
         self._store = RecordStore(ownership)
         self._builder = RecordBuilder(self._store, ask)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-        self._dropped = 0
-        self._reported_at = 0.0
         self._failures = 0
         self._written_at = time.monotonic()
 
     @property
     def counts(self) -> Counter[str]:
         """Totals since the start: rows by kind, states, and everything that was dropped."""
-        return self._store.counts + self._builder.counts + Counter(dropped=self._dropped)
+        return self._store.counts + Counter(dropped=self._buffer.dropped)
 
     @property
     def refused(self) -> Counter[str]:
@@ -152,17 +162,6 @@ class Recorder:
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
-
-    def put(self, item: Item) -> bool:
-        """Record an item; False when the buffer is full and the item was dropped."""
-        if self._buffer.put(item):
-            return True
-        self._dropped += 1
-        now = self._clock()
-        if now - self._reported_at > REPORT_SECONDS:
-            self._reported_at = now
-            logger.error("record_buffer_full", dropped=self._dropped)
-        return False
 
     def stop(self, seconds: float) -> bool:
         """Write all items and end the thread; False when that takes longer than `seconds`."""

@@ -156,6 +156,10 @@ class SequenceTracker:
 
     def arrive(self, seq: int, session: str | None, now: float) -> bool:
         """Note a state; False when it was seen before."""
+        if seq - 1 == self.reached:  # nearly always
+            self.reached, self.session = seq, session
+            self.seen.add(seq, seq)
+            return True
         if seq in self.seen:
             return False
         if self.reached is None and session is not None and seq > FIRST:

@@ -64,16 +64,10 @@ def row_of(chunk: Chunk) -> StateChunk:
         last_stamp=chunk.last_stamp,
         received_at=chunk.received_at,
         clock_offset=chunk.clock_offset,
-        states=_for_database(chunk.states),
-    )
-
-
-def _for_database(states: list[msgspec.Raw]) -> list[Any]:
-    """Return states as the column takes them: encoded for SQL databases, decoded for MongoDB."""
-    return (
-        [msgspec.json.decode(state) for state in states]
+        # SQL databases take JSON as text, MongoDB takes objects
+        states=[msgspec.json.decode(state) for state in chunk.states]
         if connection.vendor == "mongodb"
-        else list(states)
+        else list(chunk.states),
     )
 
 
@@ -115,6 +109,15 @@ class RecordStore:
         self._unknown: dict[str, float] = {}
         self._robot_keys: dict[str, uuid.UUID | None] = {}
         self.counts: Counter[str] = Counter()
+
+    def own_session(self, robot: str, session: str | None, now: float) -> str | None:
+        """Return a message's session, if it is this robot's: a robot cannot write other records."""
+        if session is None or self._robot_of_session.get(session) == robot:
+            return session
+        if self.robot_of(session, now) == robot:
+            return session
+        self.counts["foreign_session"] += 1
+        return None
 
     def robot_of(self, session: str, now: float) -> str | None:
         """Return the name of a session's robot; None when there is no such session."""
@@ -172,44 +175,39 @@ class RecordStore:
             max((data["lastSeq"] for _, data in of_run if "lastSeq" in data), default=None),
         )
 
-    def insert(self, rows: list[Model], *, careful: bool = False) -> None:
+    def insert(self, rows: list[Any], *, careful: bool = False) -> None:
         """Store rows; those that exist, or that the database will never take, are counted and
         dropped.
 
         `careful`: another session manager may have stored some of these states, in other chunks.
         """
+        robots = {self._robot_of_session.get(str(row.session_id)) for row in rows}
+        foreign = {
+            robot for robot in robots if robot is not None and not self.ownership.records(robot)
+        }
         by_model: dict[type[Model], list[Model]] = {}
-        robots = {robot for row in rows if (robot := self._robot_of_row(row)) is not None}
-        ours = [row for row in rows if self._is_ours(row)]
-        if len(ours) < len(rows):
-            self.counts["fenced"] += len(rows) - len(ours)
-        for row in ours:
-            by_model.setdefault(type(row), []).append(row)
+        for row in rows:
+            if self._robot_of_session.get(str(row.session_id)) in foreign:
+                self.counts["fenced"] += 1
+            else:
+                by_model.setdefault(type(row), []).append(row)
         if careful:
             by_model[StateChunk] = [
                 part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)
             ]
-        with self.ownership.about(*filter(self.ownership.records, robots)):
+        with self.ownership.about(*robots - foreign - {None}):
             for model, fresh in by_model.items():
                 for start in range(0, len(fresh), BATCH):
-                    self._insert_fenced(model, fresh[start : start + BATCH])
-
-    def _robot_of_row(self, row: Any) -> str | None:
-        return self._robot_of_session.get(str(row.session_id))
-
-    def _is_ours(self, row: Model) -> bool:
-        robot = self._robot_of_row(row)
-        return robot is None or self.ownership.records(robot)
-
-    def _insert_fenced(self, model: type[Model], rows: list[Model]) -> None:
-        try:
-            self._insert_batch(model, rows)
-        except Fenced as error:
-            self.counts["fenced"] += len(rows)
-            logger.warning("record_fenced", rows=len(rows), reason=str(error))
+                    batch = fresh[start : start + BATCH]
+                    try:
+                        self._insert_batch(model, batch)
+                    except Fenced as error:
+                        self.counts["fenced"] += len(batch)
+                        logger.warning("record_fenced", rows=len(batch), reason=str(error))
 
     def _insert_batch(self, model: type[Model], rows: list[Model]) -> None:
-        fresh = self._without_known(model, rows)
+        # the tracker has dropped states that were seen before
+        fresh = rows if model is StateChunk else self._without_known(model, rows)
         try:
             with transaction.atomic():
                 model.objects.bulk_create(fresh)
@@ -220,8 +218,6 @@ class RecordStore:
             self.counts[model.__name__] += len(fresh)
 
     def _without_known(self, model: type[Model], rows: list[Model]) -> list[Model]:
-        if model is StateChunk:
-            return rows  # the tracker has dropped duplicates
         unique = {row.pk: row for row in rows}
         known = set(model.objects.filter(pk__in=unique).values_list("pk", flat=True))
         self.counts["duplicates"] += len(rows) - len(unique.keys() - known)
