@@ -1,4 +1,4 @@
-"""The kernel's rules, one by one; test_safety_properties.py combines them."""
+"""The kernel's rules, one by one; test_kernel_machine.py combines them."""
 
 import msgspec
 import pytest
