@@ -116,37 +116,6 @@ def test_a_role_that_a_page_claims_is_ignored(rig):
     assert rig.status("c1", "FAILED").reason == "not_from_server"
 
 
-def test_300_bad_messages_of_every_kind_are_refused_and_the_loop_continues(rig):
-    rig.grant()
-    noise = random.Random(3)
-
-    def packet(frame):
-        rig.control.receive("p1", "driver", decoded(frame))
-
-    infinite = b'{"type":"goto","actionId":"x","stamp":1e400}'
-    kinds = [
-        lambda: packet(noise.randbytes(noise.randrange(200))),
-        lambda: packet('command/velocity\n{"linear": NaN}'),
-        lambda: packet("command/velocity\n" + " " * 5000),
-        lambda: rig.link.say_bytes("command/velocity", noise.randbytes(100)),
-        lambda: rig.link.say_bytes("command/action", infinite),
-        lambda: rig.push(0.5, stamp=rig.unix() - 5),
-        lambda: rig.push(0.5, stamp=rig.unix() + 5),
-        lambda: rig.push(0.5, epoch=7),
-        lambda: rig.push(0.5, session="other"),
-        lambda: rig.push(0.5, seq=0),
-    ]
-    for number in range(300):
-        kinds[number % len(kinds)]()
-        rig.sleep(0.001)  # a busy loop takes only the newest velocity
-    rig.wait(lambda: sum(sum(s.refused.values()) for s in rig.link.all("state")) >= 300)
-    reasons = {reason for s in rig.link.all("state") for reason in s.refused}
-    assert {"malformed", "oversized", "stale", "future", "wrong_epoch", "wrong_session"} <= reasons
-    assert all(v == ZERO for _, v in rig.robot.velocities())
-    rig.act(stamped(m.Stop, "stop-9"), way="datachannel", peer="p7")
-    rig.link.wait("state", lambda s: s.safety.stop_id == "stop-9")
-
-
 # --- lease ----------------------------------------------------------------------------------------
 
 
