@@ -69,10 +69,14 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """A context manager with virtual time, which passes only while the test waits."""
+    """A context manager with virtual time, which passes only while the test waits. It begins when
+    the robot is connected, or at once.
+    """
 
-    def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
-        self.time = self.clock()
+    def __init__(
+        self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN, at_once=False
+    ):
+        self.time, self.at_once = self.clock(), at_once
         self.robot = robot or ScriptedRobot()
         if isinstance(self.robot, ScriptedRobot):
             self.robot.times = self.time.times
@@ -99,7 +103,8 @@ class ControlRig:
 
     def __enter__(self):
         self.start()
-        self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
+        if not self.at_once:
+            self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
         return self
 
     def __exit__(self, *_):
