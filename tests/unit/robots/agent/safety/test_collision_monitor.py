@@ -42,11 +42,15 @@ def monitor():
     return CollisionMonitor(FOOTPRINT, LIMITS, [LaserSource(Laser(x=0.0))])
 
 
+@pytest.fixture
+def watch():
+    return monitor()
+
+
 # --- by itself ------------------------------------------------------------------------------------
 
 
-def test_a_monitor_without_a_scan_stops_the_driver_and_reports_that_for_a_moment():
-    watch = monitor()
+def test_a_monitor_without_a_scan_stops_the_driver_and_reports_that_for_a_moment(watch):
     assert watch.shape(AHEAD, ZERO, "slow", 1.0).velocity == ZERO
     assert watch.why(1.1)[0] == "blind"
     assert watch.why(2.0) == ("", None)
@@ -54,8 +58,7 @@ def test_a_monitor_without_a_scan_stops_the_driver_and_reports_that_for_a_moment
     assert watch.points().shape == (0, 2)
 
 
-def test_a_near_wall_stops_the_driver_and_a_far_one_does_not():
-    watch = monitor()
+def test_a_near_wall_stops_the_driver_and_a_far_one_does_not(watch):
     watch.sense(reading(scan=wall(0.4)), 1.0)
     assert watch.clearance() == pytest.approx(0.1, abs=0.02)
     assert watch.shape(AHEAD, ZERO, "slow", 1.1).velocity.linear < 0.02
@@ -68,8 +71,7 @@ def test_a_near_wall_stops_the_driver_and_a_far_one_does_not():
     assert far.why(1.1) == ("", None)
 
 
-def test_a_covered_or_silent_laser_counts_as_blind():
-    watch = monitor()
+def test_a_covered_or_silent_laser_counts_as_blind(watch):
     watch.sense(reading(scan=wall(3.0)), 1.0)
     watch.sense(reading(1.4, scan=scan((None,) * 81, 1.4)), 1.4)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.45).why == "free"
@@ -178,8 +180,7 @@ def test_velocity_of_the_agents_own_navigation_is_not_shaped():
     assert made.kernel.commanded.linear == pytest.approx(0.4)
 
 
-def test_a_robot_that_becomes_blind_brakes_at_the_rate_of_its_base():
-    watch = monitor()
+def test_a_robot_that_becomes_blind_brakes_at_the_rate_of_its_base(watch):
     made = bench(watch, "slow")
     for _ in range(100):
         watch.sense(reading(made.now, scan=wall(9.0, made.now)), made.now)

@@ -48,6 +48,11 @@ def wander(seed: int, scans: bool) -> list[TrueState]:
     return samples
 
 
+@pytest.fixture
+def sim() -> Simulation:
+    return giraff()
+
+
 def test_the_same_seed_and_commands_give_the_same_trajectory_to_the_last_bit() -> None:
     assert wander(4, scans=False) == wander(4, scans=False)
 
@@ -138,8 +143,7 @@ def test_an_empty_battery_stops_the_robot_and_is_reported() -> None:
     assert sim.errors() == ("battery empty",)
 
 
-def test_the_head_tilts_with_its_speed_and_within_its_range() -> None:
-    sim = giraff()
+def test_the_head_tilts_with_its_speed_and_within_its_range(sim: Simulation) -> None:
     sim.tilt_target = 0.8
     before = sim.tilt
     wait(sim, 0.2)
@@ -169,8 +173,7 @@ def test_a_door_does_not_close_on_the_robot_but_after_it() -> None:
     assert not sim.obstacles.hits(sim.outline())
 
 
-def test_unknown_doors_are_ignored() -> None:
-    sim = giraff()
+def test_unknown_doors_are_ignored(sim: Simulation) -> None:
     sim.set_doors({"barn-door": "closed"})
     assert sim.doors == {"lab-door": "open", "lounge-door": "open"}
 
@@ -197,8 +200,7 @@ def test_odometry_drifts_by_the_seed_of_the_robot() -> None:
     assert all(0.02 < end < 2.0 for end in ends)
 
 
-def test_carrying_a_robot_does_not_change_its_odometry() -> None:
-    sim = giraff()
+def test_carrying_a_robot_does_not_change_its_odometry(sim: Simulation) -> None:
     drive(sim, 0.2, 0.0, 1.0)
     odometry, distance = sim.odometry, sim.distance
     sim.carry_to(Pose2D(8.6, 4.4, 1.0))
@@ -207,8 +209,7 @@ def test_carrying_a_robot_does_not_change_its_odometry() -> None:
     assert sim.motion == STILL
 
 
-def test_a_robot_is_not_carried_into_furniture_or_out_of_the_site() -> None:
-    sim = giraff()
+def test_a_robot_is_not_carried_into_furniture_or_out_of_the_site(sim: Simulation) -> None:
     before = sim.pose
     with pytest.raises(StartError, match="desk-1 is in that spot"):
         sim.carry_to(Pose2D(2.4, 7.2, 0.0))
@@ -217,8 +218,7 @@ def test_a_robot_is_not_carried_into_furniture_or_out_of_the_site() -> None:
     assert sim.pose == before
 
 
-def test_stopped_wheels_ignore_commands() -> None:
-    sim = giraff()
+def test_stopped_wheels_ignore_commands(sim: Simulation) -> None:
     sim.faults = Faults(wheels_stopped=True)
     drive(sim, 0.4, 0.2, 2.0)
     assert sim.motion == STILL
@@ -227,8 +227,7 @@ def test_stopped_wheels_ignore_commands() -> None:
     assert sim.motion.linear > 0.3
 
 
-def test_a_broken_laser_is_silent_or_measures_nan() -> None:
-    sim = giraff()
+def test_a_broken_laser_is_silent_or_measures_nan(sim: Simulation) -> None:
     assert np.isfinite(sim.beams().ranges).mean() > 0.9
     sim.faults = Faults(laser="nan")
     assert np.isnan(sim.scan()).all()
