@@ -22,7 +22,6 @@ from robots.agent.safety.kernel import KERNEL, STANDSTILL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
-from tests.support.agents.controller_table import EXPECTED
 from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 from tests.support.examples import examples, repetitions
 
@@ -62,16 +61,6 @@ class Walls:
         return Assisted(m.Velocity(linear=linear, angular=own.angular + turn), "free", own=own)
 
 
-class WatchedKernel(Kernel):
-    """A kernel whose every change of controller is compared with the table of the model."""
-
-    def _change(self, event):
-        before = self.controller
-        super()._change(event)
-        expected = EXPECTED.get((before.value, event.value), before.value)
-        assert self.controller.value == expected, f"{before} after {event}: {self.controller}"
-
-
 class KernelMachine(RuleBasedStateMachine):
     """One robot; `base` is its real velocity."""
 
@@ -107,7 +96,7 @@ class KernelMachine(RuleBasedStateMachine):
 
     def new_kernel(self, **remembered):
         bench = self.bench
-        bench.kernel = WatchedKernel(
+        bench.kernel = Kernel(
             LIMITS, bench.watchdog, bench.capabilities, monitor=self.walls, **remembered
         )
         return bench.kernel
