@@ -25,14 +25,6 @@ def known():
     return KnownRobot("giraff")
 
 
-def test_a_robot_is_online_until_it_reports_otherwise(known):
-    assert known.online is None
-    assert known.take("connection", words.online(), 0.0)
-    assert known.online
-    assert known.take("connection", words.broken(), 1.0)
-    assert known.online is False
-
-
 def test_the_will_of_an_earlier_boot_is_ignored(known):
     known.take("connection", words.online("b1"), 0.0)
     known.take("connection", words.online("b2"), 1.0)
@@ -158,11 +150,3 @@ def test_an_address_has_host_port_protocol_and_credentials(url, address):
 def test_an_address_that_cannot_be_used_is_named(url):
     with pytest.raises(BadAddress, match="broker's address"):
         parse(url)
-
-
-def test_attempts_become_rarer_up_to_a_bound_and_spread():
-    waits = [backoff(attempt, 0.999999) for attempt in range(40)]
-    assert waits == sorted(waits)
-    assert 0.19 < waits[0] <= 0.2
-    assert 0.79 < waits[-1] <= 0.8
-    assert backoff(2, 0.0) == pytest.approx(0.5 * 0.8)

@@ -193,15 +193,3 @@ def test_removed_parts_disappear_and_names_stay_unique(plan):
     plan = edited(plan, {"places.0.remove": "on"}, anywhere)
     plan = with_new(plan, "place", 2.0, 4.0, WORDS)
     assert len({place["name"] for place in plan["places"]}) == 3
-
-
-@pytest.mark.parametrize("text", ["", "east", "nan", "1e9"])
-def test_a_field_that_is_no_number_is_named(text):
-    with pytest.raises(EditError) as refused:
-        edited(document(), {"openings.0.x": text}, anywhere)
-    assert refused.value.field == "openings.0.x"
-
-
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(EditError):
-        with_new(document(), "window", 0.0, 0.0, WORDS)

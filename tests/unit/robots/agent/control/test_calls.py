@@ -40,12 +40,6 @@ def test_no_media_passes_without_a_call(calls):
     assert calls.passing(None, 0.0) == NOTHING, "there is no lease"
 
 
-def test_rule_accept_accepts_a_call_at_once(calls):
-    calls.ask(call(video=False, volume=0.5), lease(), 0.0)
-    assert status(calls) == "accepted"
-    assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
-
-
 def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted(calls):
     calls.rule = "ask"
     calls.ask(call(shares=True), lease(), 0.0)
@@ -58,14 +52,6 @@ def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted(calls):
     assert not calls.shows_screen(lease(), 2.0)
     calls.ask(call(), lease(), 3.0)
     assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
-
-
-def test_rule_ask_passes_no_media_before_an_answer(calls):
-    calls.rule = "ask"
-    calls.ask(call(), lease(), 0.0)
-    assert (status(calls), calls.passing(lease(), 0.0)) == ("ringing", NOTHING)
-    assert calls.answer(accept=True, lease=lease(), now=1.0) is None
-    assert calls.passing(lease(), 1.0) == Passing(audio=True, video=True)
 
 
 def test_an_unanswered_call_may_still_be_answered(calls):

@@ -88,18 +88,6 @@ def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_of_the_last_5_s(clocks)
     assert len(echoed(clocks, 110.0)) == 16
 
 
-def test_peers_are_echoed_in_turn_after_the_peers_of_the_lease_and_the_server(clocks):
-    crowd = [f"p{number}" for number in range(40)]
-    hear(clocks, "driver", "wizard", "server", *crowd, now=100.0)
-    turns = []
-    for _ in range(4):
-        first, rest = (names := echoed(clocks, 100.0, ("driver", "wizard")))[:3], names[3:]
-        assert set(first) == {"driver", "wizard", "server"}
-        assert len(rest) == 13
-        turns += rest
-    assert turns[:40] == crowd, "each of them once, before any of them again"
-
-
 def test_a_peer_with_two_transports_has_both_of_them_echoed_or_neither(clocks):
     for transport in ("mqtt", "datachannel"):
         hear(clocks, *(f"p{number}" for number in range(5)), now=100.0, way=transport)
@@ -198,14 +186,6 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
             assert abs(clock.age(page.clock(t), t)) < 0.003
             # after 0.5 s without a new echo a page distrusts its transport
             assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
-
-
-def test_each_transport_has_its_own_echo(clocks):
-    clocks.on_heartbeat(
-        "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0
-    )
-    clocks.on_heartbeat("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
-    assert {echo.n for echo in clocks.beat(100.2, 7.2).echoes} == {2, 3}
 
 
 def test_a_peer_that_never_echoes_is_known_roughly_by_its_fastest_beat(clocks):

@@ -76,13 +76,6 @@ def test_the_watchdog_brakes_a_robot_without_commands() -> None:
     assert sim.time - last <= GIRAFF.watchdog + speed / GIRAFF.limits.linear_braking + 0.03
 
 
-def test_before_the_watchdog_the_last_command_holds() -> None:
-    sim = giraff("corridor-centre")
-    drive(sim, 0.5, 0.0, 3.0)
-    wait(sim, 0.24)
-    assert sim.motion.linear == pytest.approx(0.5)
-
-
 def test_a_contact_of_any_length_counts_once() -> None:
     sim = giraff("2.2,5.6,1.5708")
     drive(sim, 0.4, 0.0, 6.0)
@@ -160,17 +153,6 @@ def test_a_closed_door_stops_the_robot_and_an_open_one_lets_it_through() -> None
         drive(sim, 0.5, 0.0, 8.0)
         assert (sim.pose.y > 3.0) == through
         assert (sim.contacts == 0) == through
-
-
-def test_a_door_does_not_close_on_the_robot_but_after_it() -> None:
-    sim = giraff("2.02,1.0,1.5708")
-    while sim.pose.y < 2.0:
-        drive(sim, 0.4, 0.0, 0.05)
-    sim.set_doors({"lab-door": "closed"})
-    assert sim.doors["lab-door"] == "open"
-    drive(sim, 0.4, 0.0, 5.0)
-    assert sim.doors["lab-door"] == "closed"
-    assert not sim.obstacles.hits(sim.outline())
 
 
 def test_unknown_doors_are_ignored(sim: Simulation) -> None:
@@ -251,14 +233,6 @@ def test_doors_that_move_by_themselves_do_so_at_the_same_times_for_the_same_seed
     assert len(first) > 5
 
 
-def test_door_that_was_set_no_longer_moves_by_itself() -> None:
-    sim = giraff(door_changes=2.0)
-    sim.set_doors({"lab-door": "open", "lounge-door": "closed"})
-    for _ in range(3000):
-        sim.step(0.02)
-        assert sim.doors == {"lab-door": "open", "lounge-door": "closed"}
-
-
 def person_ahead(sim: Simulation, ahead: float, *, path: bool) -> None:
     """Put the only person `ahead` metres before the robot's centre, at rest or walking towards the
     robot and beyond.
@@ -301,19 +275,6 @@ def test_robot_that_keeps_pushing_a_person_has_a_contact() -> None:
     assert sim.contacts == 0
     drive(sim, 0.3, 0.0, BUMP_TIME)
     assert sim.contacts == 1
-
-
-def test_door_does_not_close_on_a_person() -> None:
-    sim = giraff(people=1)
-    walker = sim._pedestrians._walkers[0]
-    walker.x, walker.y, walker.path, walker.stay = 2.0, 2.08, [], 1e6
-    sim.step(0.02)
-    sim.set_doors({"lab-door": "closed"})
-    sim.step(0.02)
-    assert sim.doors["lab-door"] == "open"
-    walker.y = 3.5
-    drive(sim, 0.0, 0.0, 3.0)
-    assert sim.doors["lab-door"] == "closed"
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.3, -0.5, 1.0, 2.4])

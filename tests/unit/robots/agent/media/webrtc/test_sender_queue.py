@@ -18,28 +18,6 @@ def queue() -> ViewerQueue:
     return ViewerQueue()
 
 
-def test_viewer_starts_with_a_key_frame_without_asking_for_another(queue: ViewerQueue) -> None:
-    assert [queue.put(_picture(n)) for n in range(3)] == [False, False, False]
-    assert queue.take() is None
-    queue.put(_picture(3, key=True))
-    queue.put(_picture(4))
-    assert [queue.take().rtp, queue.take().rtp, queue.take()] == [3, 4, None]
-
-
-def test_a_viewer_that_falls_behind_is_emptied_and_waits_for_a_key_frame(
-    queue: ViewerQueue,
-) -> None:
-    for n in range(DEPTH):
-        queue.put(_picture(n, key=n == 0))
-    assert queue.put(_picture(DEPTH)), "it asks for a key frame"
-    assert len(queue) == 0
-    assert queue.restarts == 1
-    queue.put(_picture(DEPTH + 1))
-    assert len(queue) == 0
-    queue.put(_picture(DEPTH + 2, key=True))
-    assert queue.take().rtp == DEPTH + 2
-
-
 def test_a_full_socket_counts_as_behind_even_for_a_key_frame(queue: ViewerQueue) -> None:
     queue.put(_picture(0, key=True))
     assert queue.put(_picture(1), MAX_BACKLOG + 1)

@@ -55,11 +55,6 @@ def memory():
     return RollingObstacleMap()
 
 
-def test_points_ahead_are_remembered_behind_a_robot_that_has_turned_round(memory):
-    pose = turned_away(memory)
-    assert nearest_to(memory, pose, -2.0, 0.0) < 0.05  # the wall that it first looked at
-
-
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
 def test_points_that_leave_the_view_slowly_are_remembered_as_well(step):
     """The last beam, 1° from its neighbour, must not remove a point half a degree beyond it."""
@@ -242,12 +237,6 @@ def test_points_behind_edges_do_not_accumulate_for_a_robot_at_rest(memory):
     for _ in range(100):
         memory.update(away, look(away, NEAR_BOX))
     assert len(memory.about(away, 4.0)[0]) <= known
-
-
-def test_points_hidden_by_an_edge_are_forgotten_with_all_others(memory):
-    away = turned_away(memory, NEAR_BOX)
-    memory.forget()
-    assert len(memory.about(away, 4.0)[0]) == 0
 
 
 @examples(25, thorough=250)
