@@ -13,11 +13,9 @@ from robots.bridge.known import DOUBT_SECONDS, KnownRobot
 from tests.support import words
 from tests.support.examples import examples
 
-LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=10.0)
-
 
 def lease(**changes):
-    return msgspec.structs.replace(LEASE, **changes)
+    return words.lease(**{"epoch": 3, "stamp": 10.0, **changes})
 
 
 @pytest.fixture

@@ -11,11 +11,8 @@ from robots.agent.control.calls import (
     CallControl,
     Passing,
 )
-from robots.api.messages import Call, Lease
-
-
-def lease(session="s1", epoch=1):
-    return Lease(session=session, epoch=epoch, peer="p1", who="Ana", renewal=0, stamp=1.0)
+from robots.api.messages import Call
+from tests.support.words import lease
 
 
 def call(**fields):
@@ -129,17 +126,17 @@ def test_not_now_keeps_the_robot_quiet_for_the_rest_of_the_session_and_ends_no_c
     assert knock(calls, "k2", 1000.0) == "declined"
     assert not calls.knockable(lease(epoch=2), audible=True)
     assert status(calls, now=1.0) == "accepted"
-    assert calls.knockable(lease("s2"), audible=True)
-    assert knock(calls, "k3", 1000.0, lease("s2")) is None
+    assert calls.knockable(lease(session="s2"), audible=True)
+    assert knock(calls, "k3", 1000.0, lease(session="s2")) is None
 
 
 def test_knocks_of_all_drivers_together_have_a_pause_between_them(calls):
     knock(calls)
     assert knock(calls, "k2", KNOCK_PAUSE - 0.1) == "too_soon"
-    assert knock(calls, "k3", KNOCK_PAUSE - 0.1, lease("s2")) == "too_soon"
-    assert knock(calls, "k4", KNOCK_PAUSE, lease("s2")) is None
+    assert knock(calls, "k3", KNOCK_PAUSE - 0.1, lease(session="s2")) == "too_soon"
+    assert knock(calls, "k4", KNOCK_PAUSE, lease(session="s2")) is None
     assert knocking(calls, KNOCK_PAUSE) is None, "that of the session before is nobody's"
-    assert knocking(calls, KNOCK_PAUSE, lease("s2")) == ("k4", "ringing")
+    assert knocking(calls, KNOCK_PAUSE, lease(session="s2")) == ("k4", "ringing")
 
 
 def test_knock_without_display_and_loudspeaker_is_refused(calls):
@@ -151,7 +148,7 @@ def test_knock_without_display_and_loudspeaker_is_refused(calls):
 
 def test_only_the_knock_that_rings_is_answered(calls):
     knock(calls)
-    answers = [("k2", lease(), 1.0), ("k1", lease("s2"), 1.0), ("k1", None, 1.0)]
+    answers = [("k2", lease(), 1.0), ("k1", lease(session="s2"), 1.0), ("k1", None, 1.0)]
     answers.append(("k1", lease(), KNOCK_REPORTED + 1))
     for name, of, now in answers:
         assert calls.answer_knock(name, accept=True, lease=of, now=now) == "nobody_knocks"

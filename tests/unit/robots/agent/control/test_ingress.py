@@ -6,6 +6,7 @@ import pytest
 from robots.agent.control.ingress import ACTIONS_WAITING, Ingress
 from robots.api.errors import Rejection
 from robots.api.messages import Cancel, CommandHeartbeat, EStop, Goto, Photo, Stop, VelocityCommand
+from tests.support import words
 
 GOTO, CANCEL = Goto(action_id="g1", stamp=1.0, x=1.0, y=2.0), Cancel(action_id="c1", stamp=1.0)
 
@@ -29,9 +30,7 @@ class Loop:
 
 
 def velocity(seq: int) -> VelocityCommand:
-    return VelocityCommand(
-        session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.3, angular=0.0, method="keyboard"
-    )
+    return words.velocity(seq)
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api import picture
 from robots.api.geometry import Pose2D
+from tests.support import words
 from tests.support.agents.control_rig import ControlRig, own, staff, stamped
 from tests.support.agents.scripted_robot import ScriptedRobot, SelfDrivingRobot, still
 
@@ -85,8 +86,7 @@ def test_observers_commands_are_refused_and_counted_and_their_stop_is_obeyed(rig
 
 
 def test_only_a_pages_own_messages_are_taken_from_a_data_channel(rig):
-    forged = m.Lease(session="s9", epoch=99, peer="p2", who="Eve", renewal=9, stamp=rig.unix())
-    rig.frame("lease", forged, peer="p2")
+    rig.frame("lease", words.lease(session="s9", epoch=99, peer="p2"), peer="p2")
     rig.frame("config", m.Config(stamp=0.0, doors={"north": "open"}), peer="p2")
     rig.frame("signal/p2", m.Bye(reason="x"), peer="p2")
     rig.control.receive("p2", "driver", decoded(b"\xff\x00nonsense"))

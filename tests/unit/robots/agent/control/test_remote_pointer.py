@@ -4,9 +4,10 @@ import pytest
 
 from robots.agent.control.remote_pointer import BURST, FORGOTTEN, PEERS, RATE, Pointing
 from robots.agent.safety.permissions import CommandSender
-from robots.api.messages import Lease, PointCommand
+from robots.api.messages import PointCommand
+from tests.support import words
 
-LEASE = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0)
+LEASE = words.lease(epoch=7)
 SERVER = CommandSender("mqtt")
 CHANNEL = CommandSender("datachannel", "p1", role="driver")
 
@@ -73,9 +74,7 @@ def test_others_cannot_point_with_any_role(command, sender, reason, pointing):
 
 
 def test_dots_are_refused_on_a_transport_that_the_lease_does_not_allow(pointing):
-    only_mqtt = Lease(
-        session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",)
-    )
+    only_mqtt = words.lease(epoch=7, ways=("mqtt",))
     assert take(pointing, dot(), CHANNEL, lease=only_mqtt) is None
     assert take(pointing, dot(), SERVER, lease=only_mqtt) == "driver"
     assert pointing.refused == {"not_allowed": 1}

@@ -6,13 +6,9 @@ from robots.agent.media.webrtc.packet_gate import MAX_BYTES, PacketGate
 from robots.api.codec import encode_frame
 from robots.api.errors import Rejection
 from robots.api.messages import Cancel, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand
+from tests.support import words
 
-VELOCITY = encode_frame(
-    "command/velocity",
-    VelocityCommand(
-        session="s1", epoch=1, seq=1, stamp=1.0, linear=0.3, angular=0.0, method="keyboard"
-    ),
-)
+VELOCITY = encode_frame("command/velocity", words.velocity())
 STOP = encode_frame("command/action", Stop(action_id="s1", stamp=1.0))
 ESTOP = encode_frame("command/action", EStop(action_id="e1", stamp=1.0))
 CANCEL = encode_frame("command/action", Cancel(action_id="c1", stamp=1.0))
