@@ -5,8 +5,7 @@ Everything between the adapter and the driver is the agent's. A line on standard
 driver does from now on: `idle`, `drive`, `stop`, `goto X Y` or `dock`; with `hang` the control
 thread hangs for HANG seconds. Standard output has a JSON line for each status of an action, and for
 each state in which the inhibition, the mode or the errors differ from those of the state before.
-JSON: `adapter`, `profile`, `options`, `directory`, `plan` for a site where the agent navigates, and
-`began` for a driver who drives all the time with orders dated from that monotonic time (orders.py).
+JSON: `adapter`, `profile`, `options`, `directory`, and `plan` for a site where the agent navigates.
 """
 
 import json
@@ -18,7 +17,6 @@ from pathlib import Path
 from robots.agent.adapters import registry
 from robots.api import messages as m
 from tests.support.agents.control_rig import ThreadedControlRig, own
-from tests.support.agents.orders import DatedOrders
 
 RENEWAL = 1.0  # s
 TICK = 0.05  # s
@@ -29,9 +27,8 @@ SPEED = 0.25  # m/s
 class Driver:
     """Renews the lease, answers heartbeats, and does what the latest line requests."""
 
-    def __init__(self, rig, began):
-        self.rig, self.wish, self.actions = rig, ["drive" if began else "idle"], 0
-        self.orders = DatedOrders(began) if began else None
+    def __init__(self, rig):
+        self.rig, self.wish, self.actions = rig, ["idle"], 0
         self.renewal, self.renewed, self.reported = 0, -RENEWAL, 0
         self.last = self.answered = None
 
@@ -49,10 +46,8 @@ class Driver:
     def act(self):
         word, *rest = self.wish
         if word == "drive":
-            linear, angular = self.orders.now() if self.orders else (SPEED, 0.0)
-            if self.rig.kernel.inhibited(time.monotonic()):
-                linear = angular = 0.0
-            self.rig.push(linear, angular=angular)
+            held = self.rig.kernel.inhibited(time.monotonic())
+            self.rig.push(0.0 if held else SPEED)
             return
         if word == "idle":
             return
@@ -107,7 +102,7 @@ def main(wish):
     rig.control.start(rig.media)
     rig.wait(lambda: rig.link.connected and rig.kernel.fault is None, 20.0)
     rig.grant(ttl=60.0)
-    driver = Driver(rig, wish.get("began"))
+    driver = Driver(rig)
     threading.Thread(target=driver.run, daemon=True).start()
     if wish.get("plan"):
         rig.wait(lambda: any(s.pose.localized for s in rig.link.all("state")), 40.0)

@@ -473,7 +473,9 @@ class KernelMachine(RuleBasedStateMachine):
                 grown = up * min(self.now - self.told_at, KERNEL.max_step)
                 assert abs(new) <= from_speed + grown + SLACK
             else:
-                fastest = max(abs(old), abs(self.base.angular), abs(self.base.linear))
+                fastest = abs(old)
+                if self.was_begun or self.goes:  # the architecture may have moved it
+                    fastest = max(fastest, abs(self.base.angular), abs(self.base.linear))
                 assert abs(new) <= fastest + SLACK
                 assert new * old >= 0.0
         if self.latched or self.faulty or self.is_held:

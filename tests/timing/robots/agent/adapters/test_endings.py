@@ -83,7 +83,7 @@ class RestartableAgent:
         self.start()
 
     def start(self):
-        self.process = AgentProcess("ordered_agent", **self._arguments)
+        self.process = AgentProcess("driven_agent", **self._arguments)
 
 
 @contextlib.contextmanager

@@ -389,6 +389,19 @@ def test_heartbeats_in_one_burst_do_not_release_a_hold(bench):
     assert bench.drive(0.5).reason == "stopped"
 
 
+@pytest.mark.parametrize("cause", ["estop", "fault"])
+def test_silence_of_the_network_after_an_estop_or_a_fault_releases_no_hold(bench, cause):
+    bench.run(2.0, every=0.06, linear=0.5)
+    if cause == "estop":
+        bench.estop(role="staff", user="ops")
+        bench.kernel.clear_estop(bench.now)
+    else:
+        bench.kernel.set_fault("adapter_lost")
+        bench.kernel.clear_fault(bench.now)
+    bench.run(1.05)
+    assert bench.drive(0.5).reason == "stopped"
+
+
 def test_the_next_driver_is_not_held_by_a_stop_of_the_last_session(bench):
     bench.drive(0.5)
     bench.stop(way="mqtt", role="staff")
