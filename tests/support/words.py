@@ -48,6 +48,11 @@ def velocity(seq=1, **changes):
     return m.VelocityCommand(**{**fields, **changes})
 
 
+def lease(**changes):
+    fields = {"session": "s1", "epoch": 1, "peer": "p1", "who": "Ada", "renewal": 0, "stamp": 1.0}
+    return m.Lease(**{**fields, **changes})
+
+
 def pose(stamp=1.0):
     return m.PoseUpdate(
         stamp=stamp,

@@ -1,8 +1,7 @@
 """Which controller moves the base, and every event that changes it.
 
 The kernel is in exactly one state. `TRANSITIONS` names every change; an event that is not listed
-for a state leaves it unchanged. tests/unit/robots/agent/safety/test_controllers.py compares this
-table with the one of the model that searches the kernel for counter-examples.
+for a state leaves it unchanged.
 """
 
 from enum import Enum

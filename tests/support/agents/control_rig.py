@@ -12,6 +12,7 @@ from robots.agent.robot_interface import Frame
 from robots.agent.store import Store
 from robots.api import messages as m
 from robots.api.codec import encode_frame
+from tests.support import words
 from tests.support.agents.scripted_robot import ScriptedRobot
 from tests.support.patience import patient
 from tests.support.sessions.memory_broker import MemoryLink
@@ -69,18 +70,19 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """A context manager with virtual time, which passes only while the test waits."""
+    """A context manager with virtual time, which passes only while the test waits. It begins when
+    the robot is connected, or at once.
+    """
 
-    def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
-        self.time = self.clock()
+    def __init__(
+        self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN, at_once=False
+    ):
+        self.time, self.at_once = self.clock(), at_once
         self.robot = robot or ScriptedRobot()
         if isinstance(self.robot, ScriptedRobot):
             self.robot.times = self.time.times
-        self.link, self.media, self.store = (
-            MemoryLink(self.time),
-            media or ListeningMedia(),
-            Store(directory),
-        )
+        self.link, self.store = MemoryLink(self.time), Store(directory)
+        self.media = media or ListeningMedia()
         capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
         self.control = ControlLoop(
             adapter=self.robot,
@@ -99,7 +101,8 @@ class ControlRig:
 
     def __enter__(self):
         self.start()
-        self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
+        if not self.at_once:
+            self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
         return self
 
     def __exit__(self, *_):
@@ -140,17 +143,8 @@ class ControlRig:
     def event(self, kind):
         return self.link.wait("event", lambda event: event.type == kind)
 
-    def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
-        fields = {"video": "none"} | fields
-        lease = m.Lease(
-            session=session,
-            epoch=epoch,
-            peer=peer,
-            who="Ada",
-            renewal=renewal,
-            stamp=self.unix(),
-            **fields,
-        )
+    def lease(self, *, retained=False, **fields):
+        lease = words.lease(**{"video": "none", "stamp": self.unix(), **fields})
         self.link.say("lease", lease, retained=retained)
 
     def grant(self, **fields):
@@ -158,12 +152,8 @@ class ControlRig:
         self.lease(**fields)
         self.wait(lambda: self.kernel.leases.live(self.now()) is not None)
         self.know_clock(fields.get("peer", "p1"))
-        self.push(
-            0.0,
-            peer=fields.get("peer", "p1"),
-            epoch=fields.get("epoch", 1),
-            session=fields.get("session", "s1"),
-        )
+        lease = self.kernel.leases.live(self.now())
+        self.push(0.0, peer=lease.peer, epoch=lease.epoch, session=lease.session)
         self.wait(lambda: not self.kernel.held)
 
     def know_clock(self, peer="p1", within=5.0):
@@ -209,14 +199,8 @@ class ControlRig:
 
     def command(self, linear=0.5, angular=0.0, **fields):
         self.seq += 1
-        values = {
-            "session": "s1",
-            "epoch": 1,
-            "seq": self.seq,
-            "stamp": self.unix(),
-            "method": "keyboard",
-        } | fields
-        return m.VelocityCommand(linear=linear, angular=angular, **values)
+        values = {"session": "s1", "epoch": 1, "seq": self.seq, "stamp": self.unix()} | fields
+        return words.velocity(linear=linear, angular=angular, **values)
 
     def push(self, linear=0.5, *, peer="p1", role="driver", way="datachannel", **fields):
         command = self.command(linear, **fields)

@@ -6,6 +6,7 @@ from typing import Any
 from robots.agent.safety.kernel import STANDSTILL, CommandVerdict, Decision, Kernel
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support import words
 
 LIMITS = m.Limits(
     linear=0.7,
@@ -54,16 +55,8 @@ class Bench:
     def unix(self):
         return UNIX + self.now
 
-    def lease(self, *, session="s1", epoch=1, peer="p1", renewal=0, retained=False, **fields):
-        lease = m.Lease(
-            session=session,
-            epoch=epoch,
-            peer=peer,
-            who="Ada",
-            renewal=renewal,
-            stamp=self.unix,
-            **fields,
-        )
+    def lease(self, *, retained=False, **fields):
+        lease = words.lease(stamp=self.unix, **fields)
         return self.kernel.take_lease(lease, retained=retained, now=self.now)
 
     def know_clock(self, peer="p1", *, offset=DRIVER_CLOCK, echoes=3, every=0.02):
@@ -81,16 +74,11 @@ class Bench:
             self.kernel.heartbeat(peer, "mqtt", self.now)
 
     def command(self, linear=0.5, angular=0.0, *, age=0.0, frame_age=0.0, **fields):
-        values = {"session": "s1", "epoch": 1, "seq": self.seq + 1, "method": "keyboard"} | fields
+        values = {"session": "s1", "epoch": 1, "seq": self.seq + 1} | fields
         self.seq = max(self.seq, values["seq"])
         frame = None if frame_age is None else self.unix - frame_age
-        return m.VelocityCommand(
-            stamp=self.unix - age + DRIVER_CLOCK,
-            linear=linear,
-            angular=angular,
-            frame=frame,
-            **values,
-        )
+        values |= {"linear": linear, "angular": angular, "frame": frame}
+        return words.velocity(stamp=self.unix - age + DRIVER_CLOCK, **values)
 
     def drive(self, linear=0.5, angular=0.0, *, sender=None, **fields) -> CommandVerdict:
         verdict = self.kernel.velocity(

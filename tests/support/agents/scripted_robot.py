@@ -199,7 +199,7 @@ class SelfDrivingRobot(ScriptedRobot):
 
     def __post_init__(self):
         super().__post_init__()
-        self.floorplans = []
+        self.floorplans, self.points = [], []
 
     def wanted(self):
         return (
@@ -207,6 +207,7 @@ class SelfDrivingRobot(ScriptedRobot):
         )
 
     def located(self, reading, points):
+        self.points.append(points)
         return reading
 
     def take_floorplan(self, update):

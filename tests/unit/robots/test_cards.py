@@ -88,7 +88,7 @@ def test_a_visitor_who_may_not_drive_reads_the_reason(reason):
 
 @pytest.mark.parametrize(
     "report",
-    [None, [], "x", {}, {"battery": None}, {"safety": 3}]
+    [None, [], "x", {}, {"battery": None}, {"safety": 3, "errors": 7}]
     + [{"battery": {"charge": charge}} for charge in ("full", 7, float("nan"))],
 )
 def test_a_malformed_report_shows_no_battery(report):
@@ -197,7 +197,7 @@ LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does
 
 
 ESTOP, FAULT = {"safety": {"estop": True}}, {"safety": {"inhibited": "fault"}}
-RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: it moves"]}
+RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["lens dirty", "runs_on: it moves"]}
 DRIVEN = Traffic(in_use=True, waiting=2)
 
 

@@ -12,8 +12,14 @@ def robot(request):
 
 
 @pytest.fixture
-def rig(tmp_path, robot):
-    """A control loop with a driver who has the lease."""
+def free_rig(tmp_path, robot):
+    """A control loop without a driver."""
     with ControlRig(tmp_path, robot=robot) as rig:
-        rig.grant()
         yield rig
+
+
+@pytest.fixture
+def rig(free_rig):
+    """A control loop with a driver who has the lease."""
+    free_rig.grant()
+    return free_rig

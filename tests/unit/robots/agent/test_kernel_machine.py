@@ -1,4 +1,5 @@
-"""Search the safety kernel for sequences of events that break a promise.
+"""Search the safety kernel for sequences of events that break a promise: it never raises, never
+exceeds a limit, never drives without a live lease and a recent command, and obeys every stop.
 
 The model has a base that executes the last velocity it was sent, or drives as its own architecture
 does: that architecture may accept an action late, reject it, ignore a cancel, drive on after it was
@@ -21,15 +22,19 @@ from robots.agent.safety.kernel import KERNEL, STANDSTILL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
-from tests.support.agents.controller_table import EXPECTED
 from tests.support.agents.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 from tests.support.examples import examples, repetitions
 
 SLACK = 1e-9
 GOING = m.Velocity(linear=0.5, angular=0.2)  # of an architecture that drives by itself
 RELEASED_AFTER = 1.0  # s without a velocity, while heartbeats arrive
+LEASE_TTL = 10.0  # s
+# s from the fastest speeds to rest
+BRAKING = max(LIMITS.linear / LIMITS.linear_braking, LIMITS.angular / LIMITS.angular_braking)
 
-speeds = st.sampled_from([0.0, 0.0, 0.7, 0.3, -0.4, 5.0, -5.0])
+speeds = st.sampled_from([0.0, 0.0, 0.7, 0.3, -0.4, 5.0, -5.0]) | st.floats(-10.0, 10.0)
+peers = st.sampled_from(["p1", "p2"])
+roles = st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"])
 ways = st.sampled_from(["datachannel", "mqtt"])
 numbers = st.integers(0, 5)
 levels = st.sampled_from(["steer", "slow", "off"])
@@ -56,16 +61,6 @@ class Walls:
         return Assisted(m.Velocity(linear=linear, angular=own.angular + turn), "free", own=own)
 
 
-class WatchedKernel(Kernel):
-    """A kernel whose every change of controller is compared with the table of the model."""
-
-    def _change(self, event):
-        before = self.controller
-        super()._change(event)
-        expected = EXPECTED.get((before.value, event.value), before.value)
-        assert self.controller.value == expected, f"{before} after {event}: {self.controller}"
-
-
 class KernelMachine(RuleBasedStateMachine):
     """One robot; `base` is its real velocity."""
 
@@ -84,13 +79,16 @@ class KernelMachine(RuleBasedStateMachine):
         self.lags = False  # the adapter delays velocities until the base has answered
         self.own = False
         self.latched = False
-        self.pressed_at = {}  # e-stops by their number
+        self.pressed_at = {}  # by kind and number
         self.held = self.by_person = False  # a stop waits for its release; a person's stop
         self.quiet_since = self.beat_at = -math.inf
         self.epoch = self.renewal = 0
         self.caps = m.LeaseLimits()
         self.faulty = False
         self.taken = -1  # the highest number accepted by this run of the agent under this lease
+        self.lease_until = self.accepted_at = -math.inf  # end of the lease, last accepted command
+        self.braked_for = 0.0  # s
+        self.presses = 0  # of stops that are no copies
 
     @property
     def now(self):
@@ -98,7 +96,7 @@ class KernelMachine(RuleBasedStateMachine):
 
     def new_kernel(self, **remembered):
         bench = self.bench
-        bench.kernel = WatchedKernel(
+        bench.kernel = Kernel(
             LIMITS, bench.watchdog, bench.capabilities, monitor=self.walls, **remembered
         )
         return bench.kernel
@@ -132,6 +130,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.epoch, self.renewal = self.epoch + 1, 0
         self.caps = m.LeaseLimits(linear=linear, angular=angular)
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
+        self.lease_until = self.now + ttl
         if known:
             self.bench.know_clock()
             self.beats(self.now)
@@ -142,6 +141,7 @@ class KernelMachine(RuleBasedStateMachine):
     def renews(self, linear):
         self.renewal, self.caps = self.renewal + 1, m.LeaseLimits(linear=linear)
         self.leases(self.caps)
+        self.lease_until = self.now + LEASE_TTL
 
     def leases(self, limits):
         """Send the lease of the session with its current renewal."""
@@ -164,10 +164,12 @@ class KernelMachine(RuleBasedStateMachine):
         if after is not None and after.epoch != self.epoch:  # the server's counter was reset
             self.epoch, self.renewal, self.caps = after.epoch, 9, m.LeaseLimits()
             self.held, self.by_person, self.taken = False, False, -1
+            self.lease_until = self.now + LEASE_TTL
 
     @rule()
     def takes_the_lease_back(self):
-        self.kernel.take_lease(None, retained=False, now=self.now)
+        self.bench.end_lease()
+        self.lease_until = -math.inf
 
     def beats(self, now, way="datachannel"):
         if now - self.beat_at > 0.5:
@@ -217,10 +219,11 @@ class KernelMachine(RuleBasedStateMachine):
             if verdict.reason is None:
                 assert not self.latched
                 assert not self.faulty
-                assert self.kernel.leases.live(self.now) is not None
+                assert self.now < self.lease_until
+                self.accepted_at = self.now
             self.passes(3)
 
-    @rule(linear=speeds, peer=st.sampled_from(["p1", "p2"]), back=st.integers(0, 3))
+    @rule(linear=speeds, peer=peers, back=st.integers(0, 3))
     def an_old_copy_comes(self, linear, peer, back):
         if self.taken < back and peer == "p1":
             return
@@ -246,13 +249,18 @@ class KernelMachine(RuleBasedStateMachine):
 
     # --- stops ------------------------------------------------------------------------------------
 
-    @rule(
-        way=ways,
-        peer=st.sampled_from(["p1", "p2"]),
-        role=st.sampled_from(["driver", "observer", "staff"]),
-        number=numbers,
-    )
+    @rule(way=ways, peer=peers, role=roles, number=numbers)
     def stops(self, way, peer, role, number):
+        self.presses_stop(way, peer, role, number)
+
+    @rule(way=ways, peer=peers, role=roles)
+    def a_stop_that_is_no_copy_brings_it_to_rest(self, way, peer, role):
+        self.presses += 1
+        assert self.presses_stop(way, peer, role, f"press-{self.presses}")
+        self.passes(round((BRAKING + KERNEL.at_rest_for) / TICK) + 3)
+        assert self.told == ZERO
+
+    def presses_stop(self, way, peer, role, number):
         own = (way == "datachannel" and peer == "p1") or (way == "mqtt" and role == "driver")
         own = own and self.kernel.leases.live(self.now) is not None
         self.bench.seq += 1
@@ -261,24 +269,27 @@ class KernelMachine(RuleBasedStateMachine):
         obeyed = self.bench.stop(action_id=f"id-{number}", **sender, **drive)
         assert self.kernel.stop_id == f"id-{number}"
         if obeyed:
+            self.pressed_at["stop", number] = self.now
             assert self.kernel.navigation is None
             self.navigation_is_over()
             if not own:
                 self.hold(by_person=self.kernel.leases.live(self.now) is not None)
         self.sees(self.bench.outputs[-1][1])
+        return obeyed
 
-    @rule(way=ways, role=st.sampled_from(["driver", "observer", "staff", "screen"]), number=numbers)
+    @rule(way=ways, role=roles, number=numbers)
     def is_stopped_for_good(self, way, role, number):
         watches = way == "datachannel" or role == "observer"
+        press = ("stop" if watches else "estop", number)
         if self.bench.estop(action_id=f"id-{number}", way=way, peer="p2", role=role):
+            self.pressed_at[press] = self.now
             if watches:
                 self.hold(by_person=True)
             else:
                 self.latched = True
-                self.pressed_at[number] = self.now
             self.navigation_is_over()
-        elif not watches:
-            assert self.now - self.pressed_at.get(number, -math.inf) < KERNEL.same_stop, (
+        else:
+            assert self.now - self.pressed_at.get(press, -math.inf) < KERNEL.same_stop, (
                 "an e-stop that repeats none was not obeyed"
             )
         self.sees(self.bench.outputs[-1][1])
@@ -400,8 +411,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.told, self.told_at, self.taken = ZERO, -math.inf, -1
         self.unbidden_for = 0
         self.pressed_at = {}
-        self.renewal += 1
-        self.leases(self.caps)
+        self.renews(self.caps.linear)
         self.bench.know_clock()
         self.hold()
 
@@ -459,13 +469,22 @@ class KernelMachine(RuleBasedStateMachine):
         ):
             assert abs(new) <= limit + SLACK
             if drives:
-                assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
+                from_speed = abs(old) if old * new > 0.0 else 0.0
+                grown = up * min(self.now - self.told_at, KERNEL.max_step)
+                assert abs(new) <= from_speed + grown + SLACK
             else:
-                fastest = max(abs(old), abs(self.base.angular), abs(self.base.linear))
+                fastest = abs(old)
+                if self.was_begun or self.goes:  # the architecture may have moved it
+                    fastest = max(fastest, abs(self.base.angular), abs(self.base.linear))
                 assert abs(new) <= fastest + SLACK
                 assert new * old >= 0.0
         if self.latched or self.faulty or self.is_held:
             assert not drives
+        if decision.why == "driving":
+            assert self.now < min(self.accepted_at + LIMITS.deadman, self.lease_until)
+        is_braking = not drives and not self.goes
+        self.braked_for += min(self.now - self.told_at, TICK) if is_braking else -self.braked_for
+        assert velocity == ZERO or self.braked_for <= BRAKING + 2 * TICK
         if drives:
             self.keeps_to_limits(velocity, before)
             self.moves_away_from_contacts(velocity, before)

@@ -45,14 +45,16 @@ def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
 
 
 def test_a_disk_that_fills_up_is_reported_before_it_is_full(tmp_path, monkeypatch):
-    store, free = Store(tmp_path / "giraff"), 500 * MIB
+    store, free = Store(tmp_path / "giraff"), 200 * MIB
     monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
     assert store.shortage() == ()  # no folder yet, so the store is empty
     store.prepare()
     assert store.shortage() == ()
-    free = 150 * MIB
-    assert store.shortage() == ("disk_low: 150 MB are free on the robot's computer",)
-    free = MIB
+    free -= 1
+    assert store.shortage() == ("disk_low: 199 MB are free on the robot's computer",)
+    free = 2 * MIB
+    assert store.shortage()[0].startswith("disk_low: ")
+    free -= 1
     assert store.shortage() == ("disk_full: 1 MB are free on the robot's computer",)
 
 

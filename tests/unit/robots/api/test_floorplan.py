@@ -50,6 +50,11 @@ def refused(plan: dict[str, Any]) -> str:
     return str(caught.value)
 
 
+@pytest.fixture
+def plan() -> dict[str, Any]:
+    return hut()
+
+
 def test_a_plan_survives_json() -> None:
     plan = floorplan.decode(json.dumps(hut()))
     assert floorplan.decode(floorplan.encode(plan)) == plan
@@ -81,9 +86,8 @@ def test_a_plan_finds_its_rooms_docks_and_routes() -> None:
     ],
 )
 def test_a_plan_that_cannot_be_a_place_is_refused_with_a_sentence(
-    path: tuple[Any, ...], value: Any, words: str
+    path: tuple[Any, ...], value: Any, words: str, plan: dict[str, Any]
 ) -> None:
-    plan = hut()
     target: Any = plan
     for step in path[:-1]:
         target = target[step]
@@ -100,22 +104,19 @@ def test_a_misspelled_or_invalid_field_is_named_with_its_path() -> None:
     assert "$.docks[0].theta" in refused(plan)
 
 
-def test_a_decoration_hangs_on_a_wall() -> None:
-    plan = hut()
+def test_a_decoration_hangs_on_a_wall(plan: dict[str, Any]) -> None:
     plan["decorations"] = [{"kind": "clock", "x": 1.5, "y": 0.075, "width": 0.3, "height": 0.3}]
     assert floorplan.decode(json.dumps(plan)).decorations
     plan["decorations"][0]["y"] = 1.0
     assert "clock at (1.5, 1) does not hang on a wall" in refused(plan)
 
 
-def test_a_mirror_without_a_surface_is_refused() -> None:
-    plan = hut()
+def test_a_mirror_without_a_surface_is_refused(plan: dict[str, Any]) -> None:
     plan["mirrors"] = [named("m", start=[0.075, 1], end=[0.075, 2], bottom=1.0, top=0.5)]
     assert "mirror 'm' has no surface" in refused(plan)
 
 
-def test_all_problems_are_reported_at_once() -> None:
-    plan = hut()
+def test_all_problems_are_reported_at_once(plan: dict[str, Any]) -> None:
     plan["docks"][0]["x"] = -4.0
     plan["doors"][0]["connects"] = ["west", "attic"]
     with pytest.raises(FloorPlanError) as caught:

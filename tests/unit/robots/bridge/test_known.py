@@ -13,24 +13,17 @@ from robots.bridge.known import DOUBT_SECONDS, KnownRobot
 from tests.support import words
 from tests.support.examples import examples
 
-LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=10.0)
-
 
 def lease(**changes):
-    return msgspec.structs.replace(LEASE, **changes)
+    return words.lease(**{"epoch": 3, "stamp": 10.0, **changes})
 
 
-def test_a_robot_is_online_until_it_reports_otherwise():
-    known = KnownRobot("giraff")
-    assert known.online is None
-    assert known.take("connection", words.online(), 0.0)
-    assert known.online
-    assert known.take("connection", words.broken(), 1.0)
-    assert known.online is False
+@pytest.fixture
+def known():
+    return KnownRobot("giraff")
 
 
-def test_the_will_of_an_earlier_boot_is_ignored():
-    known = KnownRobot("giraff")
+def test_the_will_of_an_earlier_boot_is_ignored(known):
     known.take("connection", words.online("b1"), 0.0)
     known.take("connection", words.online("b2"), 1.0)
     assert not known.take("connection", words.broken("b1"), 5.0)
@@ -62,8 +55,7 @@ def test_heartbeats_after_a_will_restore_the_robot_and_its_pages():
     assert known.online is False
 
 
-def test_silence_counts_only_after_the_robot_was_asked_for_heartbeats():
-    known = KnownRobot("giraff")
+def test_silence_counts_only_after_the_robot_was_asked_for_heartbeats(known):
     known.take("connection", words.online(), 0.0)
     assert not known.is_silent(29.0, 1.2)
     known.needed_since = 29.0
@@ -97,8 +89,7 @@ def test_a_robot_gets_a_heartbeat_each_second_while_a_page_needs_it():
     assert not delivery.known["giraff"].is_silent(100.0, 1.2)
 
 
-def test_a_lease_is_in_force_while_it_is_renewed():
-    known = KnownRobot("giraff")
+def test_a_lease_is_in_force_while_it_is_renewed(known):
     known.take("lease", lease(), 100.0)
     assert known.lease_at(109.9) == lease()
     assert known.lease_at(110.0) is None
@@ -106,8 +97,7 @@ def test_a_lease_is_in_force_while_it_is_renewed():
     assert known.lease_at(118.0) == lease(renewal=1)
 
 
-def test_late_copies_change_nothing():
-    known = KnownRobot("giraff")
+def test_late_copies_change_nothing(known):
     known.take("lease", lease(epoch=5, renewal=4, stamp=50.0), 0.0)
     assert not known.take("lease", lease(epoch=5, renewal=3, stamp=49.0), 1.0)
     assert not known.take("lease", lease(epoch=4, renewal=9, stamp=40.0), 1.0)
@@ -116,15 +106,13 @@ def test_late_copies_change_nothing():
     assert known.lease is None
 
 
-def test_a_lower_epoch_is_accepted_after_the_lease_has_ended():
-    known = KnownRobot("giraff")
+def test_a_lower_epoch_is_accepted_after_the_lease_has_ended(known):
     known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
     assert not known.take("lease", lease(epoch=1, stamp=20.0), 5.0)
     assert known.take("lease", lease(epoch=1, stamp=20.0), 11.0)
 
 
-def test_a_lease_of_the_database_overrides_every_message():
-    known = KnownRobot("giraff")
+def test_a_lease_of_the_database_overrides_every_message(known):
     known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
     assert known.take_lease(lease(epoch=2, stamp=5.0), 1.0, certain=True)
     assert known.lease.epoch == 2
@@ -160,11 +148,3 @@ def test_an_address_has_host_port_protocol_and_credentials(url, address):
 def test_an_address_that_cannot_be_used_is_named(url):
     with pytest.raises(BadAddress, match="broker's address"):
         parse(url)
-
-
-def test_attempts_become_rarer_up_to_a_bound_and_spread():
-    waits = [backoff(attempt, 0.999999) for attempt in range(40)]
-    assert waits == sorted(waits)
-    assert 0.19 < waits[0] <= 0.2
-    assert 0.79 < waits[-1] <= 0.8
-    assert backoff(2, 0.0) == pytest.approx(0.5 * 0.8)

@@ -108,12 +108,6 @@ def test_a_snapshot_is_packed_and_unpacked():
     assert wire.perceive(sent, new=False).sweep is None
 
 
-def test_an_output_is_packed_and_unpacked():
-    news = (ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),)
-    sent = wire.NodeOutput(output(wanted=AHEAD, news=news, path=((0.0, 1.0),)))
-    assert wire.unpack_answer(framing.pack(sent)[framing.HEADER :]) == sent
-
-
 def test_invalid_message_is_refused():
     with pytest.raises(framing.WireError):
         frames(bytearray(b"\x00\x00\x00\x02{}"))
@@ -126,15 +120,6 @@ def test_invalid_message_is_refused():
     )
     with pytest.raises(framing.WireError):
         wire.perceived(broken, None)
-
-
-def test_an_incomplete_message_waits_for_its_rest():
-    data = framing.pack(wire.CancelAction("a"))
-    buffer = bytearray(data[:5])
-    assert frames(buffer) == []
-    buffer += data[5:] + data
-    assert frames(buffer) == [wire.CancelAction("a"), wire.CancelAction("a")]
-    assert not buffer
 
 
 def settle():
@@ -163,16 +148,3 @@ def test_a_process_without_a_map_refuses_actions():
         ]
     )
     assert answers == [wire.OrderReply(7, "no map")]
-
-
-def test_a_process_serves_its_socket_until_that_is_closed():
-    here, there = socket.socketpair()
-    thread = threading.Thread(target=serve, args=(there,))
-    thread.start()
-    here.sendall(framing.pack(settle()))
-    size = int.from_bytes(here.recv(framing.HEADER), "big")
-    assert wire.unpack_answer(here.recv(size)) == wire.Settled()
-    here.close()
-    thread.join(10.0)
-    assert not thread.is_alive()
-    there.close()

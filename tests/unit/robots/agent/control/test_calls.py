@@ -1,5 +1,7 @@
 """Whose call and knock reaches the people at the robot."""
 
+import pytest
+
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
     KNOCK_REPORTED,
@@ -9,11 +11,8 @@ from robots.agent.control.calls import (
     CallControl,
     Passing,
 )
-from robots.api.messages import Call, Lease
-
-
-def lease(session="s1", epoch=1):
-    return Lease(session=session, epoch=epoch, peer="p1", who="Ana", renewal=0, stamp=1.0)
+from robots.api.messages import Call
+from tests.support.words import lease
 
 
 def call(**fields):
@@ -25,8 +24,12 @@ def status(calls, of=None, now=0.0):
     return state and state.status
 
 
-def test_no_media_passes_without_a_call():
-    calls = CallControl()
+@pytest.fixture
+def calls():
+    return CallControl()
+
+
+def test_no_media_passes_without_a_call(calls):
     assert status(calls) is None
     assert calls.passing(lease(), 0.0) == NOTHING
     assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
@@ -34,15 +37,7 @@ def test_no_media_passes_without_a_call():
     assert calls.passing(None, 0.0) == NOTHING, "there is no lease"
 
 
-def test_rule_accept_accepts_a_call_at_once():
-    calls = CallControl()
-    calls.ask(call(video=False, volume=0.5), lease(), 0.0)
-    assert status(calls) == "accepted"
-    assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
-
-
-def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted():
-    calls = CallControl()
+def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted(calls):
     calls.rule = "ask"
     calls.ask(call(shares=True), lease(), 0.0)
     assert not calls.shows_screen(lease(), 0.0)
@@ -56,17 +51,7 @@ def test_a_shared_screen_counts_as_shown_while_the_call_is_accepted():
     assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
 
 
-def test_rule_ask_passes_no_media_before_an_answer():
-    calls = CallControl()
-    calls.rule = "ask"
-    calls.ask(call(), lease(), 0.0)
-    assert (status(calls), calls.passing(lease(), 0.0)) == ("ringing", NOTHING)
-    assert calls.answer(accept=True, lease=lease(), now=1.0) is None
-    assert calls.passing(lease(), 1.0) == Passing(audio=True, video=True)
-
-
-def test_an_unanswered_call_may_still_be_answered():
-    calls = CallControl()
+def test_an_unanswered_call_may_still_be_answered(calls):
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
     assert status(calls, now=RINGS + 1) == "unanswered"
@@ -74,8 +59,7 @@ def test_an_unanswered_call_may_still_be_answered():
     assert status(calls, now=RINGS + 2) == "accepted"
 
 
-def test_declined_visitor_is_cut_off_and_rings_again_only_after_hanging_up():
-    calls = CallControl()
+def test_declined_visitor_is_cut_off_and_rings_again_only_after_hanging_up(calls):
     calls.ask(call(), lease(), 0.0)
     calls.answer(accept=False, lease=lease(), now=1.0)
     assert (status(calls), calls.passing(lease(), 1.0)) == ("declined", NOTHING)
@@ -87,8 +71,7 @@ def test_declined_visitor_is_cut_off_and_rings_again_only_after_hanging_up():
     assert status(calls, now=4.0) == "ringing"
 
 
-def test_an_answer_is_valid_for_the_session_and_each_page_starts_muted():
-    calls = CallControl()
+def test_an_answer_is_valid_for_the_session_and_each_page_starts_muted(calls):
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
     calls.answer(accept=True, lease=lease(), now=1.0)
@@ -113,8 +96,7 @@ def knocking(calls, now=0.0, of=None):
     return state and (state.action_id, state.status)
 
 
-def test_a_knock_rings_until_it_is_answered_or_ends():
-    calls = CallControl()
+def test_a_knock_rings_until_it_is_answered_or_ends(calls):
     assert knocking(calls) is None
     assert knock(calls) is None
     assert knocking(calls, KNOCK_RINGS) == ("k1", "ringing")
@@ -124,8 +106,7 @@ def test_a_knock_rings_until_it_is_answered_or_ends():
     assert knocking(calls, KNOCK_REPORTED + 1) is None
 
 
-def test_an_answered_knock_accepts_a_later_call():
-    calls = CallControl()
+def test_an_answered_knock_accepts_a_later_call(calls):
     calls.rule = "ask"
     knock(calls)
     assert (status(calls), calls.passing(lease(), 0.0)) == (None, NOTHING)
@@ -136,8 +117,7 @@ def test_an_answered_knock_accepts_a_later_call():
     assert calls.passing(lease(), 2.0) == Passing(audio=True, video=True)
 
 
-def test_not_now_keeps_the_robot_quiet_for_the_rest_of_the_session_and_ends_no_call():
-    calls = CallControl()
+def test_not_now_keeps_the_robot_quiet_for_the_rest_of_the_session_and_ends_no_call(calls):
     calls.ask(call(), lease(), 0.0)
     knock(calls)
     assert calls.knockable(lease(), audible=True)
@@ -146,32 +126,29 @@ def test_not_now_keeps_the_robot_quiet_for_the_rest_of_the_session_and_ends_no_c
     assert knock(calls, "k2", 1000.0) == "declined"
     assert not calls.knockable(lease(epoch=2), audible=True)
     assert status(calls, now=1.0) == "accepted"
-    assert calls.knockable(lease("s2"), audible=True)
-    assert knock(calls, "k3", 1000.0, lease("s2")) is None
+    assert calls.knockable(lease(session="s2"), audible=True)
+    assert knock(calls, "k3", 1000.0, lease(session="s2")) is None
 
 
-def test_knocks_of_all_drivers_together_have_a_pause_between_them():
-    calls = CallControl()
+def test_knocks_of_all_drivers_together_have_a_pause_between_them(calls):
     knock(calls)
     assert knock(calls, "k2", KNOCK_PAUSE - 0.1) == "too_soon"
-    assert knock(calls, "k3", KNOCK_PAUSE - 0.1, lease("s2")) == "too_soon"
-    assert knock(calls, "k4", KNOCK_PAUSE, lease("s2")) is None
+    assert knock(calls, "k3", KNOCK_PAUSE - 0.1, lease(session="s2")) == "too_soon"
+    assert knock(calls, "k4", KNOCK_PAUSE, lease(session="s2")) is None
     assert knocking(calls, KNOCK_PAUSE) is None, "that of the session before is nobody's"
-    assert knocking(calls, KNOCK_PAUSE, lease("s2")) == ("k4", "ringing")
+    assert knocking(calls, KNOCK_PAUSE, lease(session="s2")) == ("k4", "ringing")
 
 
-def test_knock_without_display_and_loudspeaker_is_refused():
-    calls = CallControl()
+def test_knock_without_display_and_loudspeaker_is_refused(calls):
     assert knock(calls, audible=False) == "nobody_there"
     assert calls.knock("k1", None, 0.0, audible=True) == "nobody_there"
     assert not calls.knockable(lease(), audible=False)
     assert not calls.knockable(None, audible=True)
 
 
-def test_only_the_knock_that_rings_is_answered():
-    calls = CallControl()
+def test_only_the_knock_that_rings_is_answered(calls):
     knock(calls)
-    answers = [("k2", lease(), 1.0), ("k1", lease("s2"), 1.0), ("k1", None, 1.0)]
+    answers = [("k2", lease(), 1.0), ("k1", lease(session="s2"), 1.0), ("k1", None, 1.0)]
     answers.append(("k1", lease(), KNOCK_REPORTED + 1))
     for name, of, now in answers:
         assert calls.answer_knock(name, accept=True, lease=of, now=now) == "nobody_knocks"

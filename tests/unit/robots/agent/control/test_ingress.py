@@ -1,10 +1,12 @@
 """Messages of pages wait in bounded places for each page, and stops come first."""
 
 import msgspec
+import pytest
 
 from robots.agent.control.ingress import ACTIONS_WAITING, Ingress
 from robots.api.errors import Rejection
 from robots.api.messages import Cancel, CommandHeartbeat, EStop, Goto, Photo, Stop, VelocityCommand
+from tests.support import words
 
 GOTO, CANCEL = Goto(action_id="g1", stamp=1.0, x=1.0, y=2.0), Cancel(action_id="c1", stamp=1.0)
 
@@ -28,13 +30,15 @@ class Loop:
 
 
 def velocity(seq: int) -> VelocityCommand:
-    return VelocityCommand(
-        session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.3, angular=0.0, method="keyboard"
-    )
+    return words.velocity(seq)
 
 
-def test_only_the_newest_of_a_flood_is_handled_and_the_loop_is_woken_once() -> None:
-    loop = Loop()
+@pytest.fixture
+def loop() -> Loop:
+    return Loop()
+
+
+def test_only_the_newest_of_a_flood_is_handled_and_the_loop_is_woken_once(loop: Loop) -> None:
     for n in range(10_000):
         loop.put(velocity(n))
         stop, beat = Stop(action_id=f"s{n}", stamp=1.0), CommandHeartbeat(n=n, stamp=1.0, peer="p2")
@@ -48,8 +52,7 @@ def test_only_the_newest_of_a_flood_is_handled_and_the_loop_is_woken_once() -> N
     assert loop.woken == 2
 
 
-def test_stops_of_all_pages_are_handled_first() -> None:
-    loop = Loop()
+def test_stops_of_all_pages_are_handled_first(loop: Loop) -> None:
     for peer in ("p1", "p2"):
         estop = EStop(action_id=f"e-{peer}", stamp=1.0)
         loop.put(estop, velocity(1), peer=peer, role="observer")
@@ -57,8 +60,7 @@ def test_stops_of_all_pages_are_handled_first() -> None:
     assert found == [EStop, EStop, VelocityCommand, VelocityCommand]
 
 
-def test_stop_voids_earlier_motion_of_its_page() -> None:
-    loop = Loop()
+def test_stop_voids_earlier_motion_of_its_page(loop: Loop) -> None:
     stop = Stop(action_id="s1", stamp=1.0)
     loop.put(velocity(1), GOTO, CANCEL, stop, velocity(2))
     loop.put(GOTO, peer="p2")
@@ -67,21 +69,18 @@ def test_stop_voids_earlier_motion_of_its_page() -> None:
     assert rejected == {"stopped": 2}
 
 
-def test_commands_of_one_page_keep_their_order() -> None:
-    loop = Loop()
+def test_commands_of_one_page_keep_their_order(loop: Loop) -> None:
     loop.put(velocity(1), CANCEL, GOTO, velocity(2))
     assert loop.drained() == [CANCEL, GOTO, velocity(2)]
 
 
-def test_a_release_is_handled_though_a_key_was_pressed_again_at_once() -> None:
-    loop = Loop()
+def test_a_release_is_handled_though_a_key_was_pressed_again_at_once(loop: Loop) -> None:
     zero = msgspec.structs.replace(velocity(2), linear=0.0)
     loop.put(velocity(1), zero, velocity(3))
     assert loop.drained() == [zero, velocity(3)]
 
 
-def test_each_page_has_room_for_its_own_actions() -> None:
-    loop = Loop()
+def test_each_page_has_room_for_its_own_actions(loop: Loop) -> None:
     for n in range(100):
         loop.put(Photo(action_id=f"a{n}", stamp=1.0), Photo(action_id="a0", stamp=1.0))
     loop.put(Photo(action_id="b", stamp=1.0), peer="p2")
@@ -91,8 +90,7 @@ def test_each_page_has_room_for_its_own_actions() -> None:
     assert rejected == {"too_many": 100 - ACTIONS_WAITING}
 
 
-def test_unreadable_packets_are_counted_and_dropped() -> None:
-    loop = Loop()
+def test_unreadable_packets_are_counted_and_dropped(loop: Loop) -> None:
     loop.put(*[Rejection("malformed")] * 1000)
     assert (loop.ingress.drain(), loop.woken) == (([], {"malformed": 1000}), 1)
     assert loop.ingress.drain() == ([], {})

@@ -196,14 +196,10 @@ def test_a_late_copy_of_a_stop_does_not_end_a_later_action(rig):
     assert rig.robot.going
 
 
-def test_agent_cancels_an_action_before_it_ends(tmp_path):
-    rig = ControlRig(tmp_path, robot=NavigatingRobot())
-    rig.__enter__()
-    rig.grant()
+def test_agent_cancels_an_action_before_it_ends(rig):
     rig.robot.ignored_cancels = 2
     go(rig)
     rig.close()
-    rig.time.close()
     assert rig.robot.cancelled.count("a1") == 3
     assert not rig.robot.going
     assert rig.robot.told == ZERO

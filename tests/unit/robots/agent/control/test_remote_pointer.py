@@ -4,9 +4,10 @@ import pytest
 
 from robots.agent.control.remote_pointer import BURST, FORGOTTEN, PEERS, RATE, Pointing
 from robots.agent.safety.permissions import CommandSender
-from robots.api.messages import Lease, PointCommand
+from robots.api.messages import PointCommand
+from tests.support import words
 
-LEASE = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0)
+LEASE = words.lease(epoch=7)
 SERVER = CommandSender("mqtt")
 CHANNEL = CommandSender("datachannel", "p1", role="driver")
 
@@ -29,9 +30,13 @@ def take(pointing, command, sender=SERVER, *, peer=None, lease=LEASE, shown=True
     )
 
 
+@pytest.fixture
+def pointing():
+    return Pointing()
+
+
 @pytest.mark.parametrize("sender", [SERVER, CHANNEL], ids=["mqtt", "data channel"])
-def test_the_driver_points_while_the_shared_screen_is_shown(sender):
-    pointing = Pointing()
+def test_the_driver_points_while_the_shared_screen_is_shown(sender, pointing):
     assert take(pointing, dot(), sender) == "driver"
     assert take(pointing, dot(2.0), sender, shown=False, now=1.0) is None
     assert pointing.refused == {"not_shown": 1}
@@ -45,8 +50,7 @@ def test_the_driver_points_while_the_shared_screen_is_shown(sender):
     ],
     ids=["mqtt", "data channel"],
 )
-def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, sender):
-    pointing = Pointing()
+def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, sender, pointing):
     assert take(pointing, command, sender) == "screen"
     assert take(pointing, command, sender, shown=False, now=1.0) is None
     assert take(pointing, command, sender, lease=None, now=1.0) is None
@@ -64,24 +68,19 @@ def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, 
         (at_screen(), CommandSender("datachannel", "p2", role="driver"), "observer"),
     ],
 )
-def test_others_cannot_point_with_any_role(command, sender, reason):
-    pointing = Pointing()
+def test_others_cannot_point_with_any_role(command, sender, reason, pointing):
     assert take(pointing, command, sender) is None
     assert pointing.refused == {reason: 1}
 
 
-def test_dots_are_refused_on_a_transport_that_the_lease_does_not_allow():
-    pointing = Pointing()
-    only_mqtt = Lease(
-        session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",)
-    )
+def test_dots_are_refused_on_a_transport_that_the_lease_does_not_allow(pointing):
+    only_mqtt = words.lease(epoch=7, ways=("mqtt",))
     assert take(pointing, dot(), CHANNEL, lease=only_mqtt) is None
     assert take(pointing, dot(), SERVER, lease=only_mqtt) == "driver"
     assert pointing.refused == {"not_allowed": 1}
 
 
-def test_overtaken_dot_is_dropped_until_a_clock_may_have_been_set():
-    pointing = Pointing()
+def test_overtaken_dot_is_dropped_until_a_clock_may_have_been_set(pointing):
     assert take(pointing, dot(100.0)) == "driver"
     assert take(pointing, dot(99.9), now=0.1) is None
     assert take(pointing, dot(100.0), now=0.1) is None, "once is enough"
@@ -92,8 +91,7 @@ def test_overtaken_dot_is_dropped_until_a_clock_may_have_been_set():
     assert pointing.refused == {"old": 2}
 
 
-def test_at_most_twenty_dots_a_second_pass_from_each_peer():
-    pointing = Pointing()
+def test_at_most_twenty_dots_a_second_pass_from_each_peer(pointing):
     passed = sum(take(pointing, dot(1.0 + n / 200), now=n / 200) == "driver" for n in range(2000))
     assert passed == pytest.approx(10 * RATE + BURST, abs=2)
     assert take(pointing, at_screen(1.0), now=10.0) == "screen", "one peer's flood is nobody else's"
@@ -101,8 +99,7 @@ def test_at_most_twenty_dots_a_second_pass_from_each_peer():
     assert all(take(own_pace, dot(1.0 + n / 15), now=n / 15) == "driver" for n in range(300))
 
 
-def test_few_of_many_strangers_are_remembered():
-    pointing = Pointing()
+def test_few_of_many_strangers_are_remembered(pointing):
     for n in range(10 * PEERS):
         take(pointing, at_screen(peer=f"screen-{n}"), now=n / 1000)
     assert len(pointing._hands) == PEERS

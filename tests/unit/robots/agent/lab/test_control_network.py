@@ -12,12 +12,6 @@ from tests.support.agents.control_rig import ControlRig, own, staff
 DELAY = 0.12
 
 
-@pytest.fixture
-def rig(tmp_path):
-    with ControlRig(tmp_path) as rig:
-        yield rig
-
-
 def configure(rig, lab, session="s1", **fields):
     rig.link.say(
         "config", m.Config(stamp=rig.unix(), control_network=lab, network_session=session, **fields)
@@ -49,7 +43,6 @@ def test_commands_reach_the_base_older_by_the_delay_on_either_transport(rig, way
 
 
 def test_a_clean_network_delays_no_command(rig):
-    rig.grant()
     rig.drive(0.5)
     assert all(s.control_network is None and s.video_network is None for s in rig.link.all("state"))
 
@@ -58,7 +51,6 @@ def test_a_clean_network_delays_no_command(rig):
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
 def test_stop_and_estop_are_obeyed_at_once_on_any_network(rig, lab, way, kind):
-    rig.grant()
     rig.drive(0.5)
     configure(rig, lab)
     reported(rig)
@@ -90,8 +82,7 @@ def test_the_round_trip_is_measured_beside_the_lab_so_that_ages_stay_right(rig):
 
 
 def test_a_command_that_the_network_has_made_too_old_is_refused(rig):
-    rig.grant()  # the robot's own limit: 250 ms
-    configure(rig, m.NetworkLab(delay=0.4))
+    configure(rig, m.NetworkLab(delay=0.4))  # the robot's own limit is 250 ms
     reported(rig)
     for _ in range(5):
         rig.push(0.5)
@@ -138,7 +129,6 @@ def test_the_next_visitor_has_a_clean_network_before_the_server_ends_the_lab(rig
 
 def test_a_network_of_one_session_waits_for_its_driver(rig):
     configure(rig, m.NetworkLab(delay=0.2), session="s7")
-    rig.grant()
     assert rig.link.wait("state", lambda s: s.session == "s1").control_network is None
     rig.grant(session="s7", epoch=7)
     state = reported(rig)
@@ -146,7 +136,6 @@ def test_a_network_of_one_session_waits_for_its_driver(rig):
 
 
 def test_the_video_network_is_applied_and_reported_by_the_media_side(rig):
-    rig.grant()
     lab = m.NetworkLab(bitrate=4e5, seed=8)
     rig.link.say("config", m.Config(stamp=rig.unix(), video_network=lab, network_session="s1"))
     assert rig.link.wait("state", lambda s: s.video_network is not None).video_network.lab == lab

@@ -5,10 +5,11 @@ import pytest
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support import words
 
 SLOW, NARROW = m.NetworkLab(delay=0.2, seed=3), m.NetworkLab(bitrate=4e5, seed=4)
 BOTH = {"control_network": SLOW, "video_network": NARROW}
-LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
+LEASE = words.lease(epoch=3)
 OWN = Networks(m.NetworkLab(loss=0.5), None)
 
 
@@ -32,9 +33,7 @@ def test_a_driver_has_the_servers_networks_for_the_session_or_the_agents_own(
     assert in_force(lease, message, own) == found
 
 
-VELOCITY = m.VelocityCommand(
-    session="s1", epoch=3, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
-)
+VELOCITY = words.velocity(session="s1", epoch=3)
 DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
 
 
@@ -60,12 +59,7 @@ def test_stops_are_never_held(message, sender):
     [
         (VELOCITY, CommandSender("datachannel", "p2")),
         (VELOCITY, CommandSender("mqtt", retained=True)),
-        (
-            m.VelocityCommand(
-                session="s2", epoch=1, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
-            ),
-            CommandSender("mqtt"),
-        ),
+        (words.velocity(session="s2", epoch=1), CommandSender("mqtt")),
         (m.Photo(action_id="a", stamp=1.0, role="staff", user="ops"), CommandSender("mqtt")),
         (m.Dock(action_id="a", stamp=1.0, role="server"), CommandSender("mqtt")),
         (m.Goto(**DRIVERS, x=0.0, y=0.0), CommandSender("datachannel", "p2")),

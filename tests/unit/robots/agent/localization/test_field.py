@@ -66,23 +66,3 @@ def test_a_ray_out_of_an_open_map_ends_at_the_lasers_reach() -> None:
     field = field_of(drawn_map("#....\n#....\n#....", scale=4))
     x, y = field.world_from_field.inverse().apply(0.5, 0.3)
     assert field.cast(np.array([x]), np.array([y]), np.array([0.0]), 7.0)[0] == pytest.approx(7.0)
-
-
-def test_a_turned_map_leads_to_the_same_places() -> None:
-    origin = Pose2D(3.0, -2.0, 0.7)
-    field = field_of(drawn_map(ROOM, scale=4, origin=origin))
-    x, y = field.world_from_field.inverse().apply(*origin.apply(0.5, 0.7))
-    assert field.distances(np.array([x]), np.array([y]))[0][0] == pytest.approx(0.3, abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("picture", "reason"),
-    [
-        ("####\n####", "no free space"),
-        ("   \n###", "no free space"),
-        ("...\n...", "no obstacles"),
-    ],
-)
-def test_a_map_that_cannot_tell_where_one_is_is_refused(picture: str, reason: str) -> None:
-    with pytest.raises(MapError, match=reason):
-        field_of(drawn_map(picture))

@@ -8,23 +8,6 @@ import pytest
 from robots.agent.localization.motion_model import MotionNoise, move
 from robots.api.geometry import Pose2D
 
-EXACT = MotionNoise(0.0, 0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    "step",
-    [
-        Pose2D(0.3, 0.02, 0.1),
-        Pose2D(-0.05, 0.0, 0.0),
-        Pose2D(0.0, 0.0, -1.0),
-        Pose2D(1e-6, 0.0, 0.0),
-    ],
-)
-def test_a_particle_without_noise_moves_by_the_step(step: Pose2D) -> None:
-    start = Pose2D(1.0, 2.0, 0.5)
-    moved = move(np.array([start]), step, EXACT, np.random.default_rng(1))
-    assert moved[0] == pytest.approx(tuple(start.compose(step)))
-
 
 def test_the_spread_of_a_motion_does_not_depend_on_the_number_of_steps() -> None:
     rng = np.random.default_rng(2)
@@ -42,10 +25,3 @@ def test_a_turn_in_place_leaves_the_place_and_widens_the_heading() -> None:
     )
     assert np.abs(moved[:, :2]).max() < 0.1
     assert moved[:, 2].std() == pytest.approx(math.sqrt(0.0016 * math.pi / 2), rel=0.1)
-
-
-def test_particles_of_a_robot_at_rest_do_not_move() -> None:
-    poses = np.random.default_rng(4).normal(size=(10, 3))
-    assert move(
-        poses, Pose2D(0.0, 0.0, 0.0), MotionNoise(), np.random.default_rng(4)
-    ) == pytest.approx(poses)

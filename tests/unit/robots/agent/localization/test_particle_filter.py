@@ -46,11 +46,6 @@ def test_a_wider_spread_needs_more_particles_up_to_the_most() -> None:
     assert counts[-1] <= SAMPLING.most
 
 
-def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
-    poses = np.array([[0.1, 0.1, 0.05 + turns * math.tau] for turns in (0, 1, -2)])
-    assert kld_count(poses, SAMPLING) == SAMPLING.fewest
-
-
 def test_drawing_keeps_the_shares() -> None:
     poses = about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
     particles = ParticleSet(poses, np.repeat([0.3 / 500, 0.7 / 500], 500))
@@ -106,9 +101,3 @@ def test_a_cluster_at_180_degrees_has_one_heading() -> None:
     )
     assert abs(wrapped(cluster.mean[2:] - math.pi)[0]) < 0.02
     assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
-
-
-def test_one_particle_is_a_cluster() -> None:
-    cluster = heaviest_cluster(uniform(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
-    assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
-    assert cluster.share == pytest.approx(1.0)

@@ -48,26 +48,6 @@ def test_a_page_computes_the_stamp_across_the_wrap_of_32_bits() -> None:
     assert capture_stamp(clock, 2**32 - 90_000) == NOW - 0.5
 
 
-def test_media_clock_is_sent_every_second_and_when_it_no_longer_fits() -> None:
-    sender = MediaClockSender()
-    assert sender.before(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
-    assert sender.before(45_000, NOW + 0.5, 0.5) is None
-    assert sender.before(90_000, NOW + 1.0, 1.0) is not None
-    assert sender.before(93_000, NOW + 3600.0, 1.03) is not None, "the robot's clock was set"
-    assert sender.before(96_000, NOW + 3600.0 + 3_000 / 90_000, 1.07) is None
-    sender.forget()
-    assert sender.before(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
-
-
-@examples(50, thorough=1000)
-@given(st.binary(min_size=1, max_size=9_000))
-def test_a_picture_is_assembled_from_its_payloads(picture: bytes) -> None:
-    parsed = [VpxPayloadDescriptor.parse(payload) for payload in vp8_payloads(picture)]
-    assert b"".join(data for _, data in parsed) == picture
-    assert [d.partition_start for d, _ in parsed] == [1] + [0] * (len(parsed) - 1)
-    assert {d.picture_id for d, _ in parsed} == {None}
-
-
 @examples(50, thorough=1000)
 @given(
     st.integers(1, 14),
@@ -118,18 +98,6 @@ def test_aiortc_reads_our_packets_and_only_the_last_has_the_marker() -> None:
     assert packets[0].extensions.mid == "0"
     assert packets[0].extensions.abs_send_time == ntp_time(NOW) >> 14 & 0xFFFFFF
     assert (stream.packets_sent, stream.octets_sent) == (2, 6)
-
-
-def test_a_lost_packet_is_wrapped_for_retransmission() -> None:
-    stream = RtpStream(
-        ssrc=5, payload_type=97, sequence=100, rtx_ssrc=6, rtx_payload_type=98, rtx_sequence=3
-    )
-    stream.packets((b"one", b"two"), 77, NOW)
-    rtx = RtpPacket.parse(stream.retransmission(101, NOW))
-    assert (rtx.ssrc, rtx.payload_type, rtx.sequence_number) == (6, 98, 3)
-    original = unwrap_rtx(rtx, payload_type=97, ssrc=5)
-    assert (original.sequence_number, original.payload) == (101, b"two")
-    assert (original.marker, original.timestamp) == (1, 77)
 
 
 def test_a_packet_is_repeated_unchanged_without_a_retransmission_stream() -> None:

@@ -21,6 +21,11 @@ def exchange(clock, *, at, there, back, offset, pause=0.05):
     )
 
 
+@pytest.fixture
+def clocks():
+    return PeerClocks()
+
+
 @given(
     st.floats(-1e6, 1e6),
     st.lists(st.tuples(st.floats(0, 0.5), st.floats(0, 0.5)), min_size=3, max_size=30),
@@ -51,8 +56,7 @@ def test_an_old_bad_sample_is_forgotten_when_the_peers_clock_has_jumped():
     assert clock.age(60.0 + 50.0, 50.0) == pytest.approx(0.0, abs=0.1)
 
 
-def test_only_echoes_of_sent_heartbeats_count_with_the_recorded_time():
-    clocks = PeerClocks()
+def test_only_echoes_of_sent_heartbeats_count_with_the_recorded_time(clocks):
     beat = clocks.beat(10.0, 1000.0)
     forged = m.Echo(peer="robot", n=99, stamp=0.0, received=500.0)
     lying = m.Echo(peer="robot", n=beat.n, stamp=123.0, received=500.0)
@@ -74,8 +78,7 @@ def echoed(clocks, now, first=()):
     return [echo.peer for echo in clocks.beat(now, 50.0, first=first).echoes]
 
 
-def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_of_the_last_5_s():
-    clocks = PeerClocks()
+def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_of_the_last_5_s(clocks):
     for number in range(10):
         hear(clocks, f"p{number}", now=100.0 + number, n=number)
     beat = clocks.beat(109.0, 50.0)
@@ -85,21 +88,7 @@ def test_a_heartbeat_has_at_most_sixteen_echoes_of_peers_of_the_last_5_s():
     assert len(echoed(clocks, 110.0)) == 16
 
 
-def test_peers_are_echoed_in_turn_after_the_peers_of_the_lease_and_the_server():
-    clocks = PeerClocks()
-    crowd = [f"p{number}" for number in range(40)]
-    hear(clocks, "driver", "wizard", "server", *crowd, now=100.0)
-    turns = []
-    for _ in range(4):
-        first, rest = (names := echoed(clocks, 100.0, ("driver", "wizard")))[:3], names[3:]
-        assert set(first) == {"driver", "wizard", "server"}
-        assert len(rest) == 13
-        turns += rest
-    assert turns[:40] == crowd, "each of them once, before any of them again"
-
-
-def test_a_peer_with_two_transports_has_both_of_them_echoed_or_neither():
-    clocks = PeerClocks()
+def test_a_peer_with_two_transports_has_both_of_them_echoed_or_neither(clocks):
     for transport in ("mqtt", "datachannel"):
         hear(clocks, *(f"p{number}" for number in range(5)), now=100.0, way=transport)
     hear(clocks, *(f"q{number}" for number in range(7)), now=100.0)
@@ -111,8 +100,7 @@ def test_a_peer_with_two_transports_has_both_of_them_echoed_or_neither():
     assert all(names.count(name) == 2 for name in names if name.startswith("p"))
 
 
-def test_no_number_of_other_peers_evicts_those_of_the_lease():
-    clocks = PeerClocks()
+def test_no_number_of_other_peers_evicts_those_of_the_lease(clocks):
     hear(clocks, "driver", "wizard", "server", now=100.0)
     clocks.beat(100.0, 50.0, first=("driver", "wizard"))
     hear(clocks, *(f"p{number}" for number in range(1000)), now=100.1)
@@ -200,17 +188,7 @@ def test_a_new_driver_has_a_clock_within_3_s_among_any_number_of_viewers(viewers
             assert t - page.echoed_at < 0.5, f"the driver's page has no echo at {t:.1f} s"
 
 
-def test_each_transport_has_its_own_echo():
-    clocks = PeerClocks()
-    clocks.on_heartbeat(
-        "p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0
-    )
-    clocks.on_heartbeat("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
-    assert {echo.n for echo in clocks.beat(100.2, 7.2).echoes} == {2, 3}
-
-
-def test_a_peer_that_never_echoes_is_known_roughly_by_its_fastest_beat():
-    clocks = PeerClocks()
+def test_a_peer_that_never_echoes_is_known_roughly_by_its_fastest_beat(clocks):
     assert clocks.rough_age("server", 5.0, 10.0) is None
     for at, delay in ((10.0, 0.4), (10.2, 0.02), (10.4, 0.9)):
         beat = m.CommandHeartbeat(n=1, stamp=5000.0 + at - delay)

@@ -70,15 +70,6 @@ def test_a_contact_ends_after_the_robot_has_backed_away(side):
     assert not contacts
 
 
-def test_contact_while_reversing_allows_only_forward_motion():
-    bench = Bench()
-    bench.at_speed(-0.3)
-    bench.kernel.touched(["behind"])
-    bench.run(1.0, every=0.06, linear=-0.3)
-    assert bench.speed == 0.0
-    assert bench.run(0.3, every=0.06, linear=0.3) > 0.0
-
-
 def test_contact_beside_a_robot_at_rest_prevents_turns_until_it_has_driven_along():
     bench = bench_with_driver()
     bench.kernel.touched(["left"])

@@ -1,4 +1,4 @@
-"""The kernel's rules, one by one; test_safety_properties.py combines them."""
+"""The kernel's rules, one by one; test_kernel_machine.py combines them."""
 
 import msgspec
 import pytest
@@ -18,23 +18,10 @@ def bench():
     return bench_with_driver()
 
 
-def test_a_command_of_the_driver_moves_the_robot_on_arrival(bench):
-    assert bench.drive(0.5).reason is None
-    assert bench.speed > 0.0
-
-
 @pytest.mark.parametrize("every", [0.2, TICK])
 def test_speed_grows_by_the_acceleration_limit_at_any_rate_of_commands(bench, every):
     bench.drive(0.7)
     assert bench.run(1.0, every=every, linear=0.7) == pytest.approx(0.4, abs=0.02)
-
-
-def test_reversing_brakes_first_and_then_accelerates(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.run(0.5, every=0.06, linear=-0.3)
-    assert -0.05 < bench.speed < 0.0
-    bench.run(2.0, every=0.06, linear=-9.0)
-    assert bench.speed == pytest.approx(-0.4)
 
 
 def test_the_verdict_has_the_velocity_that_limits_and_age_allow(bench):
@@ -59,43 +46,12 @@ def test_neither_lease_nor_robot_can_raise_the_hard_bound_of_ages(asked):
         assert bench.drive(frame_age=FRAME_AGE_BOUND + 0.05).reason == "frame_stale"
 
 
-def test_a_stored_copy_of_a_lease_never_permits_driving():
-    bench = Bench()
-    bench.lease(retained=True)
-    bench.know_clock()
-    assert bench.drive().reason == "no_lease"
-    assert bench.kernel.leases.announced(bench.now).session == "s1"
-
-
-def test_a_lease_ends_its_ttl_after_its_receipt(bench):
-    bench.run(10.5, every=0.1)
-    assert bench.drive().reason == "no_lease"
-    bench.run(1.0)
-    assert bench.speed == 0.0
-
-
 def test_a_renewal_prolongs_the_lease_and_an_older_copy_does_not(bench):
     bench.run(8.0)
     assert not bench.lease(renewal=0)
     assert bench.lease(renewal=1)
     bench.run(8.0)
     assert bench.drive().reason is None
-
-
-def test_a_lease_that_ends_between_two_commands_brakes_before_the_deadman_does(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.lease(epoch=2, ttl=0.1)
-    bench.drive(0.5, epoch=2)
-    bench.now += 0.11
-    assert bench.tick().why == "no_lease"
-
-
-def test_an_emptied_lease_brakes_at_once(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.end_lease()
-    bench.run(TICK)
-    assert bench.speed < 0.5
-    assert bench.drive().reason == "no_lease"
 
 
 def test_a_lower_epoch_is_accepted_only_after_the_lease_has_ended(bench):
@@ -174,13 +130,6 @@ def test_the_smallest_limit_of_robot_lease_and_assistance_counts(bench):
     assert bench.speed == pytest.approx(0.1)
 
 
-def test_a_lease_that_lowers_a_limit_slows_a_robot_that_is_driving(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.drive(0.5)
-    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.2))
-    assert bench.run(0.28) == pytest.approx(0.2)
-
-
 def test_three_hundred_milliseconds_of_silence_brake_with_the_braking_limit(bench):
     bench.run(2.0, every=0.06, linear=0.5)
     bench.drive(0.5)
@@ -243,19 +192,6 @@ def test_robot_that_moves_without_a_command_is_braked_again_and_reported(bench, 
     assert bench.speed == 0.0, "the driver waits longer after such a motion"
     bench.run(2.0)
     assert bench.outputs[-1][1].velocity is None
-
-
-def test_zeros_are_sent_until_the_end_of_an_action_is_confirmed(bench):
-    bench.run(1.0)
-    bench.kernel.is_end_unconfirmed = True
-    bench.run(5.0)
-    assert bench.outputs[-1][1].velocity == ZERO
-    bench.navigate()
-    bench.run(0.5)
-    assert not bench.kernel.navigation.may_begin
-    bench.kernel.is_end_unconfirmed = False
-    bench.run(0.1)
-    assert bench.kernel.navigation.may_begin
 
 
 @pytest.mark.parametrize(
@@ -387,13 +323,6 @@ def test_pause_of_the_loop_is_followed_by_a_ramp(bench):
     assert bench.speed == 0.0
 
 
-def test_the_robot_is_not_started_again_after_the_loop_was_blocked(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.now += 2.0
-    bench.tick()
-    assert bench.speed == 0.0
-
-
 def test_the_drivers_stop_voids_every_lower_number_and_the_next_command_drives(bench):
     bench.run(2.0, every=0.06, linear=0.5)
     bench.stop(seq=bench.seq + 3, session="s1", epoch=1)
@@ -480,18 +409,6 @@ def test_the_next_driver_is_not_held_by_a_stop_of_the_last_session(bench):
     assert bench.drive(0.5, session="s2", epoch=2).reason is None
 
 
-def test_a_driver_who_held_a_key_while_the_agent_restarted_releases_it_first():
-    bench = Bench()
-    bench.kernel.set_fault("adapter_lost")
-    bench.kernel.clear_fault(bench.now)
-    bench.run(3.0)
-    bench.lease(renewal=7)
-    bench.know_clock()
-    assert bench.drive(0.5).reason == "stopped"
-    assert bench.drive(0.0).reason is None
-    assert bench.drive(0.5).reason is None
-
-
 def dock_refusal(bench):
     return bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server"))
 
@@ -531,35 +448,11 @@ def test_stop_of_a_driver_whose_session_just_ended_lets_the_robot_return(bench):
     assert dock_refusal(bench) is None
 
 
-def test_hold_outlives_a_lease_that_lapses_and_is_renewed_with_the_key_held(bench):
-    bench.run(1.0, every=0.1, linear=0.3)
-    bench.stop(peer="p2")
-    bench.run(10.0, every=0.1, linear=0.3)
-    assert bench.kernel.leases.live(bench.now) is None
-    bench.run(2.0, every=0.1, linear=0.3)
-    bench.lease(renewal=1)
-    assert bench.drive(0.3).reason == "stopped"
-    assert bench.drive(0.0).reason is None
-    assert bench.drive(0.3).reason is None
-
-
 def test_fault_between_sessions_does_not_keep_the_robot_from_its_dock(bench):
     bench.end_lease()
     bench.kernel.set_fault("adapter_lost")
     bench.kernel.clear_fault(bench.now)
     assert dock_refusal(bench) is None
-
-
-def test_a_lowered_limit_applies_at_once_without_a_renewal(bench):
-    bench.run(2.0, every=0.06, linear=0.7)
-    assert bench.lease(limits=m.LeaseLimits(linear=0.2))
-    bench.run(1.0, every=0.06, linear=0.7)
-    assert bench.speed == pytest.approx(0.2)
-    assert not bench.lease(limits=m.LeaseLimits(linear=0.6)), "only a renewal raises a limit"
-    bench.run(8.0)
-    bench.lease(limits=m.LeaseLimits(linear=0.1))
-    bench.run(2.1)
-    assert bench.drive().reason == "no_lease", "the lease is not prolonged"
 
 
 def test_copies_from_before_a_stop_are_refused_after_the_servers_epochs_were_reset(bench):
@@ -574,20 +467,6 @@ def test_copies_from_before_a_stop_are_refused_after_the_servers_epochs_were_res
     for copy in before:
         verdict = bench.kernel.velocity(copy, DRIVER, now=bench.now, unix=bench.unix)
         assert verdict.reason == "old_seq"
-
-
-def test_an_estop_with_the_id_of_a_stop_latches(bench):
-    bench.stop(action_id="the-same", peer="p2")
-    assert bench.estop(action_id="the-same", role="staff", user="Eve")
-    assert bench.kernel.latch is not None
-
-
-@pytest.mark.parametrize(
-    ("deadman", "watchdog"), [(1000.0, 2000.0), (0.3, 1e6), (0.3, 0.2), (0.3, float("nan"))]
-)
-def test_a_deadman_or_watchdog_that_is_too_long_is_refused(deadman, watchdog):
-    with pytest.raises(ValueError, match=r"too long|shorter"):
-        Bench(limits=msgspec.structs.replace(LIMITS, deadman=deadman), watchdog=watchdog)
 
 
 def test_an_observers_stop_voids_no_number_of_the_driver(bench):
@@ -605,30 +484,6 @@ def test_a_robot_without_measurements_is_not_reported_as_moving(bench):
         assert not bench.kernel.moves_despite_stop(bench.now)
     bench.kernel.measured(m.Velocity(linear=0.3, angular=0.0), bench.now)
     assert bench.kernel.moves_despite_stop(bench.now)
-
-
-def test_a_stop_sends_zeros_to_a_base_that_another_controller_moves():
-    bench = Bench()
-    bench.stop()
-    bench.run(0.2)
-    assert all(decision.velocity == ZERO for _, decision in bench.outputs)
-    bench.run(0.5)
-    assert bench.outputs[-1][1].velocity is None
-
-
-def test_an_estop_latches_with_its_source_until_staff_clears_it(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.estop(role="staff", user="Eve")
-    assert bench.kernel.latch.label == "staff:Eve"
-    bench.run(5.0, every=0.06, linear=0.5)
-    assert bench.speed == 0.0
-    assert bench.kernel.refused["estop"] > 0
-    clear = m.ClearEStop(action_id="c1", stamp=bench.unix, role="staff", user="ops")
-    assert bench.ask(clear) is None
-    bench.kernel.clear_estop(bench.now)
-    assert bench.drive(0.5).reason == "stopped", "the key is still held"
-    assert bench.drive(0.0).reason is None
-    assert bench.drive(0.5).reason is None
 
 
 @pytest.mark.parametrize(
@@ -653,15 +508,6 @@ def test_the_robots_button_replaces_the_source_of_an_estop(bench):
     bench.kernel.button(pressed=True, now=bench.now, unix=bench.unix)
     bench.estop(action_id="estop-2")
     assert bench.kernel.latch.source == "button"
-
-
-def test_zeros_are_sent_to_a_base_that_moves_during_an_estop(bench):
-    bench.estop()
-    bench.run(1.0)
-    assert bench.tick().velocity is None
-    bench.motion = m.Velocity(linear=0.2, angular=0.0)
-    bench.run(60.0)
-    assert bench.tick().velocity == ZERO
 
 
 def own(bench, kind, **fields):
@@ -737,42 +583,6 @@ def test_manual_input_cancels_navigation_and_a_zero_does_not(bench):
     assert bench.kernel.drain_cancelled() == [("g1", "manual")]
 
 
-def test_navigation_in_the_agent_is_ramped_within_limits_of_lease_and_robot(bench):
-    bench.run(2.0)
-    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.2, angular=0.3))
-    bench.navigate()
-    bench.wanted = m.Velocity(linear=2.0, angular=-5.0)
-    decision = bench.tick()
-    assert decision.why == "navigating"
-    assert 0.0 < decision.velocity.linear <= LIMITS.linear_acceleration * 0.04
-    bench.run(1.5)
-    assert bench.kernel.commanded == m.Velocity(linear=0.2, angular=-0.3)
-    bench.wanted = ZERO
-    bench.kernel.heartbeat("p1", "datachannel", bench.now)
-    bench.run(1.0)
-    assert bench.tick().velocity == ZERO, "zeros keep the robot in its place"
-
-
-def test_the_agents_own_navigation_brakes_at_its_end_and_at_a_stop(bench):
-    for end in (
-        lambda: bench.kernel.cancel(None),
-        lambda: bench.kernel.navigation_ended("g1"),
-        lambda: bench.stop(peer="p2"),
-    ):
-        bench.wanted = m.Velocity(linear=0.6, angular=0.0)
-        bench.navigate(by_server=True)
-        bench.run(2.0)
-        assert bench.speed == pytest.approx(0.6)
-        end()
-        before = bench.speed
-        bench.run(0.1)
-        assert bench.speed < before
-        bench.run(1.0)
-        assert bench.kernel.commanded == ZERO
-        bench.run(0.5)
-        assert bench.tick().velocity is None
-
-
 def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
     bench = Bench(capabilities=frozenset({"velocity", "assist"}))
     bench.kernel.assist.level, bench.kernel.assist.clearance = "slow", 0.06
@@ -809,23 +619,6 @@ def test_server_orders_between_sessions_need_no_lease(bench, order):
     fields = {"angle": 0.2} if order is m.Tilt else {}
     action = order(action_id="dock-1", stamp=bench.unix, role="server", **fields)
     assert bench.ask(action) is None
-
-
-def test_a_robot_that_is_connected_again_waits_until_the_key_is_released(bench):
-    bench.kernel.set_fault("adapter_lost")
-    assert bench.drive(0.5).reason == "fault"
-    bench.kernel.clear_fault(bench.now)
-    assert bench.drive(0.5).reason == "stopped"
-    assert bench.drive(0.0).reason is None
-    assert bench.drive(0.5).reason is None
-
-
-def test_a_new_driver_starts_with_a_robot_at_rest(bench):
-    bench.run(2.0, every=0.06, linear=0.5)
-    bench.lease(session="s2", epoch=2, peer="p2")
-    bench.run(1.0)
-    assert bench.speed == 0.0
-    assert bench.drive(0.5).reason == "observer"
 
 
 # --- the terms of a lease -------------------------------------------------------------------------

@@ -84,15 +84,6 @@ def test_no_command_moves_the_robot_into_a_solid(seed: int, model: object) -> No
             assert not OFFICE.hits(place(footprint, pose))
 
 
-def test_motion_never_exceeds_the_command() -> None:
-    world, pose = wall(2.0), Pose2D(1.66, 0.0, 0.2)
-    for _ in range(50):
-        move = world.move(GIRAFF_FOOT, pose, WheelMotion(0.3, 0.3), 0.01)
-        pose = move.pose
-        assert 0.0 <= move.motion.linear <= 0.3
-        assert 0.0 <= move.motion.angular <= 0.3
-
-
 @given(st.floats(0.5, 11.5), st.floats(0.4, 7.2), st.floats(-3.1, 3.1))
 @examples(80, thorough=800)
 def test_clearance_is_the_distance_to_the_nearest_of_many_points(

@@ -175,9 +175,3 @@ def test_camera_shows_a_moving_leaf_until_it_is_closed() -> None:
     assert all(np.abs(a - b).mean() > 0.5 for a, b in pairwise(pictures))
     assert np.abs(picture(1e-9) - pictures[-1]).mean() < 0.5
     assert np.abs(picture(1.0 - 1e-9) - pictures[0]).mean() < 0.5
-
-
-def test_a_moving_leaf_has_its_full_length() -> None:
-    for opening in ("open", 0.3, "closed"):
-        outline = leaf_solid(DOOR, opening).outline
-        assert math.dist(outline[0], outline[1]) == pytest.approx(math.dist(DOOR.start, DOOR.end))

@@ -8,16 +8,6 @@ from robots.agent.adapters.common.progress_queue import MOST, ProgressQueue
 from robots.agent.robot_interface import ActionProgress, AdapterError
 
 
-async def test_progress_is_read_in_order_and_a_reader_waits_for_the_next():
-    news = ProgressQueue()
-    reading = asyncio.ensure_future(news.get())
-    await asyncio.sleep(0)
-    assert not reading.done()
-    for status in ("RUNNING", "FINISHED"):
-        news.put(ActionProgress("a1", status))
-    assert [(await reading).status, (await news.get()).status] == ["RUNNING", "FINISHED"]
-
-
 async def test_unread_progress_is_bounded():
     news = ProgressQueue()
     for number in range(10_000):

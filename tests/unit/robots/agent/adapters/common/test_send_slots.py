@@ -31,8 +31,12 @@ def clock(monkeypatch):
     return Clock(monkeypatch)
 
 
-async def test_the_newest_velocity_is_sent_before_all_messages(clock):
-    waiting = SendSlots()
+@pytest.fixture
+def waiting():
+    return SendSlots()
+
+
+async def test_the_newest_velocity_is_sent_before_all_messages(clock, waiting):
     waiting.say("a")
     waiting.drive("slow")
     waiting.drive("fast")
@@ -40,16 +44,14 @@ async def test_the_newest_velocity_is_sent_before_all_messages(clock):
     assert await taken(waiting) == ["fast", "a", "b"]
 
 
-async def test_a_late_velocity_is_dropped_and_a_late_message_is_not(clock):
-    waiting = SendSlots()
+async def test_a_late_velocity_is_dropped_and_a_late_message_is_not(clock, waiting):
     waiting.say("a")
     waiting.drive("fast")
     clock.now += 0.3
     assert await taken(waiting) == ["a"]
 
 
-async def test_velocities_that_are_not_sent_in_time_end_the_connection(clock):
-    waiting = SendSlots()
+async def test_velocities_that_are_not_sent_in_time_end_the_connection(clock, waiting):
     for _ in range(5):
         waiting.drive("fast")
         clock.now += 0.12
@@ -57,8 +59,7 @@ async def test_velocities_that_are_not_sent_in_time_end_the_connection(clock):
         waiting.drive("fast")
 
 
-async def test_messages_are_bounded(clock):
-    waiting = SendSlots()
+async def test_messages_are_bounded(clock, waiting):
     for number in range(200):
         waiting.say(number)
     with pytest.raises(AdapterError, match="does not accept messages"):
@@ -67,8 +68,7 @@ async def test_messages_are_bounded(clock):
     assert len(waiting) == 0
 
 
-async def test_new_message_wakes_the_waiting_sender():
-    waiting = SendSlots()
+async def test_new_message_wakes_the_waiting_sender(waiting):
     taking = asyncio.ensure_future(waiting.take())
     await asyncio.sleep(0)
     waiting.drive("fast")

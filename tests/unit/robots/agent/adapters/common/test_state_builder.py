@@ -27,13 +27,17 @@ def moved_by_poses(readings, count=20, speed=0.5, turn=0.0, start=100.0):
     return readings
 
 
+@pytest.fixture
+def readings():
+    return Readings()
+
+
 def test_a_stamp_counts_when_the_clocks_agree():
     assert stamp_of(99.8, 100.0) == 99.8
     assert stamp_of(5.0, 100.0) == 100.0
 
 
-def test_pose_is_unknown_before_the_first_reading():
-    readings = Readings()
+def test_pose_is_unknown_before_the_first_reading(readings):
     state = readings.state(10.0)
     assert (state.pose, state.velocity) == (NOWHERE, ZERO)
     assert (state.odometry, state.distance) == (None, 0.0)
@@ -61,8 +65,7 @@ def test_a_pose_that_jumps_is_a_new_fix_and_no_motion():
     assert (state.pose.x, state.pose.y) == (8.0, 3.0)
 
 
-def test_an_old_fix_is_carried_on_by_the_odometry():
-    readings = Readings()
+def test_an_old_fix_is_carried_on_by_the_odometry(readings):
     readings.moved(Pose2D(10.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.located(Pose(x=1.0, y=2.0, theta=math.pi / 2), 100.0, 100.0)
     readings.moved(Pose2D(10.05, 0.0, 0.0), AHEAD, 100.1, 100.1)
@@ -71,8 +74,7 @@ def test_an_old_fix_is_carried_on_by_the_odometry():
     assert readings.velocity == AHEAD
 
 
-def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
-    readings = Readings()
+def test_a_fix_belongs_to_the_odometry_of_its_own_moment(readings):
     for number in range(10):
         stamp = 100.0 + 0.1 * number
         readings.moved(Pose2D(0.05 * number, 0.0, 0.0), AHEAD, stamp, stamp)
@@ -81,8 +83,7 @@ def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
     assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
 
 
-def test_a_transform_locates_the_odometry_in_the_map_until_localization_is_lost():
-    readings = Readings()
+def test_a_transform_locates_the_odometry_in_the_map_until_localization_is_lost(readings):
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
     assert (readings.pose.x, readings.pose.y) == pytest.approx((1.0, 3.0))
@@ -101,15 +102,13 @@ def test_a_robot_without_odometry_that_lost_its_pose_counts_as_at_rest():
         assert state.is_measured
 
 
-def test_a_repeated_velocity_is_not_a_measurement():
-    readings = Readings()
+def test_a_repeated_velocity_is_not_a_measurement(readings):
     readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, 100.0, 100.0)
     readings.lost(100.0)
     assert [readings.state(100.0).is_measured for _ in range(2)] == [True, False]
 
 
-def test_stamps_grow_although_clocks_step_back():
-    readings = Readings()
+def test_stamps_grow_although_clocks_step_back(readings):
     stamps = []
     for stamp in (100.0, 99.0, 99.0, 100.5):
         readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, stamp, stamp)
@@ -117,8 +116,7 @@ def test_stamps_grow_although_clocks_step_back():
     assert stamps == sorted(set(stamps))
 
 
-def test_a_scan_is_in_one_state():
-    readings = Readings()
+def test_a_scan_is_in_one_state(readings):
     readings.scanned(SCAN)
     assert readings.state(1.0).scan == SCAN
     assert readings.state(1.1).scan is None
@@ -136,15 +134,13 @@ def test_a_missing_charge_is_estimated_from_the_voltage():
     assert readings.state(1.2).battery.charge == 0.9
 
 
-def test_each_press_of_a_bumper_is_a_contact():
-    readings = Readings()
+def test_each_press_of_a_bumper_is_a_contact(readings):
     for touching in (False, True, True, False, True):
         readings.bumped(touching=touching)
     assert readings.state(1.0).contacts == 2
 
 
-def test_bumper_bearings_are_reported_while_pressed_if_known():
-    readings = Readings()
+def test_bumper_bearings_are_reported_while_pressed_if_known(readings):
     assert readings.state(1.0).bumper is None
     readings.bumped(touching=True, bearings=(0.1,))
     assert [readings.state(1.1).bumper, readings.state(1.2).bumper] == [(0.1,), (0.1,)]
@@ -152,8 +148,7 @@ def test_bumper_bearings_are_reported_while_pressed_if_known():
     assert readings.state(1.3).bumper == ()
 
 
-def test_echoes_and_points_are_in_one_state():
-    readings = Readings()
+def test_echoes_and_points_are_in_one_state(readings):
     readings.echoed(0, 0.5, 1.0)
     readings.echoed(1, None, 1.0)
     readings.saw(ObstaclePoints(1.0, np.zeros((0, 2))))
@@ -171,8 +166,7 @@ def test_states_are_sound():
     assert sound(readings.state(101.0)).distance > 0.0
 
 
-def test_charge_is_unknown_without_a_battery_range_or_a_current_reading():
-    readings = Readings()
+def test_charge_is_unknown_without_a_battery_range_or_a_current_reading(readings):
     state = readings.state(1.0)
     assert (state.battery, state.charger_contact) == (UNKNOWN_BATTERY, False)
     readings.charged(voltage=25.0, charge=0.9, charging=True)
@@ -181,7 +175,6 @@ def test_charge_is_unknown_without_a_battery_range_or_a_current_reading():
     assert (state.battery, state.charger_contact) == (Battery(voltage=25.0, charging=None), False)
 
 
-def test_a_charge_of_nan_is_unknown():
-    readings = Readings()
+def test_a_charge_of_nan_is_unknown(readings):
     readings.charged(charge=math.nan, charging=False)
     assert sound(readings.state(1.0)).battery.charge is None

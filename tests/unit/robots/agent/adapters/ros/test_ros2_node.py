@@ -177,12 +177,6 @@ def test_a_guard_sends_no_goal_any_more(goals):
     assert goals.sender.requests == []
 
 
-def test_a_rejected_goal_has_failed(goals):
-    goals.start(id_at(2000), "g", {})
-    goals.sender.requests[0].answer(SimpleNamespace(accepted=False))
-    assert goals.node.sent[-1]["status"] == ABORTED
-
-
 def test_messages_become_json():
     assert guarded_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
     assert guarded_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()

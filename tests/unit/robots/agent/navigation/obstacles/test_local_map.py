@@ -39,13 +39,6 @@ def thing_at(obstacle_map: LocalObstacleMap, pose: Pose2D, distance: float, now:
     return bool(obstacle_map.live(now)[row - 2 : row + 3, column - 2 : column + 3].any())
 
 
-def test_mapped_points_are_not_marked() -> None:
-    sim, obstacle_map = giraff("corridor-centre")
-    obstacle_map.look(sim.pose, sim.beams(), 0.0)
-    assert not thing_at(obstacle_map, sim.pose, 1.0, 0.0)
-    assert obstacle_map.live(0.0).sum() < 5
-
-
 def test_an_obstacle_is_marked_until_the_laser_sees_through_it() -> None:
     sim, obstacle_map = giraff()
     obstacle_map.look(sim.pose, with_thing(sim), 0.0)
@@ -128,12 +121,6 @@ def test_a_closed_door_counts_as_closed_for_a_while_or_until_it_is_seen_open() -
     assert obstacle_map.doors.closed(6.0) == ()
 
 
-def test_person_in_the_doorway_is_no_closed_door() -> None:
-    sim, obstacle_map = giraff(BEFORE_DOOR)
-    obstacle_map.look(sim.pose, with_thing(sim), 0.0)
-    assert obstacle_map.doors.closed(0.0) == ()
-
-
 def test_a_scan_without_echoes_clears_no_obstacle() -> None:
     sim, obstacle_map = giraff()
     obstacle_map.look(sim.pose, with_thing(sim), 0.0)
@@ -141,7 +128,3 @@ def test_a_scan_without_echoes_clears_no_obstacle() -> None:
     blind = dataclasses.replace(seen, ranges=np.full(len(seen.ranges), math.nan))
     obstacle_map.look(sim.pose, blind, 0.1)
     assert thing_at(obstacle_map, sim.pose, 1.0, 0.1)
-
-
-def test_without_a_plan_there_are_no_doors() -> None:
-    assert DoorWatch(None).leaves(0.0).shape == (0, 2)

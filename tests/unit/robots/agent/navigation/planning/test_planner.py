@@ -34,14 +34,6 @@ ROOMS = """
 #..................#
 ####################
 """
-SHUT = """
-##########
-#...##...#
-#...##...#
-#...##...#
-#...##...#
-##########
-"""
 
 
 def drawn(picture: str, origin: Pose2D = CENTRE) -> OccupancyGrid:
@@ -74,29 +66,6 @@ def test_a_path_leads_round_a_wall_and_keeps_the_robot_clear_of_it() -> None:
     assert found.end == pytest.approx((2.6, 1.7))
     assert (clearance(made, found) >= made.costmap.least - 0.05).all()
     assert 2.2 < found.length < 3.6
-
-
-def test_a_path_over_an_open_floor_is_the_straight_line() -> None:
-    ends = (0.6, 0.55), (3.3, 0.75)
-    assert path_between(planner(), *ends).length == pytest.approx(math.dist(*ends), rel=0.05)
-
-
-def test_there_is_no_path_into_a_room_without_a_door() -> None:
-    made = planner(SHUT)
-    assert made.plan((0.5, 0.6), (1.5, 0.6), made.costmap.clearance) is None
-
-
-def test_a_blocked_gap_leaves_no_path_or_a_detour() -> None:
-    made = planner()
-    live = np.zeros(made.costmap.shape, dtype=np.bool_)
-    rows, columns, _ = made.costmap.cells(np.array([[1.7, y] for y in np.arange(0.2, 1.0, 0.05)]))
-    live[rows, columns] = True
-    assert made.plan((0.8, 1.7), (2.6, 1.7), made.costmap.clearance_with(live)) is None
-    one = np.zeros(made.costmap.shape, dtype=np.bool_)
-    one[made.costmap.cells(np.array([[2.7, 1.0]]))[:2]] = True
-    detour = made.plan((2.3, 0.5), (3.1, 1.5), made.costmap.clearance_with(one))
-    assert detour is not None
-    assert np.hypot(*(detour.points - (2.7, 1.0)).T).min() > made.costmap.inscribed
 
 
 def test_unknown_cells_are_not_free() -> None:
@@ -170,14 +139,6 @@ def test_every_path_joins_start_and_goal_without_touching(
     assert (found.points[0], found.points[-1]) == (pytest.approx(begin), pytest.approx(end))
     assert clearance(made, found).min() > made.costmap.inscribed - 0.05
     assert float(np.hypot(*np.diff(found.points, axis=0).T).max(initial=0.0)) < 0.11
-
-
-def test_the_giraff_has_a_path_between_all_places_of_the_office() -> None:
-    site = load_site("office")
-    made = Planner(CostMap(site.grid, np.array(GIRAFF.footprint)))
-    places = [(place.x, place.y) for place in (*site.plan.places, *site.plan.starts)]
-    for place in places[1:]:
-        assert made.plan(places[0], made.goal(*place), made.costmap.clearance) is not None
 
 
 def test_a_line_is_resampled_with_its_ends_and_corners_kept_near() -> None:

