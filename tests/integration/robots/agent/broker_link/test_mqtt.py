@@ -18,7 +18,7 @@ from robots.agent.timing import Backoff
 from robots.api import codec
 from robots.api import messages as m
 from telepresence_site.demo import lan
-from tests.support.agents.scripted_robot import LIMITS
+from tests.support import words
 from tests.support.architectures.mqtt_ear import Ear
 from tests.support.patience import patient
 from tests.support.programs.mosquitto import Mosquitto
@@ -26,17 +26,7 @@ from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.broker
 
-SHEET = m.Factsheet(
-    name="giraff",
-    series="Test",
-    rca="test",
-    agent_version="0",
-    boot="0000000000aa-1",
-    capabilities=("velocity",),
-    limits=LIMITS,
-    footprint=((0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)),
-    watchdog=0.3,
-)
+SHEET = words.factsheet(boot="0000000000aa-1")
 LEASE = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=0, stamp=1.0)
 
 
@@ -117,14 +107,7 @@ class LinkThread:
 
 
 def state(seq):
-    return m.State(
-        stamp=1.0,
-        boot=SHEET.boot,
-        seq=seq,
-        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
-        velocity=m.Velocity(linear=0.0, angular=0.0),
-        battery=m.Battery(charge=1.0),
-    )
+    return words.state(seq, boot=SHEET.boot)
 
 
 @pytest.mark.parametrize("scheme", ["mqtt", "ws", "mqtts", "wss"])
@@ -217,8 +200,7 @@ def test_after_a_broker_restart_retained_messages_and_all_states_are_sent(broker
         agent.wait(lambda: agent.inbox.changes[-1:] == [False])
         for seq in range(21, 301):
             agent.publish("state", state(seq))
-        past = m.PoseUpdate(stamp=9.0, pose=state(1).pose, velocity=state(1).velocity)
-        agent.publish("pose", past)
+        agent.publish("pose", words.pose(stamp=9.0))
         seen = ear.count
         # The agent waits until the ear has subscribed again; a server would request lost states.
         waiting = threading.Event()
