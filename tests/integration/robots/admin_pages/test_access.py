@@ -8,7 +8,7 @@ from robots.models import Robot
 from sessions import system_log
 from sessions.models import Lease, Session, SessionEvent
 from tests.support.people import person
-from tests.support.robots import create_robot, floor_plan
+from tests.support.robots import create_robot, floor_plan, robot_form
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
@@ -45,22 +45,8 @@ def driven(robot):
 
 
 def test_owner_changes_a_robot_except_its_owner_name_and_floor_plan(client, robot, owner):
-    form = {
-        "title": "Mine",
-        "description": "",
-        "enabled": "on",
-        "access": "trained",
-        "assist": "off",
-        "calls": "ask",
-        "charge_limit": "0.2",
-        "owner": str(person("other").pk),
-        "floor_plan": str(floor_plan("attic").pk),
-        "name": "renamed",
-        "permits-TOTAL_FORMS": "0",
-        "permits-INITIAL_FORMS": "0",
-        "permits-MIN_NUM_FORMS": "0",
-        "permits-MAX_NUM_FORMS": "1000",
-    }
+    form = robot_form(title="Mine", access="trained", calls="ask", name="renamed")
+    form |= {"owner": str(person("other").pk), "floor_plan": str(floor_plan("attic").pk)}
     address = reverse("admin:robots_robot_change", args=[robot.pk])
     assert client.post(address, form).status_code == 302
     changed = Robot.objects.get(pk=robot.pk)

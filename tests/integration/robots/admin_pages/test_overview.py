@@ -9,6 +9,7 @@ from django.contrib.auth.models import Permission
 from django.urls import reverse
 from django.utils import timezone
 
+from accounts.models import AuditEntry
 from experiments.models import Study, StudyMember
 from robots.access import may_drive, robots_visible_to
 from robots.enrol.credentials import make_credentials
@@ -16,22 +17,12 @@ from robots.enrol.tokens import redeem
 from robots.models import Robot, RobotPresence
 from robots.screens import make_screen_key
 from tests.support.people import person
-from tests.support.robots import update_robots
+from tests.support.robots import robot_form, update_robots
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 ADD = "/admin/robots/robot/add/"
-NEW = {
-    "title": "Lab robot",
-    "name": "lab",
-    "enabled": "on",
-    "access": "open",
-    "assist": "off",
-    "charge_limit": "0.2",
-    "calls": "accept",
-    "permits-TOTAL_FORMS": "0",
-    "permits-INITIAL_FORMS": "0",
-}
+NEW = robot_form(name="lab")
 
 
 def address(robot, page="change"):
@@ -68,9 +59,8 @@ def robot(owner):
 
 
 def seen(robot):
-    RobotPresence.objects.filter(pk=robot.pk).update(
-        connection="ONLINE", last_seen_at=timezone.now()
-    )
+    now = timezone.now()
+    RobotPresence.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=now)
 
 
 @pytest.mark.nightly
@@ -179,7 +169,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
     assert "Waiting for the robot" not in text
 
 
-def test_command_with_a_token_is_shown_once(client, robot):
+def test_command_with_a_token_is_shown_once(client, robot, owner):
     answer = client.post(address(robot, "enrol"))
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
@@ -188,9 +178,19 @@ def test_command_with_a_token_is_shown_once(client, robot):
     assert f'action="{address(robot)}"' in text
     assert "no-store" in answer["Cache-Control"]
     assert token not in client.get(address(robot)).content.decode()
+    assert AuditEntry.objects.get(act="enrolment_made").actor == owner.pk
+    assert token not in str(list(AuditEntry.objects.values()))
     assert redeem("giraff", token, timezone.now()) is not None
     assert "--enrol" not in overview(client, robot)
     assert "run_robot giraff" in overview(client, robot)
+
+
+def test_owner_rotates_the_credentials(client, robot, owner):
+    make_credentials(robot, timezone.now())
+    action = {"action": "rotate_credentials", "_selected_action": [robot.pk]}
+    client.post(reverse("admin:robots_robot_changelist"), action)
+    assert Robot.objects.get().credentials.renewal_asked_at is not None
+    assert AuditEntry.objects.get(act="rotation_asked").actor == owner.pk
 
 
 def test_user_who_may_only_view_the_robot_gets_no_command(client, robot):

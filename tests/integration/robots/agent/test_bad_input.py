@@ -8,12 +8,11 @@ from collections import Counter
 
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from tests.support.agents.control_rig import ThreadedControlRig
-from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.loopback_peer import MediaRig, until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 CASES = 420
@@ -22,26 +21,20 @@ A_STOP_EVERY = 20
 
 
 @pytest.fixture
-async def exchange():
-    return Exchange(asyncio.get_running_loop())
+async def pages():
+    """The media side of `pages.agent`, and its pages."""
+    receive = lambda peer, role, heard: pages.agent.control.receive(peer, role, heard)
+    sources = {"video": SyntheticCamera(), "audio": SyntheticMicrophone()}
+    async with MediaRig(**sources, on_command=receive) as pages:
+        yield pages
 
 
 @pytest.fixture
-async def rig(tmp_path, exchange):
-    rig = None
-    media = MediaSide(
-        video=SyntheticCamera(),
-        audio=SyntheticMicrophone(),
-        viewers=3,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
-        reply=exchange.reply,
-    )
-    rig = ThreadedControlRig(tmp_path, media=media)
-    media.start()
+async def rig(tmp_path, pages):
+    rig = pages.agent = ThreadedControlRig(tmp_path, media=pages.media)
     await asyncio.to_thread(rig.__enter__)
     yield rig
     await asyncio.to_thread(rig.__exit__)
-    await asyncio.to_thread(media.close)
 
 
 def velocity(rig, **fields):
@@ -104,18 +97,13 @@ KINDS = {
 }
 
 
-async def test_bad_messages_on_a_data_channel_move_nothing_and_stops_always_pass(rig, exchange):
+async def test_bad_messages_on_a_data_channel_move_nothing_and_stops_always_pass(rig, pages):
     await asyncio.to_thread(rig.lease)
-    driver = LoopbackPage(rig.media, exchange, "p1", decode=False)
-    observer = LoopbackPage(rig.media, exchange, "p2", decode=False)
-    try:
-        await driver.connect("driver")
-        await observer.connect("observer")
-        await asyncio.to_thread(rig.grant, renewal=1)
-        await send_bad_messages(rig, driver, observer)
-    finally:
-        await driver.close()
-        await observer.close()
+    driver, observer = pages.page("p1", decode=False), pages.page("p2", decode=False)
+    await driver.connect("driver")
+    await observer.connect("observer")
+    await asyncio.to_thread(rig.grant, renewal=1)
+    await send_bad_messages(rig, driver, observer)
 
 
 async def send_bad_messages(rig, driver, observer):

@@ -9,7 +9,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from django.contrib.auth import get_user_model
 from django.core.management import CommandError, call_command
 from django.utils import timezone
 
@@ -395,7 +394,7 @@ def test_token_without_a_server_is_refused(tmp_path):
         agent_side.enrol_if_asked(arguments, {"TELEPRESENCE_ENROL": "token"})
 
 
-# --- commands and administration ------------------------------------------------------------------
+# --- commands -------------------------------------------------------------------------------------
 
 
 def test_enrol_command_prints_what_to_run_on_the_robot(robot):
@@ -426,23 +425,6 @@ def test_rotate_command_requests_new_credentials_of_robots_that_have_some(robot)
     assert Robot.objects.get(name="giraff").credentials.renewal_asked_at is not None
     with pytest.raises(CommandError, match="rhodon"):
         call_command("rotate_credentials", "rhodon")
-
-
-def test_owner_makes_a_token_and_rotates_credentials_in_the_administration(client, robot):
-    owner = get_user_model().objects.create(username="owner", is_staff=True)
-    Robot.objects.update(owner=owner)
-    client.force_login(owner)
-    address = f"/admin/robots/robot/{robot.pk}/enrol/"
-    assert "--enrol" not in client.get(address).content.decode()
-    page = client.post(address).content.decode()
-    token = page.partition("--enrol ")[2].partition("<")[0].strip()
-    assert redeem("giraff", token, timezone.now()) is not None
-    action = {"action": "rotate_credentials", "_selected_action": [robot.pk]}
-    client.post("/admin/robots/robot/", action)
-    assert Robot.objects.get().credentials.renewal_asked_at is not None
-    acts = set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True))
-    assert acts >= {"enrolment_made", "rotation_asked"}
-    assert token not in str(list(AuditEntry.objects.values()))
 
 
 def test_one_of_two_concurrent_renewals_is_refused(client, robot, monkeypatch):

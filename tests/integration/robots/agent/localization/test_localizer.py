@@ -93,22 +93,16 @@ def test_robot_without_a_pose_localizes_itself() -> None:
     assert turned < math.radians(3.0)
 
 
-def test_robot_that_was_carried_away_localizes_itself_again() -> None:
-    drive = Drive(4).placed()
+@pytest.mark.parametrize("seed", [4, 5])
+def test_robot_carried_away_localizes_itself_and_never_at_a_wrong_pose(seed: int) -> None:
+    drive = Drive(seed).placed()
     drive.go(3.0)
     drive.wanderer.carry_away()
     found = drive.go(20.0)
     assert not all(estimate.localized for estimate, *_ in found[:50])
+    assert not any(estimate.localized and away > 0.5 for estimate, away, _ in found[50:])
     assert found[-1][0].localized
     assert found[-1][1] < 0.1
-
-
-def test_robot_that_was_carried_away_is_not_localized_at_a_wrong_pose() -> None:
-    drive = Drive(5).placed()
-    drive.go(3.0)
-    drive.wanderer.carry_away()
-    later = drive.go(20.0)[50:]
-    assert not any(estimate.localized and away > 0.5 for estimate, away, _ in later)
 
 
 def test_given_pose_with_an_error_is_corrected() -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.agent.media.peers.connections import FLOOD_PAUSE
 from robots.agent.media.rtp import RtpStream, capture_stamp
 from robots.agent.media.webrtc import sender_queue, signalling
@@ -27,14 +26,12 @@ from robots.api.messages import (
     IceServer,
     PointCommand,
     Pointer,
-    Pose,
-    PoseUpdate,
     SdpOffer,
     Stay,
     Stop,
-    Velocity,
 )
-from tests.support.media.loopback_peer import LoopbackPage, until
+from tests.support import words
+from tests.support.media.loopback_peer import LoopbackPage, MediaRig, until
 from tests.support.media.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
 
 UNKNOWN = "candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
@@ -355,11 +352,8 @@ async def test_flooding_page_is_disconnected_and_may_return_after_a_pause(
 
 
 async def test_telemetry_reaches_every_page(media, connected) -> None:
-    first = await connected("p1")
-    second = await connected("p2")
-    update = PoseUpdate(
-        stamp=5.0, pose=Pose(x=1.0, y=2.0, theta=0.5), velocity=Velocity(linear=0.1, angular=0.0)
-    )
+    first, second = await connected("p1"), await connected("p2")
+    update = words.pose(stamp=5.0)
     media.telemetry("pose", update)
     await until(lambda: ("pose", update) in first.messages and ("pose", update) in second.messages)
 
@@ -628,19 +622,14 @@ async def test_every_mangled_offer_is_answered_or_refused(
     await connected("p1", decode=True)
 
 
-async def test_robot_without_camera_has_a_data_channel(exchange) -> None:
-    side = MediaSide(
-        video=None, audio=None, viewers=2, on_command=exchange.on_command, reply=exchange.reply
-    )
-    side.start()
-    page = LoopbackPage(side, exchange, "p1")
-    await page.connect()
-    page.channel.send("hello")
-    await until(lambda: exchange.heard)
-    assert side.snapshot() is None
-    assert side.camera is None
-    await page.close()
-    await asyncio.to_thread(side.close)
+async def test_robot_without_camera_has_a_data_channel() -> None:
+    async with MediaRig() as rig:
+        page = rig.page("p1")
+        await page.connect()
+        page.channel.send("hello")
+        await until(lambda: rig.exchange.heard)
+        assert rig.media.snapshot() is None
+        assert rig.media.camera is None
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -665,29 +654,25 @@ async def test_closing_sends_byes_and_stops_camera_microphone_and_thread(
     media.telemetry("heartbeat", Heartbeat(n=1, stamp=1.0))
 
 
-async def test_offer_after_the_bye_gets_another_bye_and_leaves_no_tasks(camera, exchange) -> None:
+async def test_offer_after_the_bye_gets_another_bye_and_leaves_no_tasks(camera) -> None:
     unknown = Candidate(candidate=UNKNOWN, sdp_m_line_index=0)
 
     def reply(peer, message) -> None:
-        exchange.reply(peer, message)
+        rig.exchange.reply(peer, message)
         if isinstance(message, Bye) and len(asked) < 50:
             asked.append(message)
-            side.signal(peer, SdpOffer(sdp=sdp))
-            side.signal(peer, unknown)
+            rig.media.signal(peer, SdpOffer(sdp=sdp))
+            rig.media.signal(peer, unknown)
 
     asked: list[Bye] = []
-    side = MediaSide(
-        video=camera, audio=None, viewers=2, on_command=exchange.on_command, reply=reply
-    )
-    side.start()
-    page = LoopbackPage(side, exchange, "p1", decode=False)
-    await page.connect()
-    sdp = await page.offer_sdp()
-    answers = len(exchange.answers("p1"))
-    await asyncio.to_thread(side.close)
-    await asyncio.sleep(0)  # replies pass through the loop
-    assert len(exchange.answers("p1")) == answers
-    assert set(exchange.byes("p1")) == {"left"}
-    assert len(asked) > 1
-    await page.close()
+    async with MediaRig(video=camera, reply=reply) as rig:
+        page = rig.page("p1", decode=False)
+        await page.connect()
+        sdp = await page.offer_sdp()
+        answers = len(rig.exchange.answers("p1"))
+        await asyncio.to_thread(rig.media.close)
+        await asyncio.sleep(0)  # replies pass through the loop
+        assert len(rig.exchange.answers("p1")) == answers
+        assert set(rig.exchange.byes("p1")) == {"left"}
+        assert len(asked) > 1
     gc.collect()  # reports unfinished tasks
