@@ -272,6 +272,7 @@ def test_unreachable_server_is_asked_until_the_agent_ends():
         ((401, {}), "refused the credentials"),
         ((403, {}), "refused the credentials"),
         ((404, b""), "not a telepresence server"),
+        ((421, {"detail": "giraff is served by https://n."}), r"giraff is served by https://n\."),
         ((200, {"robot": "rhodon", "mqttUrl": "mqtt://x"}), "credentials are for 'rhodon'"),
         ((200, {"robot": "rhodon", "mqttUrls": ["mqtt://x", 1]}), "credentials are for 'rhodon'"),
         (

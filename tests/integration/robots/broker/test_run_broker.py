@@ -116,15 +116,6 @@ async def test_users_come_from_the_database_and_a_revoked_robot_is_disconnected(
     assert not await broker.lets_in("giraff", key.token)
 
 
-async def test_a_disabled_robot_is_disconnected(broker):
-    key = await sync_to_async(new_robot)("giraff")
-    await broker.until_let_in("giraff", key.token)
-    with contextlib.suppress(aiomqtt.MqttError):
-        async with broker.client("giraff", key.token) as giraff:
-            await Robot.objects.aupdate(enabled=False)
-            await until_thrown_out(giraff)
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_ends_the_command_and_its_broker(broker, number):
     broker.process.send_signal(number)

@@ -203,19 +203,6 @@ def test_unreachable_dock_is_reported_and_the_robot_stops():
     assert robot.sim.contacts == 0
 
 
-def test_assistance_needs_neither_map_nor_pose():
-    robot = HeadlessRobot(start="corridor-centre", placed=False)
-    ahead = m.Velocity(linear=0.7, angular=0.0)
-    begun = robot.sim.pose
-    for _ in range(1500):
-        assert 0.0 <= robot.step(ahead, "slow").linear <= ahead.linear
-    assert robot.sim.contacts == 0
-    assert robot.sim.pose.distance(begun) > 3.0
-    assert robot.stands()
-    assert robot.autonomy.monitor.why(robot.sim.time)[0] == "stop"
-    assert robot.autonomy.monitor.clearance() < 0.6
-
-
 def test_office_survives_its_floorplan_message():
     site = load_site("office")
     area = office()

@@ -1,13 +1,12 @@
 """Microphone and loudspeaker on a real PulseAudio and a real PipeWire."""
 
 import contextlib
-import os
 import threading
 import time
-from pathlib import Path
 from typing import Self
 
 import numpy as np
+import psutil
 import pytest
 
 from robots.agent.config import load
@@ -225,16 +224,10 @@ def test_missing_alsa_utils_are_reported_with_what_to_install(tmp_path, monkeypa
 
 def test_closed_devices_leave_no_process(pulseaudio, tmp_path):
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
-    before = children()
+    before = psutil.Process().children()
     found.audio.start()
     found.outputs[0].start()
-    assert len(children() - before) == 2
+    assert len(psutil.Process().children()) == len(before) + 2
     found.audio.stop()
     found.outputs[0].stop()
-    assert children() <= before
-
-
-def children() -> set[str]:
-    return set(
-        Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text().split()
-    )
+    assert psutil.Process().children() == before
