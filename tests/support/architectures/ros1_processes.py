@@ -53,10 +53,10 @@ class Ros1Processes:
             planner.kill()
 
     @contextlib.contextmanager
-    def agent(self, options, prefix=(), module="navigating_agent"):
+    def agent(self, options, prefix=()):
         """Yield a connected agent."""
         agent = AgentProcess(
-            module,
+            "ordered_agent",
             prefix=prefix,
             adapter="ros1",
             profile="rhodon",

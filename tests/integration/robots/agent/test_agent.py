@@ -28,6 +28,7 @@ from tests.support.agents.scripted_robot import ScriptedRobot
 from tests.support.architectures.mqtt_ear import Ear
 from tests.support.paths import ROOT
 from tests.support.patience import patient
+from tests.support.programs.finished import run
 from tests.support.sessions.site import wait_for
 
 
@@ -210,13 +211,7 @@ def test_wrong_settings_end_the_agent_with_a_sentence(broker, tmp_path, capsys):
 
 
 def test_manage_py_runs_the_same_agent():
-    done = subprocess.run(
-        [sys.executable, "manage.py", "run_robot", "Not_A_Name"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(sys.executable, "manage.py", "run_robot", "Not_A_Name")
     assert done.returncode != 0
     assert "is not a valid robot name" in done.stderr
     assert "Traceback" not in done.stderr

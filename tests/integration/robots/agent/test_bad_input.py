@@ -40,15 +40,8 @@ async def rig(tmp_path, pages):
 def velocity(rig, **fields):
     """Return a driver's command as text, with values that no message could have."""
     rig.seq += 1
-    good = {
-        "session": "s1",
-        "epoch": 1,
-        "seq": rig.seq,
-        "stamp": time.time(),
-        "linear": 0.5,
-        "angular": 0.1,
-        "method": "keyboard",
-    }
+    good = {"session": "s1", "epoch": 1, "seq": rig.seq, "stamp": time.time()}
+    good |= {"linear": 0.5, "angular": 0.1, "method": "keyboard"}
     return "command/velocity\n" + json.dumps(good | fields)
 
 
@@ -64,23 +57,21 @@ def mangled(rig, noise):
     return broken[: len(broken) // 2]
 
 
-# Each makes a frame that must not move the robot; its name begins with the counted reason.
+# fields of a velocity, and values that must not move the robot; names begin with the counted reason
+FIELDS = {
+    "malformed range": ("linear", (1e3, -1e9, 10.1, 1e300)),
+    "malformed turn": ("angular", (99.0, -20.5)),
+    "malformed NaN": ("linear", (float("nan"), float("inf"), float("-inf"))),
+    "malformed type": ("seq", ("1", None, 1.5, -1, 2**60)),
+    "malformed method": ("method", ("thought", "", 7, None)),
+    "wrong_session": ("session", ("s2", "s98")),
+    "wrong_epoch": ("epoch", (0, 2, 3, 2**40)),
+    "old_seq": ("seq", (0, 1)),
+}
+# each makes another frame that must not
 KINDS = {
     "malformed noise": lambda rig, noise: noise.randbytes(noise.randrange(1, 300)),
     "malformed json": mangled,
-    "malformed range": lambda rig, noise: velocity(
-        rig, linear=noise.choice((1e3, -1e9, 10.1, 1e300))
-    ),
-    "malformed turn": lambda rig, noise: velocity(rig, angular=noise.choice((99.0, -20.5))),
-    "malformed NaN": lambda rig, noise: velocity(
-        rig, linear=noise.choice((float("nan"), float("inf"), float("-inf")))
-    ),
-    "malformed type": lambda rig, noise: velocity(
-        rig, seq=noise.choice(("1", None, 1.5, -1, 2**60))
-    ),
-    "malformed method": lambda rig, noise: velocity(
-        rig, method=noise.choice(("thought", "", 7, None))
-    ),
     "malformed action": lambda rig, noise: (
         "command/action\n"
         + json.dumps({"type": noise.choice(("fly", "", "goto", None)), "actionId": "§"})
@@ -88,12 +79,14 @@ KINDS = {
     "oversized": lambda rig, noise: "command/velocity\n" + " " * noise.randrange(5_000, 40_000),
     "stale": lambda rig, noise: velocity(rig, stamp=time.time() - noise.uniform(1.5, 1e5)),
     "future": lambda rig, noise: velocity(rig, stamp=time.time() + noise.uniform(0.5, 1e5)),
-    "wrong_session": lambda rig, noise: velocity(rig, session=f"s{noise.randrange(2, 99)}"),
-    "wrong_epoch": lambda rig, noise: velocity(rig, epoch=noise.choice((0, 2, 3, 2**40))),
-    "old_seq": lambda rig, noise: velocity(rig, seq=noise.choice((0, 1))),
     "not_from_server": lambda rig, noise: encode_frame(
         noise.choice(("lease", "config", "signal/p1", "floorplan")), m.Bye(reason="x")
     ),
+} | {
+    name: lambda rig, noise, field=field, values=values: velocity(
+        rig, **{field: noise.choice(values)}
+    )
+    for name, (field, values) in FIELDS.items()
 }
 
 

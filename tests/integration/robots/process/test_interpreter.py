@@ -1,9 +1,8 @@
 """The interpreter of a process that must answer within milliseconds."""
 
-import subprocess
 import sys
 
-from tests.support.paths import ROOT
+from tests.support.programs.finished import run
 
 SCRIPT = """
 import gc, sys
@@ -20,9 +19,7 @@ agent.run_until_signalled(Agent())
 
 def test_loaded_modules_are_excluded_from_garbage_collection():
     """Otherwise each collection delays the control loop by up to four ticks."""
-    printed = subprocess.run(
-        [sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
+    printed = run(sys.executable, "-c", SCRIPT, check=True).stdout.split()
     frozen, collected, switch_interval_s = map(float, printed)
     assert frozen > 20_000
     assert collected < 1_000

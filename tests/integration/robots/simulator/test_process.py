@@ -3,7 +3,6 @@
 import math
 import signal
 import socket
-import subprocess
 import sys
 import time
 from itertools import pairwise
@@ -17,7 +16,6 @@ from robots.simulator import wire
 from robots.simulator.wire import Faults
 from robots.world.robot_models import GIRAFF
 from tests.support.agents.simulators import (
-    ROOT,
     alive,
     driving_agent,
     eventually,
@@ -25,9 +23,10 @@ from tests.support.agents.simulators import (
     simulator,
 )
 from tests.support.agents.truth import SimulatorOperator
-from tests.support.patience import patient
+from tests.support.programs.finished import run
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+SIMULATOR = (sys.executable, "-m", "robots.simulator")
 QUIET = ("--no-camera", "--start", "corridor-centre")
 ONE_STATE = 0.02  # s between two states
 
@@ -37,17 +36,6 @@ def quiet():
     """A simulator that no test drives."""
     with simulator(*QUIET) as robot:
         yield robot
-
-
-def run_simulator(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "robots.simulator", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=patient(30),
-        check=False,
-    )
 
 
 def replies(port: int, *messages: bytes) -> bytes:
@@ -226,14 +214,14 @@ def test_observer_gets_the_positions_of_walking_people() -> None:
     ],
 )
 def test_invalid_argument_is_refused_in_one_line(arguments: tuple[str, ...], words: str) -> None:
-    done = run_simulator(*arguments)
+    done = run(*SIMULATOR, *arguments)
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
 def test_busy_port_is_reported(quiet) -> None:
-    done = run_simulator("--listen", quiet.address, *QUIET)
+    done = run(*SIMULATOR, "--listen", quiet.address, *QUIET)
     assert done.returncode == 1
     assert "cannot listen" in done.stderr
 

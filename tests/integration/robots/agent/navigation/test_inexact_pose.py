@@ -20,18 +20,18 @@ class Beside(Wander):
     x: float = 0.0
     y: float = 0.0
 
-    def of(self, truth: Pose2D, dt: float) -> Pose2D:
+    def of(self, truth, dt):
         return Pose2D(truth.x + self.x, truth.y + self.y, truth.theta)
 
 
-def rig(start: str, wrong: Beside) -> Rig:
+def rig(start, wrong):
     plan = building()
     made = Rig(Simulation(GIRAFF, plan, seed=1, start=start), rasterise(plan), 1)
     made.wander = wrong
     return made
 
 
-def test_goal_is_reached_although_a_wall_blocks_the_last_centimetres() -> None:
+def test_goal_is_reached_although_a_wall_blocks_the_last_centimetres():
     made = rig("3.0,1.0,1.57", Beside(y=-0.06))
     beside_wall = 2.0 - THICK / 2.0 - 0.32
     made.navigator.goto(3.0, beside_wall)

@@ -15,7 +15,7 @@ from robots.api.messages import Velocity
 from robots.simulator.physics.drive import STILL
 from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OccupancyGrid
-from robots.world.robot_models import GIRAFF, RHODON, RobotModel
+from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sensing import CENTRE, Estimate
 from robots.world.sites import load_site
 from tests.support.agents.navigation_rig import Rig
@@ -24,11 +24,11 @@ SITE = load_site("office")
 MIRROR = next(place for place in SITE.plan.places if place.name == "mirror")
 
 
-def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
+def rig(start, model=GIRAFF, seed=1):
     return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
 
 
-def moving(goal_x: float = 8.4) -> Rig:
+def moving(goal_x=8.4):
     """Return a robot on its way along the corridor."""
     made = rig("corridor-centre")
     made.navigator.goto(goal_x, 1.0)
@@ -37,7 +37,7 @@ def moving(goal_x: float = 8.4) -> Rig:
     return made
 
 
-def away_from(made: Rig, x: float, y: float) -> float:
+def away_from(made, x, y):
     return math.hypot(made.sim.pose.x - x, made.sim.pose.y - y)
 
 
@@ -51,9 +51,7 @@ def away_from(made: Rig, x: float, y: float) -> float:
         pytest.param("lab-centre", RHODON, (8.6, 4.4, 0.0), id="archway, narrow laser"),
     ],
 )
-def test_robot_reaches_its_goal_with_its_heading_and_without_contact(
-    start: str, model: RobotModel, goal: tuple[float, ...]
-) -> None:
+def test_robot_reaches_its_goal_with_its_heading_and_without_contact(start, model, goal):
     made = rig(start, model)
     made.navigator.goto(*goal)
     done = made.run(60.0)
@@ -66,7 +64,7 @@ def test_robot_reaches_its_goal_with_its_heading_and_without_contact(
     assert made.step().velocity is None
 
 
-def test_path_shrinks_and_progress_grows() -> None:
+def test_path_shrinks_and_progress_grows():
     made = rig("corridor-centre")
     made.navigator.goto(8.4, 1.0)
     steps = [made.step() for _ in range(60)]
@@ -76,7 +74,7 @@ def test_path_shrinks_and_progress_grows() -> None:
 
 
 @pytest.mark.nightly
-def test_drawn_line_is_followed_and_leads_around_a_desk() -> None:
+def test_drawn_line_is_followed_and_leads_around_a_desk():
     made = rig("lab-centre")
     made.navigator.follow([(3.2, 4.6), (4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0), (2.2, 5.4)])
     done = made.run(80.0)
@@ -91,7 +89,7 @@ def test_drawn_line_is_followed_and_leads_around_a_desk() -> None:
 
 
 @pytest.mark.nightly
-def test_robot_takes_another_route_when_a_door_closes() -> None:
+def test_robot_takes_another_route_when_a_door_closes():
     made = rig("lab-before-door")
     made.navigator.goto(2.0, 1.0)
     made.run(1.0)
@@ -103,7 +101,7 @@ def test_robot_takes_another_route_when_a_door_closes() -> None:
     assert made.sim.distance > 15.0
 
 
-def test_robot_without_a_route_waits_and_then_names_the_doors() -> None:
+def test_robot_without_a_route_waits_and_then_names_the_doors():
     made = rig("2.0,1.0,0.5")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(3.2, 4.6)
@@ -118,7 +116,7 @@ def test_robot_without_a_route_waits_and_then_names_the_doors() -> None:
 
 
 @pytest.mark.nightly
-def test_waiting_robot_continues_when_a_door_opens() -> None:
+def test_waiting_robot_continues_when_a_door_opens():
     made = rig("10.0,1.0,1.57")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(9.9, 3.6)
@@ -140,16 +138,14 @@ def test_waiting_robot_continues_when_a_door_opens() -> None:
         (9.4, 7.15, None, "in_wall: "),
     ],
 )
-def test_impossible_goals_are_refused_with_the_reason(
-    x: float, y: float, theta: float | None, reason: str
-) -> None:
+def test_impossible_goals_are_refused_with_the_reason(x, y, theta, reason):
     navigator = rig("lab-centre").navigator
     with pytest.raises(NoWayError, match=reason):
         navigator.goto(x, y, theta)
     assert navigator._task is None
 
 
-def test_short_lines_are_refused() -> None:
+def test_short_lines_are_refused():
     navigator = rig("lab-centre").navigator
     with pytest.raises(NoWayError, match="no_goal"):
         navigator.follow([(1.0, 1.0)])
@@ -157,13 +153,13 @@ def test_short_lines_are_refused() -> None:
         navigator.follow([(1.0, 1.0), (math.nan, 2.0)])
 
 
-def test_map_without_free_space_is_refused() -> None:
+def test_map_without_free_space_is_refused():
     full = OccupancyGrid(np.zeros_like(SITE.grid.image), SITE.grid.transform)
     with pytest.raises(NoWayError, match="no free space"):
         Navigator(full, None, np.array(GIRAFF.footprint), GIRAFF.limits, "giraff")
 
 
-def test_cancel_brakes_to_rest_and_then_sends_no_velocity() -> None:
+def test_cancel_brakes_to_rest_and_then_sends_no_velocity():
     made = moving()
     made.navigator.cancel()
     assert (made.step().velocity, made.step().reason) == (ZERO, "cancelled")
@@ -181,9 +177,7 @@ def test_cancel_brakes_to_rest_and_then_sends_no_velocity() -> None:
     ],
     ids=["laser", "pose", "wheels"],
 )
-def test_lost_sense_or_wheel_fails_the_task_and_the_robot_stands(
-    fault: dict[str, bool], reason: str
-) -> None:
+def test_lost_sense_or_wheel_fails_the_task_and_the_robot_stands(fault, reason):
     made = moving()
     vars(made).update(fault)
     done = made.run(20.0)
@@ -192,7 +186,7 @@ def test_lost_sense_or_wheel_fails_the_task_and_the_robot_stands(
     assert made.sim.motion == STILL
 
 
-def test_robot_continues_when_the_laser_is_back_in_time() -> None:
+def test_robot_continues_when_the_laser_is_back_in_time():
     made = moving(7.0)
     made.laser_works = False
     made.run(1.5)
@@ -201,7 +195,7 @@ def test_robot_continues_when_the_laser_is_back_in_time() -> None:
     assert made.run(30.0).status == "FINISHED"
 
 
-def test_laser_that_measures_only_nan_stops_the_robot(monkeypatch) -> None:
+def test_laser_that_measures_only_nan_stops_the_robot(monkeypatch):
     made = moving()
     monkeypatch.setattr(made.sim, "scan", lambda: np.full(GIRAFF.laser.beams, math.nan))
     done = made.run(20.0)
@@ -211,7 +205,7 @@ def test_laser_that_measures_only_nan_stops_the_robot(monkeypatch) -> None:
 
 
 @pytest.mark.nightly
-def test_robot_does_not_collide_with_walking_people() -> None:
+def test_robot_does_not_collide_with_walking_people():
     made = Rig(
         Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1
     )
@@ -221,7 +215,7 @@ def test_robot_does_not_collide_with_walking_people() -> None:
     assert made.seen_collisions == 0
 
 
-def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
+def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start():
     watch, asked, here = WheelWatch(), Velocity(linear=0.3, angular=0.0), Pose2D(0.0, 0.0, 0.0)
     assert not any(watch.stuck(asked, here, step / 10.0) for step in range(round(IN_VAIN * 10)))
     assert watch.stuck(asked, here, IN_VAIN + 0.2)
@@ -229,7 +223,7 @@ def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
     assert not watch.stuck(ZERO, here, 2.0 * IN_VAIN + 1.0)
 
 
-def test_late_estimate_is_moved_by_the_odometry() -> None:
+def test_late_estimate_is_moved_by_the_odometry():
     where = PoseBuffer()
     unknown = Estimate(0.0, CENTRE, (0.0,) * 6, 1.0, localized=True)
     for step in range(11):

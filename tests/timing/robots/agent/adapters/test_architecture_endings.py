@@ -79,7 +79,7 @@ def robot(name, row, directory, *, network=None, **world):
         try:
             begin(row, rca, agent)
             if row != "idle" and not world:
-                wait(lambda: rca.world.sim.motion.linear > FAST[row])
+                wait(lambda: rca.world.sim.motion.linear > FAST[row], 20.0)
             yield rca, agent
         finally:
             agent.kill()

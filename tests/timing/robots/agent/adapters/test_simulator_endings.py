@@ -52,7 +52,7 @@ def moving(row, directory):
         plan="office",
     )
     found = agent.wait_for(lambda event: "port" in event)
-    onlooker = Onlooker(int(found["port"].rpartition(":")[2]))
+    onlooker = Onlooker.of(found["port"])
     try:
         agent.request(*ROWS[row])
         wait(lambda: onlooker.truth().linear > 0.2, 20.0)

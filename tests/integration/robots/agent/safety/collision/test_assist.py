@@ -49,14 +49,11 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
         asked = follow(WheelMotion(own.linear, own.angular), WheelMotion(*stick), limits, TICK)
         near = points_in_frame(pose, points)
         goal = pose.inverse().compose(dock) if dock else None
-        answer = assist.shape(
+        wish, errors = (
             Velocity(linear=asked.linear, angular=asked.angular),
-            told,
-            near,
-            level,
-            errors=np.full(len(near), error),
-            dock=goal,
+            np.full(len(near), error),
         )
+        answer = assist.shape(wish, told, near, level, errors=errors, dock=goal)
         told, own = answer.velocity, answer.own
         motion = follow(motion, WheelMotion(told.linear, told.angular), limits, TICK)
         pose = advance(pose, motion, TICK)
@@ -179,15 +176,9 @@ def test_level_off_changes_nothing(wanted, points):
 @given(st.integers(0, 10_000))
 def test_random_driver_touches_nothing(series, level, seed):
     rng, model = np.random.default_rng(seed), MODELS[series]
-    points = np.vstack(
-        [
-            line(1.2, -1.2, 1.2, 1.2),
-            line(-1.2, -1.2, -1.2, 1.2),
-            line(-1.2, 1.2, 1.2, 1.2),
-            line(-1.2, -1.2, 1.2, -1.2),
-            rng.uniform(-1.2, 1.2, (6, 2)),
-        ]
-    )
+    sides = ((1.2, -1.2, 1.2, 1.2), (-1.2, -1.2, -1.2, 1.2), (-1.2, 1.2, 1.2, 1.2))
+    walls = [line(*ends) for ends in (*sides, (-1.2, -1.2, 1.2, -1.2))]
+    points = np.vstack([*walls, rng.uniform(-1.2, 1.2, (6, 2))])
     points = points[np.hypot(points[:, 0], points[:, 1]) > 0.5]
     pose = Pose2D(0.0, 0.0, float(rng.uniform(-3, 3)))
     for _ in range(8):
@@ -221,9 +212,8 @@ def test_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level)
 
 
 def test_stop_reports_the_obstacle():
-    answer = shape(
-        Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow"
-    )
+    points = np.array([[0.36, 0.1], [-1.0, 0.0]])
+    answer = shape(Velocity(linear=0.1, angular=0.0), ZERO, points, "slow")
     assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
     assert answer.clearance == pytest.approx(0.04)
 
@@ -241,18 +231,10 @@ def test_nearest_obstacle_is_reported_even_if_it_changes_nothing(x, y, side):
 @pytest.mark.parametrize("level", LEVELS)
 def test_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
     points = doorway(2.0)
-    poses, _ = go(
-        model,
-        level,
-        (model.limits.linear, 0.0),
-        points,
-        seconds=12.0,
-        until=lambda pose: pose.x > 3.0,
-    )
+    speed, through = model.limits.linear, lambda pose: pose.x > 3.0
+    poses, _ = go(model, level, (speed, 0.0), points, seconds=12.0, until=through)
     assert poses[-1].x > 3.0
-    at_full = (
-        3.0 / model.limits.linear + model.limits.linear / model.limits.linear_acceleration / 2.0
-    )
+    at_full = 3.0 / speed + speed / model.limits.linear_acceleration / 2.0
     assert len(poses) * TICK < 1.2 * at_full
 
 
@@ -361,29 +343,18 @@ def test_robot_creeps_into_contact_with_its_own_station(level, aside):
     station = line(1.32, -0.28, 1.32, 0.28)  # the docked robot's nose touches it
     alone, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0))
     assert gap(GIRAFF, alone[-1], station) > 0.02
-    poses, _ = go(
-        GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0), dock=dock, seconds=9.0
-    )
+    start = Pose2D(0.0, aside, 0.0)
+    poses, _ = go(GIRAFF, level, (0.5, 0.0), station, start, dock=dock, seconds=9.0)
     assert gap(GIRAFF, poses[-1], station) < 0.01
-    last = [
-        later.x - earlier.x
-        for earlier, later in pairwise(poses)
-        if gap(GIRAFF, earlier, station) < 0.02
-    ]
+    near = [pair for pair in pairwise(poses) if gap(GIRAFF, pair[0], station) < 0.02]
+    last = [later.x - earlier.x for earlier, later in near]
     assert max(last) <= 0.06 * TICK + 1e-9
 
 
 def test_robot_in_its_dock_does_not_push_further():
     station = line(0.30, -0.28, 0.30, 0.28)  # a laser that sees it two centimetres too near
-    poses, _ = go(
-        GIRAFF,
-        "slow",
-        (0.5, 0.0),
-        station,
-        Pose2D(-0.01, 0.0, 0.0),
-        dock=Pose2D(0.0, 0.0, 0.0),
-        seconds=3.0,
-    )
+    start = Pose2D(-0.01, 0.0, 0.0)
+    poses, _ = go(GIRAFF, "slow", (0.5, 0.0), station, start, dock=START, seconds=3.0)
     assert poses[-1].x < 0.01
 
 
