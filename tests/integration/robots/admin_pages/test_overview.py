@@ -72,9 +72,6 @@ def test_top_of_the_page_links_to_the_robots_other_pages(client, robot):
         assert client.get(address(robot, page)).status_code == 200
 
 
-# --- visibility -----------------------------------------------------------------------------------
-
-
 def test_new_robot_is_hidden_and_its_page_shows_how_to_connect_it(client, boss):
     answer = client.post(ADD, NEW | {"shown_to_visitors": "on"})
     robot = Robot.objects.get()
@@ -129,9 +126,6 @@ def test_list_marks_a_hidden_robot(client, robot):
 def test_owner_drives_a_hidden_robot(robot, owner):
     assert may_drive(owner, robot)
     assert may_drive(person("ada"), robot).reason == "disabled"
-
-
-# --- the overview ---------------------------------------------------------------------------------
 
 
 def test_question_about_a_display_disappears_with_a_screen_key(client, robot):
@@ -225,9 +219,6 @@ def test_overview_tells_a_researcher_when_they_get_mail_about_the_robot(client, 
     StudyMember.objects.create(slug=study.slug, user=owner, role=StudyMember.Role.RESEARCHER)
     expected = "Yes, when the robot can't get ready, as a researcher of: Cabin."
     assert expected in overview(client, robot)
-
-
-# --- its updates ----------------------------------------------------------------------------------
 
 
 def test_status_changes_when_the_robot_connects(client, robot):

@@ -219,8 +219,6 @@ def test_token_is_not_in_the_representation(credentials):
     assert "from-file" not in repr(loaded(f"giraff --credentials {credentials}"))
 
 
-# --- asking the server ----------------------------------------------------------------------------
-
 GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceServers": []})
 
 

@@ -51,9 +51,6 @@ def at_the_broker() -> dict[str, str]:
     return {user.name: user.credential_hash for user in robots_at_the_broker()}
 
 
-# --- tokens ---------------------------------------------------------------------------------------
-
-
 def test_token_works_once_for_its_robot(robot):
     Robot.objects.create(name="rhodon", title="Rhodon")
     token, now = make_token(robot, timezone.now()), timezone.now()
@@ -90,9 +87,6 @@ def rotated(robot):
     """Return credentials of a robot, and those that replaced them."""
     old = make_credentials(robot, timezone.now())
     return old, rotate(robot, old.token, timezone.now())
-
-
-# --- rotation -------------------------------------------------------------------------------------
 
 
 def test_old_credentials_are_valid_beside_the_new_ones_for_a_while(robot):
@@ -167,9 +161,6 @@ def test_new_credentials_never_reuse_a_user_of_the_broker(robot):
     assert len(set(users)) == 3
 
 
-# --- over HTTP ------------------------------------------------------------------------------------
-
-
 def post(client, address, content, token=""):
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     return client.post(
@@ -198,9 +189,6 @@ def test_credentials_are_renewed_only_on_request(client, robot):
     fresh = post(client, RENEW, {}, f"giraff:{old.token}").json()
     assert robot_of("giraff", fresh["token"]) == robot
     assert post(client, RENEW, {}, f"giraff:{fresh['token']}").json() == {"robot": "giraff"}
-
-
-# --- the agent ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -379,9 +367,6 @@ def test_token_without_a_server_is_refused(tmp_path):
     arguments = {"robot": "giraff", "var": tmp_path}
     with pytest.raises(ConfigError, match="--server"):
         agent_side.enrol_if_asked(arguments, {"TELEPRESENCE_ENROL": "token"})
-
-
-# --- commands -------------------------------------------------------------------------------------
 
 
 def test_enrol_command_prints_what_to_run_on_the_robot(robot):

@@ -90,13 +90,11 @@ def test_unlocalized_robot_searches_its_pose_on_request():
     assert found.reason or found.result["score"] >= 0.5
 
 
-def test_pose_is_given_with_and_without_a_heading():
+def test_given_pose_is_corrected_and_may_lack_a_heading():
     robot = HeadlessRobot(start="corridor-centre", placed=False)
-    pose = robot.sim.pose
-    for action in (
-        m.Relocalize(action_id="r1", stamp=0.0, x=pose.x + 0.2, y=pose.y, theta=pose.theta),
-        m.Relocalize(action_id="r2", stamp=0.0, x=pose.x, y=pose.y),
-    ):
+    x, y, theta = robot.sim.pose
+    wrong = m.Relocalize(action_id="r1", stamp=0.0, x=x + 0.4, y=y - 0.3, theta=theta + 0.25)
+    for action in (wrong, m.Relocalize(action_id="r2", stamp=0.0, x=x, y=y)):
         assert robot.do(action, 20.0).status == "FINISHED"
         assert robot.error() < 0.1
 

@@ -96,15 +96,6 @@ def test_robot_carried_away_localizes_itself_and_never_at_a_wrong_pose(seed):
     assert found[-1][1] < 0.1
 
 
-def test_given_pose_with_an_error_is_corrected():
-    drive = Drive(6)
-    truth = drive.simulation.pose
-    drive.localizer.set_pose(Pose2D(truth.x + 0.4, truth.y - 0.3, truth.theta + 0.25))
-    estimate, away, _ = drive.go(5.0)[-1]
-    assert estimate.localized
-    assert away < 0.1
-
-
 def test_wrong_pose_is_rejected():
     drive = Drive(7)
     drive.localizer.set_pose(Pose2D(9.0, 1.0, 0.0), 0.2)

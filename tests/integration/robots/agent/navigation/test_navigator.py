@@ -15,9 +15,11 @@ from robots.api.messages import Velocity
 from robots.simulator.physics.drive import STILL
 from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OccupancyGrid
+from robots.world.render_plan import rasterise
 from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sensing import CENTRE, Estimate
 from robots.world.sites import load_site
+from tests.support.agents.mapped_building import THICK, building
 from tests.support.agents.navigation_rig import Rig
 
 SITE = load_site("office")
@@ -233,3 +235,14 @@ def test_late_estimate_is_moved_by_the_odometry():
     assert where.odometry_at(0.55) == pytest.approx((0.55, 0.0, 0.0))
     assert where.pose() == pytest.approx((5.0, 5.55, math.pi / 2.0))
     assert where.odometry_at(-5.0) == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_goal_is_reached_although_a_wall_blocks_the_last_centimetres():
+    """The pose is wrong by the same six centimetres all the time."""
+    plan, beside_wall = building(), 2.0 - THICK / 2.0 - 0.32
+    made = Rig(Simulation(GIRAFF, plan, seed=1, start="3.0,1.0,1.57"), rasterise(plan), 1)
+    made.wander.of = lambda truth, _dt: Pose2D(truth.x, truth.y - 0.06, truth.theta)
+    made.navigator.goto(3.0, beside_wall)
+    done = made.run(60.0)
+    assert (done.status, done.reason, made.sim.contacts) == ("FINISHED", "", 0)
+    assert abs(made.sim.pose.y - beside_wall) < 0.1

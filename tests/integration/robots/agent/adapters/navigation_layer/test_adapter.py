@@ -47,9 +47,6 @@ def goto(action_id="g", **fields):
     return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
 
 
-# --- which adapters are wrapped -------------------------------------------------------------------
-
-
 def with_laser(**fields):
     profile = replace(ScriptedRobot().profile, laser=made().profile.laser, **fields)
     return ScriptedRobot(profile=profile)
@@ -81,9 +78,6 @@ def test_robot_keeps_its_own_capabilities():
 def test_unknown_site_is_refused_with_a_sentence():
     with pytest.raises(AdapterError, match="office"):
         registry.autonomous(registry.create("simulator", "giraff"), "castle")
-
-
-# --- localization and navigation ------------------------------------------------------------------
 
 
 async def test_robot_is_localized_reaches_its_goal_and_reports_its_path():
@@ -130,9 +124,6 @@ async def test_cancelling_stops_the_robot():
         assert drive.adapter.wanted() is None
         assert (await drive.ended("g")).status == "CANCELLED"
         await drive.standing()
-
-
-# --- failures -------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -190,9 +181,6 @@ async def test_closing_leaves_no_process_behind():
         await drive.known()
         pids = adapter.node.pid, adapter.inner._child.pid
     assert not any(alive(pid) for pid in pids)
-
-
-# --- maps -----------------------------------------------------------------------------------------
 
 
 def without_site(memory: Path | None = None) -> AutonomyAdapter:

@@ -80,8 +80,6 @@ def turned(poses):
     return sum(abs(wrap_angle(after.theta - before.theta)) for before, after in pairwise(poses))
 
 
-# --- what is never done ---------------------------------------------------------------------------
-
 VELOCITIES = st.builds(
     lambda v, w: Velocity(linear=v, angular=w),
     st.floats(-0.3, 0.7) | st.just(0.0),
@@ -193,9 +191,6 @@ def test_random_driver_touches_nothing(series, level, seed):
         assert min(gap(model, here, points) for here in poses[::3]) > 0.0
 
 
-# --- what it is for -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("series", sorted(MODELS))
 @pytest.mark.parametrize("level", LEVELS)
 def test_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level):
@@ -304,9 +299,6 @@ def test_robot_does_not_turn_towards_a_remembered_obstacle_beside_it(level):
     assert left[-1].x > 0.3
 
 
-# --- out of tight spots ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_robot_in_contact_can_only_move_away(level):
     touching = line(0.319, -0.14, 0.319, 0.14)  # the nose is a millimetre inside
@@ -331,9 +323,6 @@ def test_robot_whose_corner_would_touch_the_wall_can_only_drive_straight():
     assert (answer.why, answer.side) == ("stop", "left")
     straight, _ = go(GIRAFF, "slow", (0.5, 0.0), wall, seconds=4.0)
     assert straight[-1].x > 0.3
-
-
-# --- the dock -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.06])
@@ -365,9 +354,6 @@ def test_robot_in_its_dock_does_not_push_further():
 def test_dock_elsewhere_does_not_allow_contact(dock):
     poses, _ = go(GIRAFF, "slow", (0.5, 0.0), line(1.0, -0.5, 1.0, 0.5), dock=dock)
     assert gap(GIRAFF, poses[-1], line(1.0, -0.5, 1.0, 0.5)) > 0.02
-
-
-# --- a laser that is silent -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("level", LEVELS)
