@@ -170,21 +170,11 @@ def test_cancel_brakes_to_rest_and_then_sends_no_velocity():
     assert made.step().velocity is None
 
 
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [
-        ({"laser_works": False}, "no_laser: silent"),
-        ({"knows_where": False}, "lost"),
-        ({"wheels_turn": False}, "wheels"),
-    ],
-    ids=["laser", "pose", "wheels"],
-)
-def test_lost_sense_or_wheel_fails_the_task_and_the_robot_stands(fault, reason):
+def test_lost_robot_stops_and_reports_it():
     made = moving()
-    vars(made).update(fault)
+    made.knows_where = False
     done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", reason)
-    assert reason.partition(":")[0] in made.reasons
+    assert (done.status, done.reason) == ("FAILED", "lost")
     assert made.sim.motion == STILL
 
 
@@ -195,15 +185,6 @@ def test_robot_continues_when_the_laser_is_back_in_time():
     assert made.sim.motion == STILL
     made.laser_works = True
     assert made.run(30.0).status == "FINISHED"
-
-
-def test_laser_that_measures_only_nan_stops_the_robot(monkeypatch):
-    made = moving()
-    monkeypatch.setattr(made.sim, "scan", lambda: np.full(GIRAFF.laser.beams, math.nan))
-    done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", "no_laser: blind")
-    made.settle()
-    assert made.sim.motion == STILL
 
 
 @pytest.mark.nightly

@@ -102,7 +102,7 @@ def test_person_behind_the_mirrors_wall_has_no_shadow_in_it(camera):
 
 def test_only_walking_people_move_their_legs(camera):
     pose = (5.0, 1.0, 0.0)
-    walking, standing = (
+    walking, still = (
         [
             picture(camera, pose, people=(Person(8.0, 1.0, 1.5, stride, 1, speed),))
             for stride in (0.0, math.pi / 2)
@@ -110,7 +110,7 @@ def test_only_walking_people_move_their_legs(camera):
         for speed in (1.0, 0.0)
     )
     assert (np.abs(walking[0] - walking[1]).max(axis=2) > 40).sum() > 200
-    assert np.array_equal(*standing)
+    assert np.array_equal(*still)
 
 
 def test_left_foot_is_ahead_at_a_quarter_of_the_stride():

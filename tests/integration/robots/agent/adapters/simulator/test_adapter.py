@@ -37,7 +37,7 @@ def made(profile: str = "giraff", **options: object) -> SimulatorAdapter:
     return adapter
 
 
-def is_gone(camera) -> bool:
+def has_failed(camera) -> bool:
     try:
         camera.read(0.5)
     except AdapterError as error:
@@ -221,14 +221,16 @@ async def test_velocity_reaches_the_wheels_within_milliseconds() -> None:
     async with connected(made()) as adapter:
         with Onlooker.of(adapter.address) as onlooker, watched() as computer:
             await some(adapter.states(), 5)
-            said = time.time()
+            applied_at = time.time()
             adapter.apply(Velocity(linear=0.3, angular=0.0))
             await until(lambda: onlooker.truth().commanded[0] == 0.3, 2.0)
-            excuse = computer.excuse(said, time.time())
+            excuse = computer.excuse(applied_at, time.time())
             came = onlooker.truth().commanded_at
-            rows = [row.stamp for row in onlooker.history(10.0) if said - 1.0 < row.stamp <= came]
+            rows = [
+                row.stamp for row in onlooker.history(10.0) if applied_at - 1.0 < row.stamp <= came
+            ]
         # median below a millisecond and a step on a quiet machine
-        assert came - said < 0.2 + excuse + LONGEST_LAG + min(pauses(rows, 0.02), 1.5)
+        assert came - applied_at < 0.2 + excuse + LONGEST_LAG + min(pauses(rows, 0.02), 1.5)
 
 
 @pytest.mark.nightly
@@ -238,7 +240,7 @@ async def test_frames_arrive_again_from_a_replaced_simulator() -> None:
         camera.start()
         await until(lambda: camera.read(1.0) is not None, 30.0)
         os.kill(adapter._child.pid, signal.SIGKILL)
-        await until(lambda: is_gone(camera), 10.0)
+        await until(lambda: has_failed(camera), 10.0)
         await adapter.connect()
         await until(lambda: camera.read(1.0) is not None, 30.0)
 

@@ -44,7 +44,7 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
     the last answer.
     """
     assist, limits = DriverAssistance(model.footprint, model.limits), model.limits
-    told, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
+    sent, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
     for _ in range(int(seconds / TICK)):
         asked = follow(WheelMotion(own.linear, own.angular), WheelMotion(*stick), limits, TICK)
         near = points_in_frame(pose, points)
@@ -53,9 +53,9 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
             Velocity(linear=asked.linear, angular=asked.angular),
             np.full(len(near), error),
         )
-        answer = assist.shape(wish, told, near, level, errors=errors, dock=goal)
-        told, own = answer.velocity, answer.own
-        motion = follow(motion, WheelMotion(told.linear, told.angular), limits, TICK)
+        answer = assist.shape(wish, sent, near, level, errors=errors, dock=goal)
+        sent, own = answer.velocity, answer.own
+        motion = follow(motion, WheelMotion(sent.linear, sent.angular), limits, TICK)
         pose = advance(pose, motion, TICK)
         poses.append(pose)
         if until and until(pose):
@@ -93,32 +93,32 @@ POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).ma
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS, st.sampled_from(LEVELS))
 def test_velocity_is_never_faster_or_reversed(wanted, current, points, level):
-    told = shape(wanted, current, points, level).velocity
-    assert min(0.0, wanted.linear) <= told.linear <= max(0.0, wanted.linear)
-    assert abs(told.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
+    sent = shape(wanted, current, points, level).velocity
+    assert min(0.0, wanted.linear) <= sent.linear <= max(0.0, wanted.linear)
+    assert abs(sent.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_slowing_never_turns_faster_or_the_other_way(wanted, current, points):
-    told = shape(wanted, current, points, "slow").velocity
-    assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+    sent = shape(wanted, current, points, "slow").velocity
+    assert min(0.0, wanted.angular) <= sent.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_steering_stays_on_the_commanded_side(wanted, current, points):
-    told = shape(wanted, current, points, "steer").velocity
+    sent = shape(wanted, current, points, "steer").velocity
     help_ = helping_turn(wanted, STEERING)
     assert (
         min(0.0, wanted.angular) - help_ - 1e-9
-        <= told.angular
+        <= sent.angular
         <= max(0.0, wanted.angular) + help_ + 1e-9
     )
     if abs(wanted.angular) >= STEERING.firm * help_:
-        assert told.angular * wanted.angular >= 0.0
+        assert sent.angular * wanted.angular >= 0.0
     if wanted.linear <= 0.0:
-        assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+        assert min(0.0, wanted.angular) <= sent.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
