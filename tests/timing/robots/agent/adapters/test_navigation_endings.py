@@ -8,6 +8,7 @@ prints the table; the rows marked nightly run in `make nightly`.
 """
 
 import contextlib
+import itertools
 import time
 
 import pytest
@@ -180,8 +181,14 @@ def test_docking_that_begins_after_its_cancel_is_cancelled_again(robot, end):
         rest(robot, f"guarded, docking begins 12 s late: agent {end}", began, jerks=JERKS)
 
 
-@pytest.mark.parametrize("habit", ["obeys", "ignores", "misses"])
-@pytest.mark.parametrize("control", ["guarded", "agent"])
+@pytest.mark.parametrize(
+    ("control", "habit"),
+    [
+        *itertools.product(("guarded", "agent"), ("obeys", "ignores")),
+        ("guarded", "misses"),
+        pytest.param("agent", "misses", marks=pytest.mark.nightly),
+    ],
+)
 def test_stop_of_the_driver_leaves_the_robot_at_rest(robot, control, habit):
     with moving(robot, control, habit) as (planner, agent):
         event = time.monotonic()

@@ -32,13 +32,7 @@ COLUMNS = (
     "navigation killed",
     "navigation hung",
 )
-QUICK = {
-    ("navigating", "agent killed"),
-    ("docking", "navigation killed"),
-    ("driven", "agent killed"),
-    ("driven", "agent stopped"),
-    ("driven", "control hung"),
-}
+QUICK = {("driven", "agent killed"), ("driven", "control hung"), ("docking", "navigation killed")}
 
 
 @contextlib.contextmanager
