@@ -37,6 +37,13 @@ def floor_plan(name: str, **fields: Any) -> FloorPlan:
     return FloorPlan.objects.create(name=name, **values)
 
 
+def robot_form(**fields: str) -> dict[str, str]:
+    """Return what the form of a robot in the administration sends; it has no permits."""
+    values = {"title": "Lab robot", "enabled": "on", "access": "open", "assist": "off"}
+    values |= {"charge_limit": "0.2", "calls": "accept"}
+    return values | {"permits-TOTAL_FORMS": "0", "permits-INITIAL_FORMS": "0"} | fields
+
+
 def update_robots(**fields: Any) -> None:
     """Change fields of all robots, in their tables."""
     for model, values in _by_table(fields).items():

@@ -2,29 +2,22 @@
 robot's process loads no package that only sites install, for analysis.
 """
 
-import subprocess
 import sys
 
 import pytest
 
-from tests.support.paths import ROOT
+from tests.support.programs.finished import run
 
 ANALYSIS = ("krippendorff", "matplotlib", "pandas", "pyreadstat", "statsmodels")
+ENVIRONMENT = {"DJANGO_SETTINGS_MODULE": "tests.settings", "PATH": "/usr/bin"}
 NOT_LOADED = ("robots.agent", "scipy.stats", "scipy.optimize", *ANALYSIS)
 
 
 def loads(code, unwanted):
     """Run `code` in a process; return its errors, or which of the `unwanted` modules it loaded."""
     check = f"loaded = [m for m in {unwanted} if m in sys.modules]; assert not loaded, loaded"
-    ran = subprocess.run(
-        [sys.executable, "-c", f"import django, sys; django.setup(); {code}; {check}"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        env={"DJANGO_SETTINGS_MODULE": "tests.settings", "PATH": "/usr/bin"},
-    )
+    code = f"import django, sys; django.setup(); {code}; {check}"
+    ran = run(sys.executable, "-c", code, env=ENVIRONMENT)
     return "" if ran.returncode == 0 else ran.stderr
 
 

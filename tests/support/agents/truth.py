@@ -2,6 +2,7 @@
 
 import socket
 from dataclasses import dataclass
+from typing import Self
 
 from robots.process import framing
 from robots.simulator import wire
@@ -23,12 +24,23 @@ class Row:
 
 
 class Onlooker:
-    """A blocking observer of a simulator; one question, one answer."""
+    """A blocking observer of a simulator; one question, one answer. A context manager."""
 
     def __init__(self, port: int, role: wire.Role = "observer") -> None:
         self.port = port
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=patient(10))
         self._ask(wire.SimulatorHello(role))
+
+    @classmethod
+    def of(cls, address: str) -> Self:
+        """Return an observer of the simulator at host:port."""
+        return cls(int(address.rpartition(":")[2]))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_raised: object) -> None:
+        self.close()
 
     def _ask(self, question: wire.SimulatorMessage) -> object:
         self._socket.sendall(framing.pack(question))

@@ -109,12 +109,12 @@ def hang(rig, device):
 
     with watched() as jitter:
         rig.post(tick)
-        said, begun = len(rig.link.sent), time.time()
+        since, begun = len(rig.link.sent), time.time()
         device.freeze(on=True)
         lost = rig.link.wait(
             "state",
             lambda s: any(text.startswith("adapter_lost: ") for text in s.errors),
-            since=said,
+            since=since,
             within=10.0,
         )
         rig.sleep(1.0)

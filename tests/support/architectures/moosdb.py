@@ -8,7 +8,6 @@ packets before it (Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). As
 
 import asyncio
 import contextlib
-import fnmatch
 import sys
 import time
 from dataclasses import replace
@@ -23,7 +22,7 @@ class MoosDb:
     def __init__(self, community="test", host="127.0.0.1", port=0):
         self.community, self.host, self.port = community, host, port
         self.clients, self.values = {}, {}
-        self._registered, self._wild = {}, {}
+        self._registered = {}
         self._server = None
 
     async def start(self):
@@ -55,7 +54,6 @@ class MoosDb:
         finally:
             if name is not None:
                 self.clients.pop(name, None)
-                self._wild.pop(name, None)
                 for table in self._registered.values():
                     table.discard(name)
             writer.close()
@@ -77,15 +75,8 @@ class MoosDb:
                 await writer.drain()
             return None
         self.clients[name] = writer
-        welcome = Mail(
-            wire.WELCOME,
-            "",
-            time.time() - hello.time,
-            time.time(),
-            helper="hostname=localhost",
-            community=self.community,
-            text="asynchronous",
-        )
+        now, words = time.time(), {"helper": "hostname=localhost", "text": "asynchronous"}
+        welcome = Mail(wire.WELCOME, "", now - hello.time, now, community=self.community, **words)
         writer.write(wire.pack([welcome]))
         return name
 
@@ -95,19 +86,7 @@ class MoosDb:
         elif mail.type == wire.REGISTER:
             self._registered.setdefault(mail.key, set()).add(name)
             return [self.values[mail.key]] if mail.key in self.values else []
-        elif mail.type == wire.UNREGISTER:
-            self._registered.get(mail.key, set()).discard(name)
-        elif mail.type == wire.WILD_REGISTER:
-            wishes = dict(part.split("=", 1) for part in mail.value.split(","))
-            self._wild[name] = wishes["VarPattern"], wishes["AppPattern"]
-            return [value for value in self.values.values() if self._matches(name, value)]
         return []
-
-    def _matches(self, name, mail):
-        variable, application = self._wild[name]
-        return fnmatch.fnmatchcase(mail.key, variable) and fnmatch.fnmatchcase(
-            mail.source, application
-        )
 
     def _notify(self, mail):
         before = self.values.get(mail.key)
@@ -115,9 +94,7 @@ class MoosDb:
             return  # a variable keeps its type
         mail = self.values[mail.key] = replace(mail, community=self.community)
         packet = wire.pack([mail])
-        for name in self._registered.get(mail.key, set()) | {
-            name for name in self._wild if self._matches(name, mail)
-        }:
+        for name in self._registered.get(mail.key, ()):
             if name in self.clients:
                 self.clients[name].write(packet)
 

@@ -146,14 +146,14 @@ class RcaConformance(AdapterConformance):
         before, began = self.rig.world.truth, await self.here(adapter)
 
         # The watchdog brakes a robot whose velocities are late, and it accelerates again.
-        def goes_as_told(state: RcaState) -> bool:
+        def moves_as_commanded(state: RcaState) -> bool:
             return (
                 state.distance > 0.17
                 and abs(state.velocity.linear - 0.2) < 0.06
                 and abs(state.velocity.angular - 0.2) < 0.08
             )
 
-        await drive(adapter, Velocity(linear=0.2, angular=0.2), goes_as_told)
+        await drive(adapter, Velocity(linear=0.2, angular=0.2), moves_as_commanded)
         await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
         await standing(self.rig)
         moved = before.inverse().compose(self.rig.world.truth)

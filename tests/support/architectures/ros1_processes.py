@@ -53,10 +53,10 @@ class Ros1Processes:
             planner.kill()
 
     @contextlib.contextmanager
-    def agent(self, options, prefix=(), module="navigating_agent"):
+    def agent(self, options, prefix=()):
         """Yield a connected agent."""
         agent = AgentProcess(
-            module,
+            "ordered_agent",
             prefix=prefix,
             adapter="ros1",
             profile="rhodon",
@@ -68,9 +68,10 @@ class Ros1Processes:
         finally:
             agent.kill()
 
-    def drives(self):
-        """Wait until the base drives at the planner's speed."""
-        self.base.wait_for(lambda event: event.get("v", 0.0) > 0.28, time.monotonic(), 30.0)
+    def drives(self, speed):
+        """Wait until the base drives nearly at a speed in m/s."""
+        is_fast = lambda event: event.get("v", 0.0) > speed - 0.02
+        self.base.wait_for(is_fast, time.monotonic(), 30.0)
 
     def after(self, event, until):
         """Return the metres driven from `event` to `until`, the seconds after `event` when the base

@@ -26,7 +26,7 @@ class RosRobot:
         self.hears = dict([base]) | self.COMMANDS
         self.goal, self._told, self._fixed = None, "", 0.0
         self.cancelled = None
-        self.located, self.stamps = [], []
+        self.stamps = []
         self._measured = False  # odometry was published since the restart
 
     TOPICS = {
@@ -69,7 +69,6 @@ class RosRobot:
         elif topic == "/head/command":
             world.tilt(message["data"])
         elif topic == "/initialpose":
-            self.located.append(messages.fix_in(message))
             self.relocalize(message)
         elif topic == "/move_base/goal":
             self.go(message["goal"]["target_pose"], message["goal_id"]["id"])

@@ -14,8 +14,7 @@ The messages of a client are queued and handled in order, while pings are answer
 (rosbridge_server/websocket_handler.py, IncomingQueue). With `blocking_goals` or `blocking_services`
 (send_action_goals_in_new_thread, call_services_in_new_thread: false) the queue waits for each
 result. `held` are the `clients` whose queue hangs. As a process: `python -m
-tests.support.architectures.rosbridge_server HOST PORT [no-rosapi] [blocking-goals]
-[blocking-services]`.
+tests.support.architectures.rosbridge_server HOST PORT [no-rosapi]`.
 """
 
 import asyncio
@@ -267,13 +266,7 @@ def _json(value):
 
 
 async def main(host, port, *words):
-    await RosbridgeServer(
-        host,
-        port,
-        rosapi="no-rosapi" not in words,
-        blocking_goals="blocking-goals" in words,
-        blocking_services="blocking-services" in words,
-    ).start()
+    await RosbridgeServer(host, port, rosapi="no-rosapi" not in words).start()
     await asyncio.Event().wait()
 
 

@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessionDescription
 from aiortc.mediastreams import MediaStreamError
@@ -129,6 +129,10 @@ class LoopbackPage:
             .split()[0]
         )
 
+    def shows(self, colour: tuple[int, int, int]) -> bool:
+        """Return whether the newest image has this mean colour."""
+        return bool(self.images) and is_near(self.images[-1].reshape(-1, 3).mean(axis=0), colour)
+
     def clocks(self) -> list[Any]:
         return [message for suffix, message in self.messages if suffix == "media"]
 
@@ -167,3 +171,37 @@ class LoopbackPage:
                 self.sounds += 1
         except MediaStreamError:
             pass
+
+
+def is_near(seen: Any, colour: tuple[int, int, int]) -> bool:
+    """Return whether a measured colour, None if there is none, is nearly the given one."""
+    return seen is not None and all(
+        abs(part - wanted) < 20 for part, wanted in zip(seen, colour, strict=True)
+    )
+
+
+class MediaRig:
+    """A MediaSide and its pages, which close with it; an async context manager. `fields` are those
+    of the MediaSide, by default without camera and microphone.
+    """
+
+    def __init__(self, **fields: Any) -> None:
+        self.exchange = Exchange(asyncio.get_running_loop())
+        replies = {"on_command": self.exchange.on_command, "reply": self.exchange.reply}
+        defaults = {"video": None, "audio": None, "viewers": 3} | replies
+        self.media = MediaSide(**defaults | fields)
+        self.pages: list[LoopbackPage] = []
+
+    async def __aenter__(self) -> Self:
+        self.media.start()
+        return self
+
+    async def __aexit__(self, *_raised: object) -> None:
+        for page in self.pages:
+            await page.close()
+        await asyncio.to_thread(self.media.close)
+
+    def page(self, peer: str, kind: Any = LoopbackPage, **options: Any) -> Any:
+        """Return a page that is not connected yet."""
+        self.pages.append(kind(self.media, self.exchange, peer, **options))
+        return self.pages[-1]

@@ -36,6 +36,26 @@ async def until_thrown_out(client: aiomqtt.Client) -> None:
         raise AssertionError("the messages ended without an error")
 
 
+class PasswordClients:
+    """Clients of a broker on `port`, by user and password."""
+
+    port: int
+
+    def client(self, user, password, **options):
+        return aiomqtt.Client(
+            HOST, self.port, username=user, password=password, timeout=SECONDS, **options
+        )
+
+    async def lets_in(self, user, password):
+        with contextlib.suppress(aiomqtt.MqttError):
+            async with self.client(user, password):
+                return True
+        return False
+
+    async def until_let_in(self, user, password):
+        await BrokerRig.until(lambda: self.lets_in(user, password))
+
+
 @dataclass
 class BrokerRig:
     """Start with `start`, end with `stop`. `web` is a server's user; `robot` adds a robot's."""

@@ -1,5 +1,5 @@
-"""What fails, fails safe: page, tab, network, agent, servers. Every test measures what the base was
-told and what it did.
+"""Faults of page, tab, network, agent and servers leave the robot safe. Every test measures the
+commands of the base and its motion.
 
 Times are the robot's own, from the simulator's history and from the record; here all clocks are
 one.
@@ -62,10 +62,10 @@ def giraff(site, computer):
 
 @pytest.fixture
 def driver(visitor, giraff):
-    return under_way(visitor("anna").drive(), giraff)
+    return driving_steadily(visitor("anna").drive(), giraff)
 
 
-def under_way(visitor: Visitor, giraff: Onlooker, *, slowly: bool = False) -> Visitor:
+def driving_steadily(visitor: Visitor, giraff: Onlooker, *, slowly: bool = False) -> Visitor:
     visitor.wait_for("link", "live")
     if slowly:
         visitor.page.locator("[data-action=speed-0]").click()
@@ -83,17 +83,15 @@ def standstill(giraff: Onlooker) -> bool:
 
 
 def brakes_at(history: list[Row]) -> Row:
-    """Return the first row of the last braking: where the command falls below the steady speed and
-    never comes back.
-    """
+    """Return the first row of the last braking: the command stays below the steady speed."""
     speed = max(row.commanded_linear for row in history)
     last = max(index for index, row in enumerate(history) if row.commanded_linear > 0.98 * speed)
     return history[last + 1]
 
 
 def check_stop(site, giraff: Onlooker) -> float:
-    """The base was told to stop in time after the last accepted command, and stood after its
-    braking time. Return the former.
+    """Assert that the base was commanded to stop in time after the last accepted command, and came
+    to rest within its braking time. Return the delay of the command.
     """
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     session = site.sessions()[-1][0]
@@ -214,7 +212,7 @@ def test_the_robot_stops_when_commands_no_longer_leave_the_page(site, visitor, g
     mute = visitor("mute")
     mute.context.add_init_script(MUFFLE)
     mute.page = mute.new_page()
-    under_way(mute.drive(), giraff)
+    driving_steadily(mute.drive(), giraff)
     mute.page.evaluate("window.muffled = true")
     check_stop(site, giraff)
 
@@ -228,7 +226,7 @@ def test_a_pulled_cable_stops_the_robot_and_the_visit_resumes_once_it_is_back(
         wrapper = network.wrapper(tmp_path_factory.mktemp("bin"), CHROMIUM)
         browser = stack.enter_context(chromium(playwright, str(wrapper)))
         far = Visitor(browser, site, "far", host=HERE)
-        under_way(far.drive(), giraff)
+        driving_steadily(far.drive(), giraff)
         session = site.sessions()[-1][0]
         network.pull()
         check_stop(site, giraff)
@@ -282,11 +280,11 @@ def test_the_base_stops_by_itself_when_the_agent_is_killed_or_stopped(site, gira
 def test_a_drive_goes_on_while_a_server_process_is_killed_and_restarted(
     site, visitor, giraff, part
 ):
-    someone = under_way(visitor(f"during-{part}").drive(), giraff, slowly=True)
+    someone = driving_steadily(visitor(f"during-{part}").drive(), giraff, slowly=True)
     session = site.sessions()[-1][0]
     renewal = site.renewal("giraff")
     wait_for(lambda: site.renewal("giraff") != renewal, 10, "a lease that was renewed just now")
-    time.sleep(0.3)  # the robot has heard it
+    time.sleep(0.3)  # until the robot has it
     since = time.time()
     if part == "session-manager":
         site.succeed(part, "session_manager_waiting")

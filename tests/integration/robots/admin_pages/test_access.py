@@ -8,7 +8,7 @@ from robots.models import Robot
 from sessions import system_log
 from sessions.models import Lease, Session, SessionEvent
 from tests.support.people import person
-from tests.support.robots import create_robot, floor_plan
+from tests.support.robots import create_robot, floor_plan, robot_form
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
@@ -33,7 +33,7 @@ def act(client, model, action, *rows):
 
 
 @pytest.fixture
-def driven(robot):
+def past_session(robot):
     device = {"os": "Linux", "network": "198.51.100.0/24", "user_agent": "Mozilla/5.0"}
     zaphod = person("zaphod", display_name="Zaphod", email="zaphod@example.org")
     row = replays.session(robot, zaphod, seconds=60, device=device)
@@ -45,22 +45,8 @@ def driven(robot):
 
 
 def test_owner_changes_a_robot_except_its_owner_name_and_floor_plan(client, robot, owner):
-    form = {
-        "title": "Mine",
-        "description": "",
-        "enabled": "on",
-        "access": "trained",
-        "assist": "off",
-        "calls": "ask",
-        "charge_limit": "0.2",
-        "owner": str(person("other").pk),
-        "floor_plan": str(floor_plan("attic").pk),
-        "name": "renamed",
-        "permits-TOTAL_FORMS": "0",
-        "permits-INITIAL_FORMS": "0",
-        "permits-MIN_NUM_FORMS": "0",
-        "permits-MAX_NUM_FORMS": "1000",
-    }
+    form = robot_form(title="Mine", access="trained", calls="ask", name="renamed")
+    form |= {"owner": str(person("other").pk), "floor_plan": str(floor_plan("attic").pk)}
     address = reverse("admin:robots_robot_change", args=[robot.pk])
     assert client.post(address, form).status_code == 302
     changed = Robot.objects.get(pk=robot.pk)
@@ -77,8 +63,8 @@ def test_owner_changes_a_robot_except_its_owner_name_and_floor_plan(client, robo
     ["session_change", "session_history"]
     + [f"{model}_changelist" for model in ("session", "systemlog", "lease")],
 )
-def test_owner_sees_sessions_without_their_visitors(client, driven, page):
-    args = [driven.pk] if page in {"session_change", "session_history"} else []
+def test_owner_sees_sessions_without_their_visitors(client, past_session, page):
+    args = [past_session.pk] if page in {"session_change", "session_history"} else []
     html = client.get(reverse(f"admin:telepresence_sessions_{page}", args=args)).content.decode()
     assert "Giraff" in html
     assert [word for word in SECRETS if word in html] == []
@@ -86,7 +72,7 @@ def test_owner_sees_sessions_without_their_visitors(client, driven, page):
 
 @pytest.mark.parametrize("view", ["changelist", "change"])
 @pytest.mark.parametrize("model", ["robots_robot", "telepresence_sessions_lease"])
-def test_only_superusers_see_the_name_of_the_driver(client, driven, robot, model, view):
+def test_only_superusers_see_the_name_of_the_driver(client, past_session, robot, model, view):
     address = reverse(f"admin:{model}_{view}", args=[robot.pk] if view == "change" else [])
     html = client.get(address).content.decode()
     assert ">someone<" in html
@@ -118,7 +104,7 @@ def test_only_superusers_see_the_name_of_the_driver(client, driven, robot, model
     "rights",
     ["", "view_session view_lease view_systemlog view_apikey view_robot view_floorplan"],
 )
-def test_list_cannot_be_filtered_by_hidden_fields(client, owner, driven, asked, rights):
+def test_list_cannot_be_filtered_by_hidden_fields(client, owner, past_session, asked, rights):
     owner.user_permissions.set(Permission.objects.filter(codename__in=rights.split()))
     page, _mark, query = asked.partition("?")
     address = reverse(f"admin:{page}_changelist")
@@ -126,11 +112,11 @@ def test_list_cannot_be_filtered_by_hidden_fields(client, owner, driven, asked, 
     assert client.get(f"{address}?{query}").status_code == 400
 
 
-def test_owner_uses_the_filters_of_the_site(client, driven, robot):
+def test_owner_uses_the_filters_of_the_site(client, past_session, robot):
     for page, lookup, value in (
         ("telepresence_sessions_session", "robot__id__exact", robot.pk),
-        ("telepresence_sessions_session", "state__exact", driven.state),
-        ("telepresence_sessions_session", "queued_at__year", driven.queued_at.year),
+        ("telepresence_sessions_session", "state__exact", past_session.state),
+        ("telepresence_sessions_session", "queued_at__year", past_session.queued_at.year),
         ("telepresence_sessions_systemlog", "level__exact", "info"),
         ("robots_robot", "floor_plan__id__exact", robot.floor_plan_id),
         ("robots_robot", "enabled__exact", "1"),
@@ -143,7 +129,7 @@ def test_owner_uses_the_filters_of_the_site(client, driven, robot):
     assert f"?floor_plan__id__exact={robot.floor_plan_id}" in text
 
 
-def test_owner_cannot_search_sessions_by_visitor(client, driven):
+def test_owner_cannot_search_sessions_by_visitor(client, past_session):
     address = reverse("admin:telepresence_sessions_session_changelist")
     for question in ({"q": "zaphod"}, {"q": "zaphod@example.org"}):
         assert not client.get(address, question).context["cl"].queryset.exists()
@@ -152,8 +138,8 @@ def test_owner_cannot_search_sessions_by_visitor(client, driven):
 
 
 @pytest.mark.parametrize("action", ["download_csv", "download_json"])
-def test_owner_cannot_download_records(client, driven, action):
-    answer = act(client, "telepresence_sessions_session", action, driven)
+def test_owner_cannot_download_records(client, past_session, action):
+    answer = act(client, "telepresence_sessions_session", action, past_session)
     assert answer.headers.get("Content-Disposition") is None
 
 

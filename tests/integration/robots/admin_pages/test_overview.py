@@ -9,6 +9,7 @@ from django.contrib.auth.models import Permission
 from django.urls import reverse
 from django.utils import timezone
 
+from accounts.models import AuditEntry
 from experiments.models import Study, StudyMember
 from robots.access import may_drive, robots_visible_to
 from robots.enrol.credentials import make_credentials
@@ -16,22 +17,12 @@ from robots.enrol.tokens import redeem
 from robots.models import Robot, RobotPresence
 from robots.screens import make_screen_key
 from tests.support.people import person
-from tests.support.robots import update_robots
+from tests.support.robots import robot_form, update_robots
 from tests.support.sessions import replays
 
 pytestmark = pytest.mark.django_db
 ADD = "/admin/robots/robot/add/"
-NEW = {
-    "title": "Lab robot",
-    "name": "lab",
-    "enabled": "on",
-    "access": "open",
-    "assist": "off",
-    "charge_limit": "0.2",
-    "calls": "accept",
-    "permits-TOTAL_FORMS": "0",
-    "permits-INITIAL_FORMS": "0",
-}
+NEW = robot_form(name="lab")
 
 
 def address(robot, page="change"):
@@ -68,9 +59,8 @@ def robot(owner):
 
 
 def seen(robot):
-    RobotPresence.objects.filter(pk=robot.pk).update(
-        connection="ONLINE", last_seen_at=timezone.now()
-    )
+    now = timezone.now()
+    RobotPresence.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=now)
 
 
 @pytest.mark.nightly
@@ -80,9 +70,6 @@ def test_top_of_the_page_links_to_the_robots_other_pages(client, robot):
     for page in ("credentials", "screen", "doors"):
         assert f'href="{address(robot, page)}"' in tools
         assert client.get(address(robot, page)).status_code == 200
-
-
-# --- visibility -----------------------------------------------------------------------------------
 
 
 def test_new_robot_is_hidden_and_its_page_shows_how_to_connect_it(client, boss):
@@ -141,9 +128,6 @@ def test_owner_drives_a_hidden_robot(robot, owner):
     assert may_drive(person("ada"), robot).reason == "disabled"
 
 
-# --- the overview ---------------------------------------------------------------------------------
-
-
 def test_question_about_a_display_disappears_with_a_screen_key(client, robot):
     seen(robot)
     assert "Does the robot have a display?" in overview(client, robot)
@@ -179,7 +163,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
     assert "Waiting for the robot" not in text
 
 
-def test_command_with_a_token_is_shown_once(client, robot):
+def test_command_with_a_token_is_shown_once(client, robot, owner):
     answer = client.post(address(robot, "enrol"))
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
@@ -188,9 +172,19 @@ def test_command_with_a_token_is_shown_once(client, robot):
     assert f'action="{address(robot)}"' in text
     assert "no-store" in answer["Cache-Control"]
     assert token not in client.get(address(robot)).content.decode()
+    assert AuditEntry.objects.get(act="enrolment_made").actor == owner.pk
+    assert token not in str(list(AuditEntry.objects.values()))
     assert redeem("giraff", token, timezone.now()) is not None
     assert "--enrol" not in overview(client, robot)
     assert "run_robot giraff" in overview(client, robot)
+
+
+def test_owner_rotates_the_credentials(client, robot, owner):
+    make_credentials(robot, timezone.now())
+    action = {"action": "rotate_credentials", "_selected_action": [robot.pk]}
+    client.post(reverse("admin:robots_robot_changelist"), action)
+    assert Robot.objects.get().credentials.renewal_asked_at is not None
+    assert AuditEntry.objects.get(act="rotation_asked").actor == owner.pk
 
 
 def test_user_who_may_only_view_the_robot_gets_no_command(client, robot):
@@ -225,9 +219,6 @@ def test_overview_tells_a_researcher_when_they_get_mail_about_the_robot(client, 
     StudyMember.objects.create(slug=study.slug, user=owner, role=StudyMember.Role.RESEARCHER)
     expected = "Yes, when the robot can't get ready, as a researcher of: Cabin."
     assert expected in overview(client, robot)
-
-
-# --- its updates ----------------------------------------------------------------------------------
 
 
 def test_status_changes_when_the_robot_connects(client, robot):

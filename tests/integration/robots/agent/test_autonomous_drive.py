@@ -1,6 +1,5 @@
 """The agent's control loop with a simulated robot that our software navigates."""
 
-import contextlib
 import time
 
 import pytest
@@ -8,34 +7,22 @@ import pytest
 from robots.agent.adapters import registry
 from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
-from tests.support.agents.control_rig import ThreadedControlRig
+from tests.support.agents.autonomous_drive import made
+from tests.support.agents.control_rig import ThreadedControlRig, own
 from tests.support.agents.truth import Onlooker
 
 
 @pytest.fixture
 def rig(tmp_path):
-    adapter = registry.autonomous(
-        registry.create(
-            "simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}
-        )
-    )
-    with ThreadedControlRig(tmp_path, robot=adapter) as rig:
+    with ThreadedControlRig(tmp_path, robot=made()) as rig:
         rig.link.wait("state", lambda s: s.pose.localized, within=40.0)
         rig.wait(lambda: not rig.kernel.held)
         yield rig
 
 
-@contextlib.contextmanager
-def onlooker_of(simulated):
-    """Yield an onlooker of the simulator of an adapter."""
-    onlooker = Onlooker(int(simulated.address.rpartition(":")[2]))
-    yield onlooker
-    onlooker.close()
-
-
 @pytest.fixture
 def onlooker(rig):
-    with onlooker_of(rig.robot.inner) as onlooker:
+    with Onlooker.of(rig.robot.inner.address) as onlooker:
         yield onlooker
 
 
@@ -53,7 +40,7 @@ def at_rest(onlooker):
 @pytest.mark.nightly
 def test_goto_keeps_the_leases_limits_publishes_its_path_and_finishes(rig, onlooker):
     rig.grant(limits=m.LeaseLimits(linear=0.25, angular=0.4), ttl=60.0)
-    rig.act(m.Goto(action_id="g", stamp=time.time(), session="s1", epoch=1, x=3.5, y=1.0))
+    rig.act(own(m.Goto, "g", x=3.5, y=1.0))
     rig.status("g", "RUNNING", within=10.0)
     assert rig.beat_until_end("g").type == "goto"
     assert rig.link.wait("event", lambda e: e.type == "goal_reached").action_id == "g"
@@ -68,7 +55,7 @@ def test_goto_keeps_the_leases_limits_publishes_its_path_and_finishes(rig, onloo
 @pytest.mark.nightly
 def test_goto_is_cancelled_without_the_drivers_heartbeats(rig, onlooker):
     rig.grant(ttl=60.0)
-    rig.act(m.Goto(action_id="g", stamp=time.time(), session="s1", epoch=1, x=1.2, y=1.0))
+    rig.act(own(m.Goto, "g", x=1.2, y=1.0))
     assert rig.status("g", "CANCELLED", within=10.0).reason == "heartbeat_lost"
     rig.wait(lambda: at_rest(onlooker))
 
@@ -108,7 +95,10 @@ def blind(tmp_path):
         {"camera": "no", "start": "5.0,1.0,1.5708", "seed": "3", "sensors": "sonar,bumper"},
     )
     assert registry.autonomous(adapter) is adapter
-    with ThreadedControlRig(tmp_path, robot=adapter) as rig, onlooker_of(adapter) as onlooker:
+    with (
+        ThreadedControlRig(tmp_path, robot=adapter) as rig,
+        Onlooker.of(adapter.address) as onlooker,
+    ):
         rig.wait(lambda: not rig.kernel.held)
         yield rig, onlooker
 

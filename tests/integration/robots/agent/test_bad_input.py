@@ -8,12 +8,11 @@ from collections import Counter
 
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from tests.support.agents.control_rig import ThreadedControlRig
-from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.loopback_peer import MediaRig, until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 CASES = 420
@@ -22,40 +21,27 @@ A_STOP_EVERY = 20
 
 
 @pytest.fixture
-async def exchange():
-    return Exchange(asyncio.get_running_loop())
+async def pages():
+    """The media side of `pages.agent`, and its pages."""
+    receive = lambda peer, role, heard: pages.agent.control.receive(peer, role, heard)
+    sources = {"video": SyntheticCamera(), "audio": SyntheticMicrophone()}
+    async with MediaRig(**sources, on_command=receive) as pages:
+        yield pages
 
 
 @pytest.fixture
-async def rig(tmp_path, exchange):
-    rig = None
-    media = MediaSide(
-        video=SyntheticCamera(),
-        audio=SyntheticMicrophone(),
-        viewers=3,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
-        reply=exchange.reply,
-    )
-    rig = ThreadedControlRig(tmp_path, media=media)
-    media.start()
+async def rig(tmp_path, pages):
+    rig = pages.agent = ThreadedControlRig(tmp_path, media=pages.media)
     await asyncio.to_thread(rig.__enter__)
     yield rig
     await asyncio.to_thread(rig.__exit__)
-    await asyncio.to_thread(media.close)
 
 
 def velocity(rig, **fields):
     """Return a driver's command as text, with values that no message could have."""
     rig.seq += 1
-    good = {
-        "session": "s1",
-        "epoch": 1,
-        "seq": rig.seq,
-        "stamp": time.time(),
-        "linear": 0.5,
-        "angular": 0.1,
-        "method": "keyboard",
-    }
+    good = {"session": "s1", "epoch": 1, "seq": rig.seq, "stamp": time.time()}
+    good |= {"linear": 0.5, "angular": 0.1, "method": "keyboard"}
     return "command/velocity\n" + json.dumps(good | fields)
 
 
@@ -71,23 +57,21 @@ def mangled(rig, noise):
     return broken[: len(broken) // 2]
 
 
-# Each makes a frame that must not move the robot; its name begins with the counted reason.
+# fields of a velocity, and values that must not move the robot; names begin with the counted reason
+FIELDS = {
+    "malformed range": ("linear", (1e3, -1e9, 10.1, 1e300)),
+    "malformed turn": ("angular", (99.0, -20.5)),
+    "malformed NaN": ("linear", (float("nan"), float("inf"), float("-inf"))),
+    "malformed type": ("seq", ("1", None, 1.5, -1, 2**60)),
+    "malformed method": ("method", ("thought", "", 7, None)),
+    "wrong_session": ("session", ("s2", "s98")),
+    "wrong_epoch": ("epoch", (0, 2, 3, 2**40)),
+    "old_seq": ("seq", (0, 1)),
+}
+# each makes another frame that must not
 KINDS = {
     "malformed noise": lambda rig, noise: noise.randbytes(noise.randrange(1, 300)),
     "malformed json": mangled,
-    "malformed range": lambda rig, noise: velocity(
-        rig, linear=noise.choice((1e3, -1e9, 10.1, 1e300))
-    ),
-    "malformed turn": lambda rig, noise: velocity(rig, angular=noise.choice((99.0, -20.5))),
-    "malformed NaN": lambda rig, noise: velocity(
-        rig, linear=noise.choice((float("nan"), float("inf"), float("-inf")))
-    ),
-    "malformed type": lambda rig, noise: velocity(
-        rig, seq=noise.choice(("1", None, 1.5, -1, 2**60))
-    ),
-    "malformed method": lambda rig, noise: velocity(
-        rig, method=noise.choice(("thought", "", 7, None))
-    ),
     "malformed action": lambda rig, noise: (
         "command/action\n"
         + json.dumps({"type": noise.choice(("fly", "", "goto", None)), "actionId": "§"})
@@ -95,27 +79,24 @@ KINDS = {
     "oversized": lambda rig, noise: "command/velocity\n" + " " * noise.randrange(5_000, 40_000),
     "stale": lambda rig, noise: velocity(rig, stamp=time.time() - noise.uniform(1.5, 1e5)),
     "future": lambda rig, noise: velocity(rig, stamp=time.time() + noise.uniform(0.5, 1e5)),
-    "wrong_session": lambda rig, noise: velocity(rig, session=f"s{noise.randrange(2, 99)}"),
-    "wrong_epoch": lambda rig, noise: velocity(rig, epoch=noise.choice((0, 2, 3, 2**40))),
-    "old_seq": lambda rig, noise: velocity(rig, seq=noise.choice((0, 1))),
     "not_from_server": lambda rig, noise: encode_frame(
         noise.choice(("lease", "config", "signal/p1", "floorplan")), m.Bye(reason="x")
     ),
+} | {
+    name: lambda rig, noise, field=field, values=values: velocity(
+        rig, **{field: noise.choice(values)}
+    )
+    for name, (field, values) in FIELDS.items()
 }
 
 
-async def test_bad_messages_on_a_data_channel_move_nothing_and_stops_always_pass(rig, exchange):
+async def test_bad_messages_on_a_data_channel_move_nothing_and_stops_always_pass(rig, pages):
     await asyncio.to_thread(rig.lease)
-    driver = LoopbackPage(rig.media, exchange, "p1", decode=False)
-    observer = LoopbackPage(rig.media, exchange, "p2", decode=False)
-    try:
-        await driver.connect("driver")
-        await observer.connect("observer")
-        await asyncio.to_thread(rig.grant, renewal=1)
-        await send_bad_messages(rig, driver, observer)
-    finally:
-        await driver.close()
-        await observer.close()
+    driver, observer = pages.page("p1", decode=False), pages.page("p2", decode=False)
+    await driver.connect("driver")
+    await observer.connect("observer")
+    await asyncio.to_thread(rig.grant, renewal=1)
+    await send_bad_messages(rig, driver, observer)
 
 
 async def send_bad_messages(rig, driver, observer):

@@ -219,8 +219,6 @@ def test_token_is_not_in_the_representation(credentials):
     assert "from-file" not in repr(loaded(f"giraff --credentials {credentials}"))
 
 
-# --- asking the server ----------------------------------------------------------------------------
-
 GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceServers": []})
 
 
@@ -272,6 +270,7 @@ def test_unreachable_server_is_asked_until_the_agent_ends():
         ((401, {}), "refused the credentials"),
         ((403, {}), "refused the credentials"),
         ((404, b""), "not a telepresence server"),
+        ((421, {"detail": "giraff is served by https://n."}), r"giraff is served by https://n\."),
         ((200, {"robot": "rhodon", "mqttUrl": "mqtt://x"}), "credentials are for 'rhodon'"),
         ((200, {"robot": "rhodon", "mqttUrls": ["mqtt://x", 1]}), "credentials are for 'rhodon'"),
         (

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robots.agent.broker_link.broker_discovery import ServerAwayError, ask
+from robots.agent.broker_link.broker_discovery import ServerAwayError
 from robots.agent.broker_link.enrolment import enrol, renew
 from robots.agent.config import ConfigError, load
 from tests.support.agents.agent_server import AgentServer
@@ -54,12 +54,6 @@ def test_invalid_answer_is_reported_and_nothing_is_saved(server, tmp_path, code,
     assert not list(tmp_path.iterdir())
 
 
-def test_unwritable_file_is_reported(server, tmp_path):
-    (tmp_path / "file").write_text("no folder")
-    with pytest.raises(ConfigError, match="cannot be saved"):
-        enrol("giraff", server.url, "once", tmp_path / "file" / "giraff.toml")
-
-
 def test_present_credentials_renew_themselves_and_are_kept_without_an_answer(server, tmp_path):
     file = tmp_path / "giraff.toml"
     file.write_text(f'robot = "giraff"\ntoken = "old"\nserver = "{server.url}"\n')
@@ -76,12 +70,3 @@ def test_present_credentials_renew_themselves_and_are_kept_without_an_answer(ser
 def test_missing_server_is_reported(tmp_path):
     with pytest.raises(ConfigError, match=r"the request to \S+ failed"):
         enrol("giraff", "http://127.0.0.1:9", "once", tmp_path / "giraff.toml")
-
-
-def test_agent_at_the_wrong_site_ends_with_the_address_of_the_right_one(server, tmp_path):
-    server.answers = [(421, b'{"detail": "giraff is served by https://n."}')]
-    given = {"robot": "giraff", "server": server.url, "adapter": "simulator", "var": tmp_path}
-    config = load(given, {"TELEPRESENCE_TOKEN": "of-the-north"})
-    with pytest.raises(ConfigError, match=r"giraff is served by https://n\."):
-        ask(config)
-    assert [path for path, _, _ in server.requests] == ["/api/v1/agent/"]

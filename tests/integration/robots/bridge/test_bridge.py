@@ -37,6 +37,10 @@ class Listener:
     def received(self, suffix):
         return [inbound.message for inbound in self.inbound_messages if inbound.suffix == suffix]
 
+    def sequence(self):
+        """Return the numbers of the states that it received."""
+        return [state.seq for state in self.received("state")]
+
 
 @pytest.fixture(params=KINDS)
 async def rig(request, tmp_path):
@@ -64,13 +68,8 @@ async def robot_of(rig):
     """
     async with rig.client("giraff") as client:
         client.got, client.beats = [], []
-        await client.subscribe(
-            [
-                (each, 0)
-                for each in topics.subscriptions("giraff")
-                if not each.endswith("/connection")
-            ]
-        )
+        inputs = [topic for topic in topics.subscriptions("giraff") if "/connection" not in topic]
+        await client.subscribe([(topic, 0) for topic in inputs])
 
         async def read():
             async for message in client.messages:
@@ -95,10 +94,14 @@ def actions(robot):
 
 
 async def listen(bridge, *listeners):
-    """Subscribe listeners to the robot, and wait until the broker has confirmed it."""
-    known = [bridge.listen("giraff", each) for each in listeners].pop()
+    """Subscribe listeners to the robot, wait until the broker has confirmed it, and return the last
+    listener, a new one by default, with what the bridge knows about the robot as its `known`.
+    """
+    listeners = listeners or (Listener(),)
+    for each in listeners:
+        each.known = bridge.listen("giraff", each)
     await until(lambda: not bridge._in_flight)
-    return known
+    return listeners[-1]
 
 
 async def say(client, suffix, message, *, qos=1, retain=False):
@@ -130,10 +133,9 @@ async def test_refused_subscription_is_repeated(rig, monkeypatch):
 
 async def test_messages_are_relayed_from_and_to_a_robot(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        listener = Listener()
-        known = await listen(bridge, listener)
+        listener = await listen(bridge)
         await say(robot, "connection", words.online(), retain=True)
-        await until(lambda: known.online)
+        await until(lambda: listener.known.online)
         await say(robot, "state", words.state(seq=1))
         await say(robot, "signal/p1/reply", m.SdpAnswer(sdp="v=0"))
         await until(lambda: listener.received("state") and listener.received("signal/p1/reply"))
@@ -146,9 +148,8 @@ async def test_messages_are_relayed_from_and_to_a_robot(rig):
 
 async def test_open_page_keeps_the_robot_awake(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        listener, began = Listener(), time.monotonic()
-        await listen(bridge, listener)
-
+        began = time.monotonic()
+        listener = await listen(bridge)
         await until(lambda: robot.beats)
         assert time.monotonic() - began < patient(0.5)
         await until(lambda: len(robot.beats) >= 3)
@@ -182,8 +183,8 @@ async def test_robot_without_listeners_is_not_subscribed(rig):
         await say(robot, "state", words.state(seq=3))
         await listen(bridge, one)
         await say(robot, "state", words.state(seq=4))
-        await until(lambda: one.received("state") and one.received("state")[-1].seq == 4)
-        assert [state.seq for state in one.received("state")] == [1, 4]
+        await until(lambda: one.sequence()[-1:] == [4])
+        assert one.sequence() == [1, 4]
         assert bridge.counts["arrived"] == 3
 
 
@@ -204,22 +205,19 @@ async def test_notices_of_a_session_reach_followers_in_every_web_process(rig):
 
 async def test_bad_messages_are_counted_and_the_next_one_is_delivered(rig):
     async with bridge_of(rig) as bridge, rig.client("giraff") as robot:
-        listener = Listener()
-        await listen(bridge, listener)
+        listener = await listen(bridge)
         malformed = (b"", b"{", b"\xff\xff", b"[]", b'{"stamp": NaN}', b"[" * 5000)
         for payload in (*malformed, b"x" * 40_000):
             await robot.publish("telepresence/v1/giraff/state", payload, qos=1)
         await say(robot, "state", words.state(seq=2))
-        await until(lambda: listener.received("state"))
-        assert listener.received("state")[0].seq == 2
+        await until(lambda: listener.sequence() == [2])
         assert bridge.counts["malformed"] == 6
         assert bridge.counts["oversized"] == 1
 
 
 async def test_listeners_get_messages_again_after_a_restart_of_the_broker(rig):
     async with bridge_of(rig) as bridge:
-        listener = Listener()
-        await listen(bridge, listener)
+        listener = await listen(bridge)
         await rig.restart()
         await until(lambda: listener.received(LINK) == [False, True])
         await rig.until(lambda: rig.is_let_in("giraff"))
@@ -256,14 +254,13 @@ async def test_listener_that_raises_does_not_affect_the_others(rig):
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=2))
-            await until(lambda: [state.seq for state in listeners[1].received("state")] == [1, 2])
+            await until(lambda: listeners[1].sequence() == [1, 2])
 
 
 @pytest.mark.parametrize("where", ["arrive", "bring_everybody", "bring_faults", "beats_due"])
 async def test_error_in_the_bridge_ends_neither_of_its_tasks(rig, monkeypatch, where):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        listener, failed = Listener(), []
-        await listen(bridge, listener)
+        listener, failed = await listen(bridge), []
         right = getattr(bridge._delivery, where)
 
         def fails_once(*arguments):
@@ -282,17 +279,14 @@ async def test_error_in_the_bridge_ends_neither_of_its_tasks(rig, monkeypatch, w
         await until(lambda: bridge.connected)
         async with robot_of(rig) as again:
             await say(again, "state", words.state(seq=2))
-            await until(
-                lambda: listener.received("state") and listener.received("state")[-1].seq == 2
-            )
+            await until(lambda: listener.sequence()[-1:] == [2])
             listener.inbound_messages.clear()
             await until(lambda: listener.received(FAULTS))
 
 
 async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(rig):
     async with bridge_of(rig) as bridge:
-        listener = Listener()
-        await listen(bridge, listener)
+        listener = await listen(bridge)
         await rig.stop()
         await until(lambda: listener.received(LINK) == [False])
         assert not bridge.connected
@@ -305,16 +299,14 @@ async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(
             await until(lambda: bridge.connected)
             bridge.send("giraff", "command/velocity", words.velocity(seq=2))
             await until(lambda: robot.got)
-            assert [(suffix, message.seq) for suffix, message, _ in robot.got] == [
-                ("command/velocity", 2)
-            ]
+            assert [message.seq for _, message, _ in robot.got] == [2]
 
 
 async def test_stop_is_repeated_and_a_report_is_kept_until_the_broker_is_back(rig, monkeypatch):
     # as long as a broker takes to start on a busy machine
     monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", patient(STOP_SECONDS * 5))
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Listener())
+        await listen(bridge)
         await rig.stop()
         await until(lambda: not bridge.connected)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
@@ -370,7 +362,7 @@ async def test_queued_reports_are_sent_in_parts_that_leave_room_for_a_stop(rig, 
 async def test_expired_stop_is_not_sent(rig, monkeypatch):
     monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", 0.05)
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Listener())
+        await listen(bridge)
         await rig.stop()
         await until(lambda: not bridge.connected)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
@@ -397,7 +389,7 @@ async def test_bridge_with_a_wrong_password_logs_it_and_keeps_trying(rig, caplog
 
 async def test_unconfirmed_messages_are_bounded(rig):
     async with bridge_of(rig) as bridge:
-        await listen(bridge, Listener())
+        await listen(bridge)
         sent = [
             bridge.send("giraff", "command/action", m.Undock(action_id=f"a{number}", stamp=1.0))
             for number in range(600)
@@ -419,32 +411,24 @@ async def test_picture_reaches_listeners_whole_and_malformed_ones_are_counted(ri
         for payload in (b"\0" * 8 + jpeg[:-1], large, picture.pack(12.5, jpeg)):
             await robot.publish(topics.of("giraff", "picture"), payload)
         await until(lambda: listener.received("picture"))
-        (inbound,) = [
-            inbound for inbound in listener.inbound_messages if inbound.suffix == "picture"
-        ]
+        (inbound,) = [each for each in listener.inbound_messages if each.suffix == "picture"]
         assert inbound.frame == b"picture\n" + picture.pack(12.5, jpeg)
         assert bridge.counts["malformed"] == 1
         assert bridge.counts["oversized"] == 1
 
 
 async def test_pointers_travel_in_both_directions_and_are_not_retained(rig):
-    dot, command = (
-        m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)),
-        m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1"),
-    )
+    dot = m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75))
+    command = m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1")
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
-        listener = Listener()
-        await listen(bridge, listener)
+        listener = await listen(bridge)
         assert bridge.send("giraff", "command/point", command)
         await say(robot, "pointer", dot, qos=0)
         await until(lambda: listener.received("pointer") and robot.got)
-        assert (listener.received("pointer"), robot.got) == (
-            [dot],
-            [("command/point", command, False)],
-        )
-        later = Listener()
+        assert listener.received("pointer") == [dot]
+        assert robot.got == [("command/point", command, False)]
         async with bridge_of(rig, seed=2) as second, robot_of(rig) as returned:
-            await listen(second, later)
+            later = await listen(second)
             await say(robot, "state", words.state(seq=1))
             assert second.send("giraff", "signal/p1", m.Bye(reason="left"))
             await until(lambda: later.received("state") and returned.got)

@@ -261,22 +261,6 @@ async def test_a_message_is_delivered_with_the_lower_quality_of_service(
         assert len(web.messages) == 1
 
 
-async def test_subscribing_again_changes_the_quality_of_service(rig):
-    async with rig.receiver("web", LEASE, qos=0) as web:
-        await web.subscribe(LEASE, qos=1)
-        await web.publish(LEASE, b"lease", qos=1)
-        assert (await web.payload(LEASE, b"lease")).qos == 1
-
-
-async def test_overlapping_subscriptions_deliver_a_message_once(rig):
-    async with rig.receiver("web") as web:
-        await web.subscribe([(EVERYTHING, 0), (LEASE, 1)])
-        await web.publish(LEASE, b"lease", qos=1)
-        await web.publish(NOTICES, b"end", qos=1)
-        await web.payload(NOTICES, b"end")
-        assert web.payloads(LEASE) == [b"lease"]
-
-
 @pytest.mark.parametrize("qos", [0, 1])
 async def test_messages_of_one_sender_arrive_in_order(rig, qos):
     count = 500
@@ -354,14 +338,6 @@ async def test_a_reconnecting_robot_replaces_its_old_connection_at_once(rig):
         assert await old.is_hung_up()
         await web.publish(ACTION, b"dock", qos=1)
         await giraff.payload(ACTION, b"dock")
-
-
-async def test_of_twenty_reconnections_in_a_row_the_last_one_stays(rig):
-    *earlier, last = [await connected(rig, "giraff", client_id="giraff-agent") for _ in range(20)]
-    for raw in earlier:
-        assert await raw.is_hung_up()
-    last.send(PING)
-    assert await last.read(2) == PONG
 
 
 async def test_a_client_with_a_wrong_token_cannot_take_a_connection_over(rig):
@@ -446,14 +422,8 @@ async def test_a_message_of_one_mebibyte_passes_and_a_larger_one_ends_the_connec
     "data",
     [
         b"GET / HTTP/1.1\r\nHost: x\r\n\r\n",
-        b"\x00\x00",
-        b"\xf0\x00",
         b"\x10\xff\xff\xff\xff\x7f",
-        b"\x30\x02\x00\x05",
-        b"\x82\x02\x00\x01",
-        framed(0x10, text("MQTT") + b"\x04\x03\x00\x3c" + text("x")),
         framed(0x10, text("NOPE") + b"\x04\x02\x00\x3c" + text("x")),
-        bytes(64),
     ],
 )
 async def test_a_stranger_who_violates_the_protocol_is_disconnected(rig, data):
@@ -469,16 +439,12 @@ async def test_a_stranger_who_violates_the_protocol_is_disconnected(rig, data):
     "data",
     [
         b"\x36\x05\x00\x01a\x00\x01",
-        b"\x32\x05\x00\x01a\x00\x00",
         b"\x30\x03\x00\x01#",
         b"\x30\x04\x00\x02\xff\xfe",
-        b"\x82\x02\x00\x01",
-        b"\x80\x06\x00\x01\x00\x01a\x00",
         b"\xf0\x00",
         b"\x30\xff\xff\xff\x7f",
         connect_packet("again", "web", "x"),
         framed(0x82, b"\x00\x01" + text("a") + b"\x03"),
-        b"\x30\x02\x00\x09",
     ],
 )
 async def test_a_user_who_violates_the_protocol_is_disconnected_and_others_are_not(rig, data):

@@ -5,9 +5,7 @@ import contextlib
 import getpass
 import io
 import subprocess
-import time
 
-import aiomqtt
 import pytest
 from asgiref.sync import sync_to_async
 from django.core.management import CommandError, call_command
@@ -18,21 +16,21 @@ from robots.broker.engines import ENGINES
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.management.commands.mosquitto_files import Files
 from robots.models import Robot
-from tests.support.patience import patient
-from tests.support.sessions.broker_rig import until_thrown_out
+from tests.support.sessions.broker_rig import SECONDS, PasswordClients, until_thrown_out
 from tests.support.sessions.site import free_port, wait_for
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
-SECONDS = 10.0
 
 
-def write(directory, *arguments):
+def write(directory, *arguments, pid_file=None):
+    if pid_file is not None:
+        arguments = (*arguments, "--reload", "--pid-file", str(pid_file))
     out = io.StringIO()
     call_command("mosquitto_files", str(directory), *arguments, stdout=out)
     return out.getvalue()
 
 
-class Server:
+class Server(PasswordClients):
     """A mosquitto with a configuration, a port and a pid file of its own."""
 
     def __init__(self, directory):
@@ -46,32 +44,8 @@ class Server:
             [ENGINES["mosquitto"].find(), "-c", str(directory / "mosquitto.conf")],
             stderr=subprocess.DEVNULL,
         )
-        wait_for(
-            lambda: (
-                self.process.poll() is None
-                and self.pid_file.exists()
-                and self.pid_file.read_text().strip()
-            ),
-            10,
-            "mosquitto's pid file",
-        )
-
-    def client(self, user, password):
-        return aiomqtt.Client(
-            "127.0.0.1", self.port, username=user, password=password, timeout=SECONDS
-        )
-
-    async def lets_in(self, user, password):
-        with contextlib.suppress(aiomqtt.MqttError):
-            async with self.client(user, password):
-                return True
-        return False
-
-    async def until_let_in(self, user, password):
-        deadline = time.monotonic() + patient(SECONDS)
-        while not await self.lets_in(user, password):
-            assert time.monotonic() < deadline, f"{user} is not let in"
-            await asyncio.sleep(0.05)
+        written = lambda: self.pid_file.exists() and self.pid_file.read_text().strip()
+        wait_for(lambda: self.process.poll() is None and written(), 10, "mosquitto's pid file")
 
 
 @pytest.fixture
@@ -84,9 +58,7 @@ def mosquitto(tmp_path, db):
 
 
 async def test_a_mosquitto_of_the_system_follows_the_database(mosquitto, tmp_path):
-    again = sync_to_async(
-        lambda: write(tmp_path, "--reload", "--pid-file", str(mosquitto.pid_file))
-    )
+    again = sync_to_async(lambda: write(tmp_path, pid_file=mosquitto.pid_file))
     await mosquitto.until_let_in(*server_credentials("web"))
     robot = await Robot.objects.acreate(name="giraff", title="Giraff")
     key = await sync_to_async(make_credentials)(robot, timezone.now())
@@ -139,15 +111,11 @@ def test_only_owner_and_group_can_read_the_files(tmp_path):
 
 
 def test_the_files_are_written_also_while_mosquitto_does_not_run(tmp_path):
-    assert "2 users written" in write(
-        tmp_path, "--reload", "--pid-file", str(tmp_path / "nobody.pid")
-    )
+    assert "2 users written" in write(tmp_path, pid_file=tmp_path / "nobody.pid")
     # greater than any process id, because the id of an ended process may be another's by now
     (tmp_path / "dead.pid").write_text("99999999")
     (tmp_path / "permissions").unlink()
-    assert "2 users written" in write(
-        tmp_path, "--reload", "--pid-file", str(tmp_path / "dead.pid")
-    )
+    assert "2 users written" in write(tmp_path, pid_file=tmp_path / "dead.pid")
 
 
 def test_an_error_is_one_sentence(tmp_path):
@@ -155,4 +123,4 @@ def test_an_error_is_one_sentence(tmp_path):
         write(tmp_path / "nowhere")
     (tmp_path / "bad.pid").write_text("not a number")
     with pytest.raises(CommandError, match="could not be signalled"):
-        write(tmp_path, "--reload", "--pid-file", str(tmp_path / "bad.pid"))
+        write(tmp_path, pid_file=tmp_path / "bad.pid")

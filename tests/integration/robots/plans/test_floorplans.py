@@ -70,11 +70,6 @@ def test_pgm_of_map_saver_is_stored_as_png():
     assert bytes(plan.image).startswith(b"\x89PNG")
 
 
-def test_upload_is_named_by_its_plan():
-    files = (OFFICE / name for name in ("map.yaml", "map.png", "plan.json"))
-    assert store_upload(*(file.read_bytes() for file in files)).name == "office"
-
-
 def test_image_path_in_the_yaml_is_not_read(tmp_path):
     secret = tmp_path / "secret.png"
     secret.write_bytes(image(width=7))
@@ -120,8 +115,3 @@ def test_image_too_large_for_a_message_is_refused():
 def test_invalid_name_or_title_is_refused(name, title):
     with pytest.raises(FloorPlanRefusedError, match=r"map id|title"):
         store_upload(YAML, image(), None, name=name, title=title)
-
-
-def test_folder_without_files_is_refused(tmp_path):
-    with pytest.raises(FloorPlanRefusedError, match="No such file"):
-        store_floor_plan(tmp_path)

@@ -82,51 +82,34 @@ def test_check_changes_nothing(folder, var):
     assert not var.exists()
 
 
-def spoil(folder: Path, what: str) -> None:
-    match what:
-        case "no folder":
-            shutil.rmtree(folder)
-        case "no plan":
-            (folder / "plan.json").unlink()
-        case "no map":
-            (folder / "map.yaml").unlink()
-        case "no image":
-            (folder / "first_floor.pgm").unlink()
-        case "no JSON":
-            (folder / "plan.json").write_text("{,")
-        case "misspelled field":
-            change_plan(folder, docs=[])
-        case "nothing free":
-            change_map(folder, "negate: 0", "negate: 1")
-            grey = decode_grey((folder / "first_floor.pgm").read_bytes(), "map") * 0 + 254
-            (folder / "first_floor.pgm").write_bytes(encode_png(grey))
-        case "other scale":
-            change_map(folder, "0.05", "0.2")
-        case "place in a wall":
-            change_plan(folder, places=[{"name": "nook", "title": "Nook", "x": 3.2, "y": 7.7}])
-        case "long map id":
-            change_plan(folder, mapId="a" * 60)
+def without_free_floor(folder: Path) -> None:
+    change_map(folder, "negate: 0", "negate: 1")
+    grey = decode_grey((folder / "first_floor.pgm").read_bytes(), "map") * 0 + 254
+    (folder / "first_floor.pgm").write_bytes(encode_png(grey))
 
 
-@pytest.mark.parametrize(
-    ("what", "words"),
-    [
-        ("no folder", "No such file"),
-        ("no plan", r"plan\.json: No such file"),
-        ("no map", r"map\.yaml"),
-        ("no image", r"first_floor\.pgm"),
-        ("no JSON", r"plan\.json: JSON is malformed"),
-        ("misspelled field", "unknown field `docs`"),
-        ("nothing free", "no free cell"),
-        ("other scale", "do not show the same place"),
-        ("place in a wall", "Place 'nook' is in a wall or in furniture on the map."),
-        ("long map id", "map id must be at most 50"),
-    ],
-)
-def test_unusable_site_is_refused_with_the_reason_and_changes_nothing(folder, var, what, words):
+NOOK = {"name": "nook", "title": "Nook", "x": 3.2, "y": 7.7}
+FAULTS = {
+    "No such file": shutil.rmtree,
+    r"plan\.json: No such file": lambda folder: (folder / "plan.json").unlink(),
+    r"map\.yaml": lambda folder: (folder / "map.yaml").unlink(),
+    r"first_floor\.pgm": lambda folder: (folder / "first_floor.pgm").unlink(),
+    r"plan\.json: JSON is malformed": lambda folder: (folder / "plan.json").write_text("{,"),
+    "unknown field `docs`": lambda folder: change_plan(folder, docs=[]),
+    "no free cell": without_free_floor,
+    "do not show the same place": lambda folder: change_map(folder, "0.05", "0.2"),
+    "Place 'nook' is in a wall or in furniture on the map.": lambda folder: change_plan(
+        folder, places=[NOOK]
+    ),
+    "map id must be at most 50": lambda folder: change_plan(folder, mapId="a" * 60),
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_unusable_site_is_refused_with_the_reason_and_changes_nothing(folder, var, words):
     take(folder)
     before = FloorPlan.objects.get()
-    spoil(folder, what)
+    FAULTS[words](folder)
     with pytest.raises(CommandError, match=words):
         take(folder)
     now = FloorPlan.objects.get()

@@ -19,25 +19,14 @@ from tests.support.architectures.ros1_processes import Ros1Processes
 from tests.support.architectures.ros1_robot import Ros1Rig
 from tests.support.paths import ROOT
 from tests.support.patience import patient
+from tests.support.programs.finished import run
 
 SIMULATED = ["giraff", "--check", "--adapter", "simulator"]
-AGENT = ["-m", "robots.agent", *SIMULATED]
-
-
-def checked(arguments, answer=""):
-    return subprocess.run(
-        [sys.executable, *arguments],
-        cwd=ROOT,
-        input=answer,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=patient(60.0),
-    )
+AGENT = [sys.executable, "-m", "robots.agent", *SIMULATED]
 
 
 def test_simulated_robot_passes(tmp_path):
-    done = checked(["manage.py", "run_robot", *SIMULATED, "--yes", "--var", str(tmp_path)])
+    done = run(sys.executable, "manage.py", "run_robot", *SIMULATED, "--yes", "--var", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "it keeps the watchdog of 0.3 s" in done.stdout
     assert "Laser: yes." in done.stdout
@@ -45,7 +34,7 @@ def test_simulated_robot_passes(tmp_path):
 
 
 def test_robot_does_not_move_without_a_yes(tmp_path):
-    done = checked([*AGENT, "--var", str(tmp_path)], "no\n")
+    done = run(*AGENT, "--var", tmp_path, input="no\n")
     assert done.returncode == 1
     assert "The robot was not moved" in done.stderr
     assert "Driving" not in done.stdout
@@ -59,7 +48,7 @@ def test_robot_without_an_adapter_is_not_checked(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_check_that_was_started_with_signals_ignored(tmp_path, number):
     child = subprocess.Popen(
-        [sys.executable, *AGENT, "--yes", "--var", str(tmp_path)],
+        [*AGENT, "--yes", "--var", str(tmp_path)],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -1,7 +1,6 @@
 """The example package: the conformance suite on its adapter, and a drive with it installed."""
 
 import json
-import subprocess
 import sys
 import sysconfig
 import venv
@@ -12,7 +11,7 @@ import pytest
 from tests.support.architectures.acme_robot import EXAMPLE, AcmeRig
 from tests.support.architectures.rca_conformance import RcaConformance
 from tests.support.paths import ROOT
-from tests.support.patience import patient
+from tests.support.programs.finished import run
 
 
 class TestAcme(RcaConformance):
@@ -39,29 +38,25 @@ def environment(tmp_path_factory):
     folder = tmp_path_factory.mktemp("robot") / "environment"
     venv.create(folder, with_pip=False, symlinks=True)
     python = folder / "bin" / "python"
-    site = subprocess.check_output(
-        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], text=True
-    ).strip()
+    found = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    site = output(python, "-c", found).strip()
     paths = f"{sysconfig.get_path('purelib')}\n{ROOT}\n"
     Path(site, "project.pth").write_text(paths, encoding="utf-8")
     offline = ["--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
-    run(sys.executable, "-m", "pip", "--python", python, "install", "-q", *offline, EXAMPLE)
+    output(sys.executable, "-m", "pip", "--python", python, "install", "-q", *offline, EXAMPLE)
     return python
 
 
-def run(*command):
-    ran = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=patient(60.0), check=False
-    )
+def output(*command):
+    ran = run(*command)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
 
 
 @pytest.mark.nightly
 def test_agent_drives_with_an_installed_adapter(environment, tmp_path):
-    found = json.loads(
-        run(environment, "-m", "tests.support.architectures.acme_drive", tmp_path).splitlines()[-1]
-    )
+    printed = output(environment, "-m", "tests.support.architectures.acme_drive", tmp_path)
+    found = json.loads(printed.splitlines()[-1])
     assert found["adapters"].count("acme") == 1
     assert found["driven"] > 0.1, "metres"
     red, green, blue = found["photo"]
@@ -77,6 +72,6 @@ def test_agent_drives_with_an_installed_adapter(environment, tmp_path):
 def test_package_contains_its_profile(environment):
     text = "import telepresence_acme.adapter as a; robot = a.create('acme', {});"
     text += "print(a.__file__, robot.profile.series)"
-    place, series = run(environment, "-c", text).split()
+    place, series = output(environment, "-c", text).split()
     assert series == "acme"
     assert str(ROOT) not in place, "not the installed package"

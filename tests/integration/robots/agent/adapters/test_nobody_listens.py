@@ -32,7 +32,7 @@ NAMES = ["ros1", *(pytest.param(name, marks=pytest.mark.nightly) for name in lis
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 
 
-def driven(rig):
+def motions(rig):
     return [each for each in rig.world.commands if each[1] or each[2]]
 
 
@@ -85,7 +85,7 @@ async def test_base_of_another_type_is_reported_with_the_option_to_set(
                 f"there it is {kind}",
                 f"set stamped={correct}",
             )
-        assert driven(rig) == []
+        assert motions(rig) == []
 
 
 async def test_without_rosapi_the_type_is_taken_from_the_refusal_of_rosbridge():
@@ -108,7 +108,7 @@ async def test_base_that_subscribes_later_receives_a_zero_velocity_first():
                 Subscription("/cmd_vel", STAMPED, lambda sent: rig.robot.hear("/cmd_vel", sent)),
             )
             await wait_for(adapter, lambda s: s.errors == () and rig.world.commands, 20.0)
-            assert driven(rig) == []
+            assert motions(rig) == []
             assert rig.world.commands[0][1:] == (0.0, 0.0)
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1)
 

@@ -91,8 +91,8 @@ def test_only_the_wizards_script_moves_a_robot_that_it_has_taken_over(
             rig.know_clock(peer)
         rig.push(0.0, way="mqtt", epoch=4)
         rig.wait(lambda: not rig.kernel.held)
-        for way in ("datachannel", "mqtt"):
-            rig.push(0.25, way=way, epoch=1)  # the visitor's
+        for transport in ("datachannel", "mqtt"):
+            rig.push(0.25, way=transport, epoch=1)  # the visitor's
         rig.wait(lambda: refused("observer") and refused("wrong_epoch"))
         assert motion() == 0.0
         script = {"method": "script", "epoch": 4, "way": "mqtt"}

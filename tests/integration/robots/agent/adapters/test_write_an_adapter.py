@@ -99,7 +99,7 @@ class BlueCamera:
     """
 
     taken = 0
-    gone = False
+    is_unplugged = False
 
     def __init__(self, index):
         assert index == 0
@@ -107,7 +107,7 @@ class BlueCamera:
 
     def read(self):
         time.sleep(0.005)
-        if BlueCamera.gone:
+        if BlueCamera.is_unplugged:
             return False, None
         BlueCamera.taken += 1
         self._bgr[:] = (255, BlueCamera.taken % 100, 0)
@@ -120,7 +120,7 @@ class BlueCamera:
 @pytest.fixture
 def opencv(monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", SimpleNamespace(VideoCapture=BlueCamera))
-    monkeypatch.setattr(BlueCamera, "gone", False)
+    monkeypatch.setattr(BlueCamera, "is_unplugged", False)
 
 
 def test_page_camera_returns_rgb_frames_in_separate_memory(tmp_path, opencv):
@@ -144,7 +144,7 @@ def test_page_camera_returns_rgb_frames_in_separate_memory(tmp_path, opencv):
             assert video_frame(frame).to_ndarray(format="rgb24").shape == (48, 64, 3)
         assert len({int(frame.image[0, 0, 1]) for frame in frames}) == 3, "no memory is shared"
         assert frames[0].stamp < frames[1].stamp < frames[2].stamp
-    BlueCamera.gone = True
+    BlueCamera.is_unplugged = True
     source.start()
     with pytest.raises(AdapterError, match="the camera gives no frames"):
         source.read(patient(5.0))

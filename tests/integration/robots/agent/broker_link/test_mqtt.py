@@ -18,25 +18,15 @@ from robots.agent.timing import Backoff
 from robots.api import codec
 from robots.api import messages as m
 from telepresence_site.demo import lan
-from tests.support.agents.scripted_robot import LIMITS
+from tests.support import words
 from tests.support.architectures.mqtt_ear import Ear
 from tests.support.patience import patient
 from tests.support.programs.mosquitto import Mosquitto
-from tests.support.sessions.site import free_port
+from tests.support.sessions.site import free_port, wait_for
 
 pytestmark = pytest.mark.broker
 
-SHEET = m.Factsheet(
-    name="giraff",
-    series="Test",
-    rca="test",
-    agent_version="0",
-    boot="0000000000aa-1",
-    capabilities=("velocity",),
-    limits=LIMITS,
-    footprint=((0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)),
-    watchdog=0.3,
-)
+SHEET = words.factsheet(boot="0000000000aa-1")
 LEASE = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=0, stamp=1.0)
 
 
@@ -67,12 +57,8 @@ class LinkThread:
 
     def __init__(self, url, sheet=SHEET, ca=None, others=()):
         self.inbox = Inbox()
-        self.link = MqttLink(
-            Endpoint.of(url, ca=ca),
-            sheet,
-            rng=random.Random(1),
-            others=tuple(map(Endpoint.of, others)),
-        )
+        others = tuple(map(Endpoint.of, others))
+        self.link = MqttLink(Endpoint.of(url, ca=ca), sheet, rng=random.Random(1), others=others)
         self.loop = asyncio.SelectorEventLoop()
         self._thread = threading.Thread(target=self._run)
         self.crashed = True
@@ -106,25 +92,13 @@ class LinkThread:
         self.call(self.link.publish, suffix, codec.encode(message))
 
     def wait(self, condition, within=15.0):
-        deadline = time.monotonic() + patient(within)
-        while not condition():
-            assert time.monotonic() < deadline, (
-                self.inbox.messages[-5:],
-                self.inbox.rejections[-5:],
-                self.inbox.changes,
-            )
-            time.sleep(0.01)
+        inbox = self.inbox
+        state = lambda: (inbox.messages[-5:], inbox.rejections[-5:], inbox.changes)
+        wait_for(condition, within, "what was waited for", state)
 
 
 def state(seq):
-    return m.State(
-        stamp=1.0,
-        boot=SHEET.boot,
-        seq=seq,
-        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
-        velocity=m.Velocity(linear=0.0, angular=0.0),
-        battery=m.Battery(charge=1.0),
-    )
+    return words.state(seq, boot=SHEET.boot)
 
 
 @pytest.mark.parametrize("scheme", ["mqtt", "ws", "mqtts", "wss"])
@@ -217,8 +191,7 @@ def test_after_a_broker_restart_retained_messages_and_all_states_are_sent(broker
         agent.wait(lambda: agent.inbox.changes[-1:] == [False])
         for seq in range(21, 301):
             agent.publish("state", state(seq))
-        past = m.PoseUpdate(stamp=9.0, pose=state(1).pose, velocity=state(1).velocity)
-        agent.publish("pose", past)
+        agent.publish("pose", words.pose(stamp=9.0))
         seen = ear.count
         # The agent waits until the ear has subscribed again; a server would request lost states.
         waiting = threading.Event()
@@ -279,9 +252,8 @@ def test_stale_offline_message_is_answered_with_online(broker, ear, stale):
     with LinkThread(broker.url):
         ear.wait("connection", lambda c: c.state == "ONLINE")
         seen = ear.count
-        ear.say(
-            "connection", m.Connection(boot="000000000001-0", state=stale, stamp=1.0), retain=True
-        )
+        old = m.Connection(boot="000000000001-0", state=stale, stamp=1.0)
+        ear.say("connection", old, retain=True)
         assert ear.wait("connection", lambda c: c.state == "ONLINE", since=seen).boot == SHEET.boot
     with Ear(broker.port) as first_time_user:
         assert first_time_user.wait("connection").state == "OFFLINE"
@@ -296,9 +268,8 @@ def test_older_of_two_agents_yields_until_the_newer_one_has_left(broker, ear):
             assert new.inbox.rivals == []
             seen = ear.count
         old.wait(lambda: old.inbox.rivals == [newer.boot, None])
-        assert ear.wait(
-            "connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=seen
-        )
+        is_back = lambda c: c.state == "ONLINE" and c.boot == SHEET.boot
+        assert ear.wait("connection", is_back, since=seen)
 
 
 def test_agent_waits_for_a_broker_that_starts_later(tmp_path):
@@ -331,9 +302,6 @@ def test_address_sets_transport_port_and_path():
     assert Endpoint.of("mqtts://u%40x:p@[::1]:1").username == "u@x"
     with pytest.raises(ValueError, match=r"the certificates in /nowhere\.pem cannot be read: "):
         Endpoint.of("mqtts://broker.example", ca="/nowhere.pem")
-    for wrong in ("http://x", "broker:1883", "mqtt://", "mqtt://host:notaport"):
-        with pytest.raises(ValueError):
-            Endpoint.of(wrong)
 
 
 def test_waits_double_up_to_a_limit_and_are_reset_by_a_lasting_connection():

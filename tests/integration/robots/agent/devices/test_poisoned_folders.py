@@ -6,13 +6,13 @@ The tests run in a mount namespace with its own /tmp, where each read changes a 
 
 import os
 import re
-import subprocess
 import sys
 import textwrap
 
 import pytest
 
 from tests.support.agents.simulators import ROOT
+from tests.support.programs.finished import run
 from tests.support.programs.sound_server import environment_of
 
 POISONED = ("/tmp/vendor/etc/gnutls/config", "/tmp/vendor/share/alsa/alsa.conf")
@@ -60,22 +60,10 @@ def read_by(tmp_path, *command: str) -> list[str]:
     """Return the poisoned files that a command of the project has read."""
     home = tmp_path / "home"
     (home / "run").mkdir(parents=True)
-    environment = {
-        **environment_of(home),
-        "PYTHONPATH": str(ROOT),
-        "DJANGO_SETTINGS_MODULE": "tests.settings",
-        "KEPT": str(ROOT),
-    }
+    own = {"PYTHONPATH": str(ROOT), "DJANGO_SETTINGS_MODULE": "tests.settings", "KEPT": str(ROOT)}
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
-    done = subprocess.run(
-        ["unshare", "--mount", *user, "sh", "-eu", "-c", SCRIPT, "sh", *command],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout.split()
+    inside = ("unshare", "--mount", *user, "sh", "-eu", "-c", SCRIPT, "sh")
+    return run(*inside, *command, env=environment_of(home) | own, check=True).stdout.split()
 
 
 def python(source: str) -> tuple[str, ...]:

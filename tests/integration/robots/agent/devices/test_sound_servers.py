@@ -1,13 +1,12 @@
 """Microphone and loudspeaker on a real PulseAudio and a real PipeWire."""
 
 import contextlib
-import os
 import threading
 import time
-from pathlib import Path
 from typing import Self
 
 import numpy as np
+import psutil
 import pytest
 
 from robots.agent.config import load
@@ -132,19 +131,19 @@ def test_device_of_the_server_is_found_by_name_and_converted(pulseaudio, tmp_pat
 
 @pytest.mark.nightly
 def test_unplugged_microphone_is_reported_and_heard_again(pulseaudio, tmp_path):
-    heard: list[bytes] = []
+    payloads: list[bytes] = []
     source = equipment(tmp_path, microphone="alsa:default").audio
-    with listened(source, lambda payload, _ticks: heard.append(payload)) as feed:
+    with listened(source, lambda payload, _ticks: payloads.append(payload)) as feed:
         for _ in range(2):
             with pulseaudio.playing(TONE):
-                assert eventually(lambda: feed.state.status == "live" and bool(heard), 30.0)
+                assert eventually(lambda: feed.state.status == "live" and bool(payloads), 30.0)
                 pulseaudio.unplug()
                 assert eventually(lambda: feed.state.reason != "", 30.0)
                 assert feed.state.reason.startswith("the microphone default cannot be used: ")
             pulseaudio.plug()
-            heard.clear()
+            payloads.clear()
             with pulseaudio.playing(TONE):
-                assert eventually(lambda: feed.state.status == "live" and bool(heard), 30.0)
+                assert eventually(lambda: feed.state.status == "live" and bool(payloads), 30.0)
 
 
 @pytest.mark.nightly
@@ -196,7 +195,7 @@ def test_alsa_works_without_a_sound_server(tmp_path, monkeypatch):
     use_environment(monkeypatch, environment_of(tmp_path))
     sine(TONE, 20 * BLOCK * 50).tofile(tmp_path / "spoken.raw")
     (tmp_path / ".asoundrc").write_text(
-        f'pcm.!default {{ type file slave.pcm null file "{tmp_path}/heard.raw" infile'
+        f'pcm.!default {{ type file slave.pcm null file "{tmp_path}/payloads.raw" infile'
         f' "{tmp_path}/spoken.raw" format raw }}\n'
     )
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
@@ -208,7 +207,7 @@ def test_alsa_works_without_a_sound_server(tmp_path, monkeypatch):
     for block in np.split(sine(TONE, 50 * BLOCK), 50):
         speaker.play(block)
     speaker.stop()
-    assert is_tone(np.fromfile(tmp_path / "heard.raw", np.int16)[-24_000:], TONE)
+    assert is_tone(np.fromfile(tmp_path / "payloads.raw", np.int16)[-24_000:], TONE)
 
 
 def test_missing_alsa_utils_are_reported_with_what_to_install(tmp_path, monkeypatch):
@@ -225,16 +224,10 @@ def test_missing_alsa_utils_are_reported_with_what_to_install(tmp_path, monkeypa
 
 def test_closed_devices_leave_no_process(pulseaudio, tmp_path):
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
-    before = children()
+    before = psutil.Process().children()
     found.audio.start()
     found.outputs[0].start()
-    assert len(children() - before) == 2
+    assert len(psutil.Process().children()) == len(before) + 2
     found.audio.stop()
     found.outputs[0].stop()
-    assert children() <= before
-
-
-def children() -> set[str]:
-    return set(
-        Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text().split()
-    )
+    assert psutil.Process().children() == before

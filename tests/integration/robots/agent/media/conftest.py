@@ -1,13 +1,13 @@
 """A media side with a synthetic camera, and pages that close with the test."""
 
-import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
 
 import pytest
 
 from robots.agent.media import MediaSide
 from robots.api.messages import Role
-from tests.support.media.loopback_peer import Exchange, LoopbackPage
+from tests.support.media.loopback_peer import Exchange, LoopbackPage, MediaRig
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 
@@ -22,37 +22,24 @@ def microphone() -> SyntheticMicrophone:
 
 
 @pytest.fixture
-async def exchange() -> Exchange:
-    return Exchange(asyncio.get_running_loop())
+async def rig(camera: SyntheticCamera, microphone: SyntheticMicrophone) -> AsyncIterator[MediaRig]:
+    async with MediaRig(video=camera, audio=microphone) as rig:
+        yield rig
 
 
 @pytest.fixture
-async def media(
-    camera: SyntheticCamera, microphone: SyntheticMicrophone, exchange: Exchange
-) -> AsyncIterator[MediaSide]:
-    side = MediaSide(
-        video=camera,
-        audio=microphone,
-        viewers=3,
-        on_command=exchange.on_command,
-        reply=exchange.reply,
-    )
-    side.start()
-    yield side
-    await asyncio.to_thread(side.close)
+def exchange(rig: MediaRig) -> Exchange:
+    return rig.exchange
 
 
 @pytest.fixture
-async def new_page(media: MediaSide, exchange: Exchange) -> AsyncIterator:
-    pages: list[LoopbackPage] = []
+def media(rig: MediaRig) -> MediaSide:
+    return rig.media
 
-    def make(peer: str, *, decode: bool = False) -> LoopbackPage:
-        pages.append(LoopbackPage(media, exchange, peer, decode=decode))
-        return pages[-1]
 
-    yield make
-    for page in pages:
-        await page.close()
+@pytest.fixture
+def new_page(rig: MediaRig) -> Callable[..., LoopbackPage]:
+    return partial(rig.page, decode=False)
 
 
 @pytest.fixture

@@ -57,20 +57,6 @@ async def test_data_channel_works_in_both_directions_in_chromium(media, exchange
         assert ["heartbeat", {"n": 7, "stamp": 1.5}] in report["messages"]
 
 
-@pytest.mark.nightly
-async def test_two_chromium_viewers_see_the_same_camera(media, exchange) -> None:
-    async with chromium() as (browser, address):
-        pages = [
-            await BrowserPage.open(browser, address, media, exchange, f"p{n}") for n in range(2)
-        ]
-        for page in pages:
-            await page.watch()
-        for page in pages:
-            report = await page.report_when("report.decoded > 45")
-            assert len(report["delays"]) > 30, "bar codes are readable"
-        assert media.connected == 2
-
-
 async def test_chromium_shows_the_picture_again_after_an_outage_of_the_camera(
     camera, media, exchange
 ) -> None:

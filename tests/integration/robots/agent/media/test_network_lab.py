@@ -2,17 +2,15 @@
 through the server.
 """
 
-import asyncio
 import statistics
 import time
 
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.api import picture
-from robots.api.messages import NetworkLab, PictureRequest, Pose, PoseUpdate, Velocity
-from tests.integration.robots.agent.media.jpeg_fallback.test_stills import nothing
-from tests.support.media.loopback_peer import until
+from robots.api.messages import NetworkLab, PictureRequest
+from tests.support import words
+from tests.support.media.loopback_peer import MediaRig, until
 
 
 def arrivals(page) -> dict[int, float]:
@@ -81,14 +79,7 @@ async def test_lab_loss_keeps_connection_data_channel_and_observers_video(media,
         what="RTCP of the driver's page",
     )
     assert len(driver.pictures) == seen
-    media.telemetry(
-        "pose",
-        PoseUpdate(
-            stamp=1.0,
-            pose=Pose(x=1.0, y=0.0, theta=0.0),
-            velocity=Velocity(linear=0.0, angular=0.0),
-        ),
-    )
+    media.telemetry("pose", words.pose())
     await until(lambda: any(suffix == "pose" for suffix, _ in driver.messages), what="telemetry")
     assert media.connected == 2
     await driver.video.receiver._send_rtcp_nack(driver.ssrc, [1, 2, 3])
@@ -128,13 +119,9 @@ async def slow(camera):
     def take(payload, peer) -> None:
         sent.append((peer, picture.unpack(payload)[0], time.time()))
 
-    side = MediaSide(
-        video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=take
-    )
-    side.start()
-    side.lease_changed("p1")
-    yield side, sent
-    await asyncio.to_thread(side.close)
+    async with MediaRig(video=camera, on_picture=take) as rig:
+        rig.media.lease_changed("p1")
+        yield rig.media, sent
 
 
 async def test_fallback_pictures_are_delayed_only_for_the_driver(slow) -> None:

@@ -10,25 +10,27 @@ from robots.agent.navigation.navigator import IN_VAIN, Navigator, WheelWatch
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.ramp import ZERO
-from robots.api.geometry import Pose2D
+from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
 from robots.simulator.physics.drive import STILL
 from robots.simulator.physics.simulation import Simulation
 from robots.world.grid import OccupancyGrid
-from robots.world.robot_models import GIRAFF, MODELS, RHODON, RobotModel
+from robots.world.render_plan import rasterise
+from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sensing import CENTRE, Estimate
 from robots.world.sites import load_site
+from tests.support.agents.mapped_building import THICK, building
 from tests.support.agents.navigation_rig import Rig
 
 SITE = load_site("office")
-MODELS_BY_NAME = sorted(MODELS.items())
+MIRROR = next(place for place in SITE.plan.places if place.name == "mirror")
 
 
-def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
+def rig(start, model=GIRAFF, seed=1):
     return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
 
 
-def moving(goal_x: float = 8.4) -> Rig:
+def moving(goal_x=8.4):
     """Return a robot on its way along the corridor."""
     made = rig("corridor-centre")
     made.navigator.goto(goal_x, 1.0)
@@ -37,26 +39,34 @@ def moving(goal_x: float = 8.4) -> Rig:
     return made
 
 
-def away_from(made: Rig, x: float, y: float) -> float:
+def away_from(made, x, y):
     return math.hypot(made.sim.pose.x - x, made.sim.pose.y - y)
 
 
-@pytest.mark.parametrize(("series", "model"), MODELS_BY_NAME)
-def test_robot_reaches_a_pose_through_a_door_without_contact(
-    series: str, model: RobotModel
-) -> None:
-    made = rig("lab-before-door", model)
-    made.navigator.goto(4.0, 1.1, 1.0)
+@pytest.mark.parametrize(
+    ("start", "model", "goal"),
+    [
+        pytest.param("lab-before-door", GIRAFF, (4.0, 1.1, 1.0), id="through a door"),
+        pytest.param("lab-before-door", RHODON, (4.0, 1.1, 1.0), id="the larger robot"),
+        pytest.param("lounge-centre", GIRAFF, (MIRROR.x, MIRROR.y, MIRROR.theta), id="the mirror"),
+        pytest.param("dock", GIRAFF, (2.5, 5.2), id="out of the dock"),
+        pytest.param("lab-centre", RHODON, (8.6, 4.4, 0.0), id="archway, narrow laser"),
+    ],
+)
+def test_robot_reaches_its_goal_with_its_heading_and_without_contact(start, model, goal):
+    made = rig(start, model)
+    made.navigator.goto(*goal)
     done = made.run(60.0)
     assert (done.status, made.sim.contacts, done.progress) == ("FINISHED", 0, 1.0)
-    assert away_from(made, 4.0, 1.1) < 0.2
-    assert abs(made.sim.pose.theta - 1.0) < 0.15
+    assert not made.sim.docked
+    assert away_from(made, *goal[:2]) < 0.2
+    assert abs(wrap_angle(made.sim.pose.theta - [*goal, made.sim.pose.theta][2])) < 0.15
     made.settle()
     assert made.sim.motion == STILL
     assert made.step().velocity is None
 
 
-def test_path_shrinks_and_progress_grows() -> None:
+def test_path_shrinks_and_progress_grows():
     made = rig("corridor-centre")
     made.navigator.goto(8.4, 1.0)
     steps = [made.step() for _ in range(60)]
@@ -65,23 +75,8 @@ def test_path_shrinks_and_progress_grows() -> None:
     assert all(0.0 <= a.progress <= b.progress + 0.05 for a, b in pairwise(steps))
 
 
-def test_goal_is_reached_with_its_heading() -> None:
-    made = rig("lounge-centre")
-    mirror = next(place for place in SITE.plan.places if place.name == "mirror")
-    made.navigator.goto(mirror.x, mirror.y, mirror.theta)
-    assert made.run(40.0).status == "FINISHED"
-    assert abs(abs(made.sim.pose.theta) - math.pi) < 0.15
-
-
-def test_docked_robot_backs_out_first() -> None:
-    made = rig("dock")
-    made.navigator.goto(2.5, 5.2)
-    done = made.run(40.0)
-    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", False, 0)
-
-
 @pytest.mark.nightly
-def test_drawn_line_is_followed_and_leads_around_a_desk() -> None:
+def test_drawn_line_is_followed_and_leads_around_a_desk():
     made = rig("lab-centre")
     made.navigator.follow([(3.2, 4.6), (4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0), (2.2, 5.4)])
     done = made.run(80.0)
@@ -96,7 +91,7 @@ def test_drawn_line_is_followed_and_leads_around_a_desk() -> None:
 
 
 @pytest.mark.nightly
-def test_robot_takes_another_route_when_a_door_closes() -> None:
+def test_robot_takes_another_route_when_a_door_closes():
     made = rig("lab-before-door")
     made.navigator.goto(2.0, 1.0)
     made.run(1.0)
@@ -108,7 +103,7 @@ def test_robot_takes_another_route_when_a_door_closes() -> None:
     assert made.sim.distance > 15.0
 
 
-def test_robot_without_a_route_waits_and_then_names_the_doors() -> None:
+def test_robot_without_a_route_waits_and_then_names_the_doors():
     made = rig("2.0,1.0,0.5")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(3.2, 4.6)
@@ -123,7 +118,7 @@ def test_robot_without_a_route_waits_and_then_names_the_doors() -> None:
 
 
 @pytest.mark.nightly
-def test_waiting_robot_continues_when_a_door_opens() -> None:
+def test_waiting_robot_continues_when_a_door_opens():
     made = rig("10.0,1.0,1.57")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
     made.navigator.goto(9.9, 3.6)
@@ -145,16 +140,14 @@ def test_waiting_robot_continues_when_a_door_opens() -> None:
         (9.4, 7.15, None, "in_wall: "),
     ],
 )
-def test_impossible_goals_are_refused_with_the_reason(
-    x: float, y: float, theta: float | None, reason: str
-) -> None:
+def test_impossible_goals_are_refused_with_the_reason(x, y, theta, reason):
     navigator = rig("lab-centre").navigator
     with pytest.raises(NoWayError, match=reason):
         navigator.goto(x, y, theta)
     assert navigator._task is None
 
 
-def test_short_lines_are_refused() -> None:
+def test_short_lines_are_refused():
     navigator = rig("lab-centre").navigator
     with pytest.raises(NoWayError, match="no_goal"):
         navigator.follow([(1.0, 1.0)])
@@ -162,13 +155,13 @@ def test_short_lines_are_refused() -> None:
         navigator.follow([(1.0, 1.0), (math.nan, 2.0)])
 
 
-def test_map_without_free_space_is_refused() -> None:
+def test_map_without_free_space_is_refused():
     full = OccupancyGrid(np.zeros_like(SITE.grid.image), SITE.grid.transform)
     with pytest.raises(NoWayError, match="no free space"):
         Navigator(full, None, np.array(GIRAFF.footprint), GIRAFF.limits, "giraff")
 
 
-def test_cancel_brakes_to_rest_and_then_sends_no_velocity() -> None:
+def test_cancel_brakes_to_rest_and_then_sends_no_velocity():
     made = moving()
     made.navigator.cancel()
     assert (made.step().velocity, made.step().reason) == (ZERO, "cancelled")
@@ -177,16 +170,15 @@ def test_cancel_brakes_to_rest_and_then_sends_no_velocity() -> None:
     assert made.step().velocity is None
 
 
-def test_silent_laser_stops_the_robot_and_fails_the_task() -> None:
+def test_lost_robot_stops_and_reports_it():
     made = moving()
-    made.laser_works = False
+    made.knows_where = False
     done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", "no_laser: silent")
-    assert "no_laser" in made.reasons
+    assert (done.status, done.reason) == ("FAILED", "lost")
     assert made.sim.motion == STILL
 
 
-def test_robot_continues_when_the_laser_is_back_in_time() -> None:
+def test_robot_continues_when_the_laser_is_back_in_time():
     made = moving(7.0)
     made.laser_works = False
     made.run(1.5)
@@ -195,35 +187,8 @@ def test_robot_continues_when_the_laser_is_back_in_time() -> None:
     assert made.run(30.0).status == "FINISHED"
 
 
-def test_laser_that_measures_only_nan_stops_the_robot(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made = moving()
-    monkeypatch.setattr(made.sim, "scan", lambda: np.full(GIRAFF.laser.beams, math.nan))
-    done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", "no_laser: blind")
-    made.settle()
-    assert made.sim.motion == STILL
-
-
-def test_lost_robot_stops_and_reports_it() -> None:
-    made = moving()
-    made.knows_where = False
-    done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", "lost")
-    assert made.sim.motion == STILL
-
-
-def test_wheels_that_do_not_turn_fail_the_task() -> None:
-    made = rig("corridor-centre")
-    made.wheels_turn = False
-    made.navigator.goto(8.4, 1.0)
-    done = made.run(20.0)
-    assert (done.status, done.reason) == ("FAILED", "wheels")
-
-
 @pytest.mark.nightly
-def test_robot_does_not_collide_with_walking_people() -> None:
+def test_robot_does_not_collide_with_walking_people():
     made = Rig(
         Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1
     )
@@ -233,7 +198,7 @@ def test_robot_does_not_collide_with_walking_people() -> None:
     assert made.seen_collisions == 0
 
 
-def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
+def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start():
     watch, asked, here = WheelWatch(), Velocity(linear=0.3, angular=0.0), Pose2D(0.0, 0.0, 0.0)
     assert not any(watch.stuck(asked, here, step / 10.0) for step in range(round(IN_VAIN * 10)))
     assert watch.stuck(asked, here, IN_VAIN + 0.2)
@@ -241,7 +206,7 @@ def test_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
     assert not watch.stuck(ZERO, here, 2.0 * IN_VAIN + 1.0)
 
 
-def test_late_estimate_is_moved_by_the_odometry() -> None:
+def test_late_estimate_is_moved_by_the_odometry():
     where = PoseBuffer()
     unknown = Estimate(0.0, CENTRE, (0.0,) * 6, 1.0, localized=True)
     for step in range(11):
@@ -253,8 +218,12 @@ def test_late_estimate_is_moved_by_the_odometry() -> None:
     assert where.odometry_at(-5.0) == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_rhodon_with_a_narrow_laser_passes_the_archway() -> None:
-    made = rig("lab-centre", RHODON)
-    made.navigator.goto(8.6, 4.4, 0.0)
-    assert made.run(60.0).status == "FINISHED"
-    assert made.sim.contacts == 0
+def test_goal_is_reached_although_a_wall_blocks_the_last_centimetres():
+    """The pose is wrong by the same six centimetres all the time."""
+    plan, beside_wall = building(), 2.0 - THICK / 2.0 - 0.32
+    made = Rig(Simulation(GIRAFF, plan, seed=1, start="3.0,1.0,1.57"), rasterise(plan), 1)
+    made.wander.of = lambda truth, _dt: Pose2D(truth.x, truth.y - 0.06, truth.theta)
+    made.navigator.goto(3.0, beside_wall)
+    done = made.run(60.0)
+    assert (done.status, done.reason, made.sim.contacts) == ("FINISHED", "", 0)
+    assert abs(made.sim.pose.y - beside_wall) < 0.1

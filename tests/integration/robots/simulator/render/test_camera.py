@@ -23,9 +23,7 @@ from tests.support.media.office_camera import HOME, OPEN, PLAN, office_camera, p
 @pytest.mark.nightly
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.6, 5.0), st.floats(-0.6, 0.6), st.sampled_from([-0.3, 0.0, HOME, 0.6, 0.9]))
-def test_floor_point_of_a_pixel_is_that_of_the_pinhole_model(
-    ahead: float, bearing: float, tilt: float
-) -> None:
+def test_floor_point_of_a_pixel_is_that_of_the_pinhole_model(ahead, bearing, tilt):
     lens = grind(GIRAFF.camera, tilt)
     pose = Pose2D(0.0, 0.0, 0.0)
     point = (GIRAFF.camera.x + ahead * math.cos(bearing), ahead * math.sin(bearing), 0.0)
@@ -45,7 +43,7 @@ def test_floor_point_of_a_pixel_is_that_of_the_pinhole_model(
     assert math.dist(found, point[:2]) <= pixel * 1.01 + 1e-3
 
 
-def back_to_floor(tilt: float, u: float, v: float) -> tuple[float, float]:
+def back_to_floor(tilt, u, v):
     model = GIRAFF.camera
     focal = model.width / 2 / math.tan(model.hfov / 2)
     x, y = (u - model.width / 2) / focal, (v - model.height / 2) / focal
@@ -56,9 +54,7 @@ def back_to_floor(tilt: float, u: float, v: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("tilt", [0.2, HOME, 0.5])
 @pytest.mark.parametrize("pose", [(2.9, 6.1, math.pi), (2.5, 6.0, 2.9), (2.7, 5.6, 2.75)])
-def test_yellow_lines_of_the_dock_are_at_their_pixels(
-    camera: SceneCamera, pose: tuple[float, float, float], tilt: float
-) -> None:
+def test_yellow_lines_of_the_dock_are_at_their_pixels(camera, pose, tilt):
     """Within 2 cm + 2 % on the floor: probed points of the line are yellow, those 7 cm beside it
     are not.
     """
@@ -68,7 +64,7 @@ def test_yellow_lines_of_the_dock_are_at_their_pixels(
     lane = Pose2D(dock.x, dock.y, dock.theta).compose(Pose2D(-0.25, 0.0, 0.0))
     aside = dock.station.width / 2 + 0.04
 
-    def yellow(x: float, y: float) -> bool | None:
+    def yellow(x, y):
         u, v = pixel_of(pose, (*lane.apply(x, y), 0.0), tilt)
         if not (2 <= u < 638 and 2 <= v < 478):
             return None
@@ -86,7 +82,7 @@ def test_yellow_lines_of_the_dock_are_at_their_pixels(
     assert sum(outer or inner for _, outer, inner in seen) <= 0.1 * len(seen)
 
 
-def test_edge_of_furniture_is_at_its_pixel(camera: SceneCamera) -> None:
+def test_edge_of_furniture_is_at_its_pixel(camera):
     """The upper front edge of the corridor's cabinet: white below, darker wood above."""
     cabinet = next(piece for piece in PLAN.furniture if piece.name == "cabinet-1")
     pose, image = (4.9, 1.0, 0.2), picture(camera, (4.9, 1.0, 0.2))
@@ -99,7 +95,7 @@ def test_edge_of_furniture_is_at_its_pixel(camera: SceneCamera) -> None:
 
 
 @pytest.mark.nightly
-def test_frames_of_all_starts_are_detailed_and_different(camera: SceneCamera) -> None:
+def test_frames_of_all_starts_are_detailed_and_different(camera):
     means = []
     for start in PLAN.starts:
         image = picture(camera, (start.x, start.y, start.theta))
@@ -110,7 +106,7 @@ def test_frames_of_all_starts_are_detailed_and_different(camera: SceneCamera) ->
         assert all(np.abs(one - other).mean() > 5 for other in means[number + 1 :])
 
 
-def test_closed_door_is_drawn(camera: SceneCamera) -> None:
+def test_closed_door_is_drawn(camera):
     before = (2.02, 3.7, -math.pi / 2)
     opened = picture(camera, before)
     closed = picture(camera, before, doors={**OPEN, "lab-door": "closed"})
@@ -122,9 +118,7 @@ def test_closed_door_is_drawn(camera: SceneCamera) -> None:
 
 
 @pytest.mark.parametrize("tilt", [-0.2, 0.0, HOME, 0.5])
-def test_marker_of_the_dock_is_at_its_pixel_for_every_tilt(
-    camera: SceneCamera, tilt: float
-) -> None:
+def test_marker_of_the_dock_is_at_its_pixel_for_every_tilt(camera, tilt):
     pose = Pose2D(10.2, 1.0, 0.0)
     image = picture(camera, tuple(pose), tilt)
     station = PLAN.docks[1].station
@@ -136,7 +130,7 @@ def test_marker_of_the_dock_is_at_its_pixel_for_every_tilt(
                 assert (image[int(v), int(u)].mean() > 140) == bright
 
 
-def test_robot_sees_itself_only_in_the_mirror(camera: SceneCamera) -> None:
+def test_robot_sees_itself_only_in_the_mirror(camera):
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
     pose = Pose2D(7.9, middle, math.pi)
@@ -151,9 +145,7 @@ def test_robot_sees_itself_only_in_the_mirror(camera: SceneCamera) -> None:
     assert blue_display < 0.001
 
 
-def test_mirrors_with_equal_hashes_are_drawn_separately(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_mirrors_with_equal_hashes_are_drawn_separately(monkeypatch):
     """Python's hashes of -1.0 and -2.0 are the same."""
     camera, asked = SceneCamera(GIRAFF, PLAN, seed=1), []
     glasses = tuple(Glass(np.array([x, 8.0, x, 6.0]), 0.3, 2.0) for x in (-1.0, -2.0))
@@ -168,7 +160,7 @@ def test_mirrors_with_equal_hashes_are_drawn_separately(
     assert asked == [-1.0, -2.0]
 
 
-def test_mirror_shows_the_left_at_the_left(camera: SceneCamera) -> None:
+def test_mirror_shows_the_left_at_the_left(camera):
     """A mirror does not swap sides: furniture at the robot's left appears at the left."""
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
@@ -180,7 +172,7 @@ def test_mirror_shows_the_left_at_the_left(camera: SceneCamera) -> None:
     assert image[int(v) - 3 : int(v) + 3, int(u) - 3 : int(u) + 3].mean() < 110  # dark wood
 
 
-def test_nearer_furniture_hides_what_is_behind_it(camera: SceneCamera) -> None:
+def test_nearer_furniture_hides_what_is_behind_it(camera):
     """Behind the near edge of the coffee table, its board hides the rug."""
     table = next(piece for piece in PLAN.furniture if piece.name == "coffee-table")
     pose = Pose2D(9.4, 4.2, math.pi / 2)
@@ -192,7 +184,7 @@ def test_nearer_furniture_hides_what_is_behind_it(camera: SceneCamera) -> None:
 
 
 @pytest.mark.nightly
-def test_scene_depends_only_on_its_seed() -> None:
+def test_scene_depends_only_on_its_seed():
     one, same, other = (
         picture(SceneCamera(RHODON, PLAN, seed=seed), (5.0, 1.0, 0.0), 0.0) for seed in (3, 3, 4)
     )
@@ -208,9 +200,7 @@ def test_scene_depends_only_on_its_seed() -> None:
     st.floats(-0.5, 0.9),
     st.booleans(),
 )
-def test_every_pose_has_a_frame(
-    x: float, y: float, theta: float, tilt: float, closed: bool
-) -> None:
+def test_every_pose_has_a_frame(x, y, theta, tilt, closed):
     state: DoorState = "closed" if closed else "open"
     with np.errstate(all="ignore"):
         image = picture(office_camera(), (x, y, theta), tilt, dict.fromkeys(OPEN, state))
@@ -218,22 +208,20 @@ def test_every_pose_has_a_frame(
     assert image.max() > 0
 
 
-def test_caches_of_lenses_and_doors_are_bounded(camera: SceneCamera) -> None:
+def test_caches_of_lenses_and_doors_are_bounded(camera):
     for number in range(12):
         picture(camera, (5.0, 1.0, 0.0), 0.01 * number, {"lab-door": "open", f"x{number}": "open"})
     assert camera._lens.cache_info().currsize <= 2
     assert camera._at_rest.cache_info().currsize <= 8
 
 
-def test_unchanged_frame_is_not_drawn_again(
-    camera: SceneCamera, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unchanged_frame_is_not_drawn_again(camera, monkeypatch):
     first = picture(camera, (5.0, 1.0, 0.0))
     monkeypatch.setattr(camera, "_draw_all", lambda *_: pytest.fail("drawn again"))
     assert np.array_equal(picture(camera, (5.0, 1.0, 0.0)), first)
 
 
-def test_person_who_leaves_disappears_from_the_frame(camera: SceneCamera) -> None:
+def test_person_who_leaves_disappears_from_the_frame(camera):
     empty = picture(camera, (5.0, 1.0, 0.0))
     picture(camera, (5.0, 1.0, 0.0), people=(Person(8.0, 1.0, 0.0, 0.0, 1, 1.0),))
     assert np.array_equal(picture(camera, (5.0, 1.0, 0.0)), empty)

@@ -87,7 +87,7 @@ class RestartableAgent:
 
 
 @contextlib.contextmanager
-def driven(name, network, directory):
+def robot_of_driver(name, network, directory):
     rca = RIGS[name](directory)
     rca.world.watchdog = math.inf if "no watchdog" in name else 0.5
     with rca:
@@ -147,7 +147,7 @@ def test_no_old_order_moves_the_robot_and_it_stops_and_drives_again(
 ):
     for variable, value in ROS_2.items():
         monkeypatch.setenv(variable, value)
-    with driven(name, network, tmp_path) as (rca, agent):
+    with robot_of_driver(name, network, tmp_path) as (rca, agent):
         commands = rca.world.commands
         wait(lambda: rca.world.sim.motion.linear > 0.1, 10.0)
         seen = len(commands)

@@ -1,5 +1,5 @@
-"""The simulated robot, moved by its driver or by our navigation, when the agent, the navigation
-process or the simulator hangs or dies: metres and seconds until it is at rest.
+"""The simulated robot, moved by its driver or by our navigation, when agent, control thread,
+navigation process or simulator hangs or dies: metres and seconds until it is at rest.
 
 The agent is whole and a process of its own (ordered_agent.py); simulator and navigation are its
 children. `pytest -s` prints the table; the cells marked nightly run in `make nightly`.
@@ -27,11 +27,12 @@ ROWS = {"driven": ("drive",), "navigating": ("goto", "1.2", "1.0"), "docking": (
 COLUMNS = (
     "agent killed",
     "agent stopped",
+    "control hung",
     "simulator hung",
     "navigation killed",
     "navigation hung",
 )
-QUICK = {("navigating", "agent killed"), ("docking", "navigation killed")}
+QUICK = {("driven", "agent killed"), ("driven", "control hung"), ("docking", "navigation killed")}
 
 
 @contextlib.contextmanager
@@ -45,7 +46,7 @@ def moving(row, directory):
         plan="office",
     )
     found = agent.wait_for(lambda event: "port" in event)
-    onlooker = Onlooker(int(found["port"].rpartition(":")[2]))
+    onlooker = Onlooker.of(found["port"])
     try:
         agent.request(*ROWS[row])
         wait(lambda: onlooker.truth().linear > 0.2, 20.0)
@@ -76,8 +77,18 @@ def since(onlooker, event):
 def within(column):
     """Return the seconds from the event until the robot is at rest, on an idle computer."""
     braking = GIRAFF.limits.linear / GIRAFF.limits.linear_braking
-    silence = {"agent": GIRAFF.watchdog, "simulator": AWAY + GIRAFF.watchdog, "navigation": LATE}
-    return silence[column.split()[0]] + braking
+    silence = {"simulator": AWAY + GIRAFF.watchdog, "navigation": LATE}
+    return silence.get(column.split()[0], GIRAFF.watchdog) + braking
+
+
+def end(pid, how, agent):
+    """Kill a process, or stop it for a while."""
+    os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
+    if how != "killed":
+        time.sleep(AWAY)
+        agent.request("idle")
+        with contextlib.suppress(ProcessLookupError):  # the agent has replaced it
+            os.kill(pid, signal.SIGCONT)
 
 
 @pytest.mark.parametrize(
@@ -92,14 +103,15 @@ def within(column):
 def test_robot_comes_to_rest(row, column, tmp_path):
     with moving(row, tmp_path) as (agent, onlooker, (simulator, navigation)):
         who, how = column.split()
-        pid = {"agent": agent.process.pid, "simulator": simulator, "navigation": navigation}[who]
         event, began = time.time(), time.monotonic()
-        os.kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
-        if how != "killed":
-            time.sleep(AWAY)
+        if who == "control":
+            agent.request("hang")
+            time.sleep(AWAY / 2)  # the driver still drives: orders that are stale when it resumes
             agent.request("idle")
-            with contextlib.suppress(ProcessLookupError):  # the agent has replaced it
-                os.kill(pid, signal.SIGCONT)
+            time.sleep(AWAY / 2)
+        else:
+            pids = {"agent": agent.process.pid, "simulator": simulator, "navigation": navigation}
+            end(pids[who], how, agent)
         time.sleep(within(column) + WATCHED)
         metres, seconds, later = since(onlooker, event)
         label = f"simulator, {row}: {column}"

@@ -47,58 +47,37 @@ def goto(action_id="g", **fields):
     return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
 
 
-# --- which adapters are wrapped -------------------------------------------------------------------
+def with_laser(**fields):
+    profile = replace(ScriptedRobot().profile, laser=made().profile.laser, **fields)
+    return ScriptedRobot(profile=profile)
 
 
 def test_only_a_robot_with_a_laser_and_without_localization_gets_ours():
     adapter = made()
     assert set(OURS) <= set(adapter.profile.capabilities)
     assert isinstance(adapter, Navigating)
-    without = ScriptedRobot()
-    assert registry.autonomous(without) is without
-    able = ScriptedRobot(
-        profile=replace(
-            without.profile,
-            laser=adapter.profile.laser,
-            capabilities=("velocity", "localization", "goto"),
-        )
-    )
-    assert registry.autonomous(able) is able
+    able = with_laser(capabilities=("velocity", "localization", "goto"))
+    for other in (ScriptedRobot(), able):
+        assert registry.autonomous(other) is other
 
 
 def test_self_localizing_robot_without_navigation_gets_ours_and_keeps_its_pose():
-    profile = replace(
-        ScriptedRobot().profile,
-        laser=made().profile.laser,
-        capabilities=("velocity", "localization", "dock"),
-    )
-    wrapped = registry.autonomous(ScriptedRobot(profile=profile))
-    assert set(wrapped.profile.capabilities) == {
-        "velocity",
-        "localization",
-        "dock",
-        "goto",
-        "follow",
-        "undock",
-    }
+    own = ("velocity", "localization", "dock")
+    wrapped = registry.autonomous(with_laser(capabilities=own))
+    assert {*wrapped.profile.capabilities} == {*own, "goto", "follow", "undock"}
     reading = still(odometry=Pose2D(0.0, 0.0, 0.0))
     assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
 
 
 def test_robot_keeps_its_own_capabilities():
-    inner = ScriptedRobot()
-    wrapped = registry.autonomous(
-        ScriptedRobot(profile=replace(inner.profile, laser=made().profile.laser))
-    )
+    inner = with_laser()
+    wrapped = registry.autonomous(inner)
     assert sorted(wrapped.profile.capabilities) == sorted({*inner.profile.capabilities, *OURS})
 
 
 def test_unknown_site_is_refused_with_a_sentence():
     with pytest.raises(AdapterError, match="office"):
         registry.autonomous(registry.create("simulator", "giraff"), "castle")
-
-
-# --- localization and navigation ------------------------------------------------------------------
 
 
 async def test_robot_is_localized_reaches_its_goal_and_reports_its_path():
@@ -136,19 +115,6 @@ async def test_action_waits_for_the_navigation_process_and_impossible_ones_are_r
 
 
 @pytest.mark.nightly
-async def test_relocalizing_finishes_when_the_pose_is_confirmed():
-    async with driving(made()) as drive:
-        await drive.known()
-        place = drive.state.pose
-        await drive.adapter.start(
-            Relocalize(action_id="r", stamp=0.0, x=place.x + 0.2, y=place.y, theta=place.theta)
-        )
-        ended = await drive.ended("r")
-        assert ended.status == "FINISHED"
-        assert ended.result["score"] >= 0.5
-
-
-@pytest.mark.nightly
 async def test_cancelling_stops_the_robot():
     async with driving(made()) as drive:
         await drive.known()
@@ -158,9 +124,6 @@ async def test_cancelling_stops_the_robot():
         assert drive.adapter.wanted() is None
         assert (await drive.ended("g")).status == "CANCELLED"
         await drive.standing()
-
-
-# --- failures -------------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -220,14 +183,9 @@ async def test_closing_leaves_no_process_behind():
     assert not any(alive(pid) for pid in pids)
 
 
-# --- maps -----------------------------------------------------------------------------------------
-
-
 def without_site(memory: Path | None = None) -> AutonomyAdapter:
     """Return a robot that knows no site and no start, only the map that the server sends."""
-    inner = registry.create(
-        "simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}
-    )
+    inner = made().inner
     inner.profile = replace(inner.profile, plan="", start=None)
     adapter = registry.autonomous(inner, memory=memory)
     assert isinstance(adapter, AutonomyAdapter)
@@ -288,6 +246,9 @@ async def test_next_agent_starts_at_the_last_pose(tmp_path):
         first.take_floorplan(office())
         await drive.until(lambda: first.node.ready)
         await first.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
+        ended = await drive.ended("r")
+        assert ended.status == "FINISHED"
+        assert ended.result["score"] >= 0.5
         await drive.known()
     assert (await recalled(memory)).distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
     second = without_site(memory)

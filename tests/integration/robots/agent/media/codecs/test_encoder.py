@@ -73,9 +73,12 @@ def test_larger_frames_are_scaled_into_the_tier_in_proportion() -> None:
     assert fitted(TIER_480P, 1280, 720) == (640, 360)
     assert fitted(TIER_480P, 320, 240) == (320, 240)
     assert fitted(TIER_480P, 1080, 1920) == (270, 480)
-    wide = Frame(image=np.full((720, 1280, 3), 90, dtype=np.uint8), stamp=1.0)
-    frame = _decoded([_Encoder().of(wide, key=True)])[0]
-    assert (frame.width, frame.height) == (640, 360)
+    for wide in (
+        Frame(np.full((720, 1280, 3), 90, dtype=np.uint8), 1.0),
+        Frame(np.full((1080, 1280), 128, dtype=np.uint8), 1.0, "yuv420p"),
+    ):
+        frame = _decoded([_Encoder().of(wide, key=True)])[0]
+        assert (frame.width, frame.height) == (640, 360)
 
 
 def test_camera_that_changes_its_size_restarts_with_a_key_frame() -> None:
@@ -96,12 +99,6 @@ def test_yuv_frame_is_encoded_like_the_rgb_frame() -> None:
     decoded = _decoded([_Encoder().of(frame, key=True)])[0].to_ndarray(format="rgb24")
     assert read_code(decoded) == code_of(source.stamp)
     assert np.abs(decoded.astype(float) - source.image).mean() < 8
-
-
-def test_yuv_frame_is_scaled_into_the_tier() -> None:
-    frame = Frame(np.full((1080, 1280), 128, dtype=np.uint8), 1.0, "yuv420p")
-    decoded = _decoded([_Encoder().of(frame, key=True)])[0]
-    assert (decoded.width, decoded.height) == (640, 360)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Pictures through the server are made on request; without requests the camera is stopped."""
 
-import asyncio
 import threading
 import time
 
@@ -8,12 +7,11 @@ import av
 import numpy as np
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.agent.media.jpeg_fallback.stills import LIMIT, JpegFallback
 from robots.agent.robot_interface import Frame
 from robots.api import picture
 from robots.api.messages import PictureRequest
-from tests.support.media.loopback_peer import until
+from tests.support.media.loopback_peer import MediaRig, until
 
 
 class Viewer:
@@ -95,37 +93,19 @@ def test_failed_and_malformed_frames_are_skipped():
     viewer.pictures.close()
 
 
-def nothing(*_):
-    """Ignore frames and answers."""
-
-
 async def test_fallback_viewers_are_counted_and_the_camera_stops_after_them(camera):
     pictures = []
-    side = MediaSide(
-        video=camera,
-        audio=None,
-        viewers=2,
-        on_command=nothing,
-        reply=nothing,
-        on_picture=lambda payload, _peer: pictures.append(payload),
-    )
-    side.start()
-    try:
-        side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
+    take = lambda payload, _peer: pictures.append(payload)
+    async with MediaRig(video=camera, on_picture=take) as rig:
+        rig.media.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
         await until(lambda: pictures)
-        assert side.connected == 1
+        assert rig.media.connected == 1
         assert abs(picture.unpack(pictures[0])[0] - time.time()) < 5.0
         await until(lambda: not camera.running)
-        await until(lambda: side.connected == 0)
-    finally:
-        await asyncio.to_thread(side.close)
+        await until(lambda: rig.media.connected == 0)
 
 
 async def test_robot_without_a_camera_sends_no_pictures():
-    side = MediaSide(
-        video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing
-    )
-    side.start()
-    side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
-    assert side.connected == 0
-    await asyncio.to_thread(side.close)
+    async with MediaRig(on_picture=lambda *_: pytest.fail("a picture")) as rig:
+        rig.media.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
+        assert rig.media.connected == 0

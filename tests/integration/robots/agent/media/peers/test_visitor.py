@@ -1,72 +1,55 @@
 """The visitor's voice and video, from the driver's page to the robot's outputs and its screen."""
 
-import asyncio
 from collections.abc import AsyncIterator
 
 import numpy as np
 import pytest
 
-from robots.agent.media import MediaSide
 from robots.agent.media.rtp import JoinedTicks
 from robots.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from tests.support.browsers.visitor_tracks import SpeakingPage
-from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.loopback_peer import LoopbackPage, MediaRig, is_near, until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 HERTZ, RED = 700.0, (200, 30, 30)
 
 
-class Robot:
-    """A media side whose robot has a loudspeaker and a display."""
+class Robot(MediaRig):
+    """A robot with a loudspeaker and a display."""
 
-    def __init__(self, exchange: Exchange) -> None:
-        self.speaker, self.display, self.exchange = MeasuringSpeaker(), MeasuringDisplay(), exchange
-        self.media = MediaSide(
-            video=SyntheticCamera(),
-            audio=SyntheticMicrophone(),
-            viewers=4,
-            on_command=exchange.on_command,
-            reply=exchange.reply,
-            outputs=(self.speaker, self.display),
-        )
-        self.pages: list[LoopbackPage] = []
+    def __init__(self) -> None:
+        self.speaker, self.display = MeasuringSpeaker(), MeasuringDisplay()
+        outputs = (self.speaker, self.display)
+        super().__init__(video=SyntheticCamera(), audio=SyntheticMicrophone(), outputs=outputs)
 
     async def visitor(self, peer: str, *, drives: bool = True) -> SpeakingPage:
-        page = SpeakingPage(self.media, self.exchange, peer)
-        self.pages.append(page)
+        page = self.page(peer, SpeakingPage)
         if drives:
             self.media.lease_changed(peer)
         page.send(hertz=HERTZ, colour=RED)
         await page.connect("driver")
         return page
 
-    async def screen(self, peer: str = "screen") -> LoopbackPage:
-        page = LoopbackPage(self.media, self.exchange, peer)
-        self.pages.append(page)
+    async def screen(self) -> LoopbackPage:
+        page = self.page("screen")
         await page.connect("screen")
         return page
 
+    def refused(self, reason: str) -> int:
+        """Return how many packets and pictures of pages were dropped for this reason."""
+        return self.media.visitor.counts.get(reason, 0)
+
 
 @pytest.fixture
-async def robot(exchange) -> AsyncIterator[Robot]:
-    robot = Robot(exchange)
-    robot.media.start()
-    yield robot
-    for page in robot.pages:
-        await page.close()
-    await asyncio.to_thread(robot.media.close)
-
-
-def is_red(colour: tuple[float, float, float] | None) -> bool:
-    return colour is not None and all(
-        abs(part - wanted) < 20 for part, wanted in zip(colour, RED, strict=True)
-    )
+async def robot() -> AsyncIterator[Robot]:
+    async with Robot() as robot:
+        yield robot
 
 
 async def test_drivers_tone_and_colour_reach_loudspeaker_and_display(robot) -> None:
     await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
-    await until(lambda: robot.speaker.played > 24_000 and is_red(robot.display.colour))
+    await until(lambda: robot.speaker.played > 24_000 and is_near(robot.display.colour, RED))
     # A sine at half of full scale, mixed down; late sound is replaced by silence.
     await until(
         lambda: abs(robot.speaker.tone - HERTZ) < 5 and 0.15 < robot.speaker.level < 0.45,
@@ -78,13 +61,7 @@ async def test_visitor_is_sent_to_the_screen_while_the_loudspeaker_is_silent(rob
     screen = await robot.screen()
     page = await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
-    await until(
-        lambda: (
-            screen.images
-            and is_red(tuple(screen.images[-1].reshape(-1, 3).mean(axis=0)))
-            and screen.sounds > 10
-        )
-    )
+    await until(lambda: screen.shows(RED) and screen.sounds > 10)
     assert robot.media.screens == 1
     assert robot.speaker.played == 0
     assert page.images, "the visitor lost the robot's video"
@@ -93,18 +70,16 @@ async def test_visitor_is_sent_to_the_screen_while_the_loudspeaker_is_silent(rob
 
 async def test_visitor_media_pass_only_during_the_call(robot) -> None:
     await robot.visitor("p1")
-    await until(lambda: robot.media.visitor.counts.get("not_let_through", 0) > 20)
+    await until(lambda: robot.refused("not_let_through") > 20)
     assert (robot.speaker.played, robot.display.shown) == (0, 0)
     robot.media.let_through(audio=True, video=False)
     await until(lambda: robot.speaker.played > 0)
     robot.media.let_through(audio=False, video=False)
     for _ in range(2):  # until media in transit have arrived
-        refused = robot.media.visitor.counts["not_let_through"]
-        await until(
-            lambda refused=refused: robot.media.visitor.counts["not_let_through"] > refused + 20
-        )
-    played, refused = robot.speaker.played, robot.media.visitor.counts["not_let_through"]
-    await until(lambda: robot.media.visitor.counts["not_let_through"] > refused + 20)
+        refused = robot.refused("not_let_through")
+        await until(lambda refused=refused: robot.refused("not_let_through") > refused + 20)
+    played, refused = robot.speaker.played, robot.refused("not_let_through")
+    await until(lambda: robot.refused("not_let_through") > refused + 20)
     assert robot.speaker.played == played
     assert robot.display.shown == 0
 
@@ -112,7 +87,7 @@ async def test_visitor_media_pass_only_during_the_call(robot) -> None:
 async def test_observers_media_are_counted_and_dropped(robot) -> None:
     robot.media.let_through(audio=True, video=True)
     await robot.visitor("p1", drives=False)
-    await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
+    await until(lambda: robot.refused("not_driver") > 20)
     assert (robot.speaker.played, robot.display.shown) == (0, 0)
 
 
@@ -121,7 +96,7 @@ async def test_voice_of_an_earlier_driver_is_dropped(robot) -> None:
     await robot.visitor("p1")
     await until(lambda: robot.speaker.played > 0)
     robot.media.lease_changed("p2")
-    await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
+    await until(lambda: robot.refused("not_driver") > 20)
 
 
 async def test_late_screen_starts_with_a_key_frame(robot) -> None:

@@ -4,6 +4,14 @@ import aioice.ice
 import aiortc
 import pytest
 from aiortc import RTCConfiguration, RTCPeerConnection
+from aiortc.rtp import (
+    RTCP_PSFB_APP,
+    RTCP_PSFB_PLI,
+    RtcpPsfbPacket,
+    RtcpReceiverInfo,
+    RtcpRrPacket,
+    pack_remb_fci,
+)
 
 from robots.agent.media.webrtc import aiortc_hooks
 
@@ -75,28 +83,12 @@ async def test_offer_has_our_sender_with_vp8_alone_and_playout_delay() -> None:
 
 
 async def test_rtcp_reaches_the_outbox() -> None:
-    from aiortc.rtp import (
-        RTCP_PSFB_APP,
-        RTCP_PSFB_PLI,
-        RtcpPsfbPacket,
-        RtcpReceiverInfo,
-        RtcpRrPacket,
-        pack_remb_fci,
-    )
-
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
     outbox = _Outbox()
     sender = aiortc_hooks.add_sender(connection, "video", outbox, "video/VP8")
     remb = pack_remb_fci(500_000, [sender._ssrc])
-    lost = RtcpReceiverInfo(
-        ssrc=sender._ssrc,
-        fraction_lost=64,
-        packets_lost=10,
-        highest_sequence=90,
-        jitter=0,
-        lsr=0,
-        dlsr=0,
-    )
+    counts = {"fraction_lost": 64, "packets_lost": 10, "highest_sequence": 90}
+    lost = RtcpReceiverInfo(ssrc=sender._ssrc, jitter=0, lsr=0, dlsr=0, **counts)
     for packet in (
         RtcpPsfbPacket(fmt=RTCP_PSFB_PLI, ssrc=1, media_ssrc=sender._ssrc),
         RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=remb),

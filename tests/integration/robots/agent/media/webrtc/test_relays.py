@@ -1,12 +1,14 @@
 """Which relay and which address server a robot uses: decisions, and a real coturn."""
 
 import asyncio
+import contextlib
 import socket
 
 import pytest
 from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
 
 from robots.agent.broker_link.broker_discovery import tls_context
+from robots.agent.media.webrtc import signalling
 from robots.agent.media.webrtc.relays import FAILURE_HOLDS, HOLDS, Relays, answers
 from robots.agent.media.webrtc.signalling import PageConnection
 from robots.api.messages import IceServer, SdpOffer
@@ -150,25 +152,43 @@ def as_aiortc(server: IceServer) -> RTCIceServer:
     )
 
 
+@contextlib.asynccontextmanager
+async def offering(server: IceServer):
+    """Yield a function that answers a page's offer with these relays, on a new connection."""
+    page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+    page.createDataChannel("control")
+    await page.setLocalDescription(await page.createOffer())
+    offer = SdpOffer(sdp=page.localDescription.sdp, ice_servers=(server,))
+    nothing = lambda *_: None
+
+    async def answer(relays: Relays) -> str:
+        connection = PageConnection("a", None, None, nothing, nothing, nothing, relays=relays)
+        sdp = await connection.answer(offer)
+        await connection.close()
+        return sdp
+
+    yield answer
+    await page.close()
+
+
 async def test_relay_over_tls_is_verified_with_the_agents_certificates(tmp_path):
     with Coturn(tmp_path) as coturn:
-        page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
-        page.createDataChannel("control")
-        await page.setLocalDescription(await page.createOffer())
-        offer = SdpOffer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
-        for trust, is_relayed in ((None, False), (tls_context(str(coturn.ca)), True)):
-            connection = PageConnection(
-                "ada",
-                None,
-                None,
-                lambda _: None,
-                lambda: None,
-                lambda: None,
-                relays=Relays(trust=trust),
-            )
-            assert ("typ relay" in await connection.answer(offer)) is is_relayed
-            await connection.close()
-        await page.close()
+        async with offering(coturn.server("tls")) as answer:
+            for trust, is_relayed in ((None, False), (tls_context(str(coturn.ca)), True)):
+                assert ("typ relay" in await answer(Relays(trust=trust))) is is_relayed
+
+
+@pytest.mark.parametrize(("long", "probed"), [(-1.0, 2), (1e9, 1)])
+async def test_servers_that_delayed_an_answer_are_probed_again_before_the_next_one(
+    monkeypatch, long, probed
+):
+    monkeypatch.setattr(signalling, "LONG_GATHERING", long)
+    world = World()
+    relays = world.relays()
+    async with offering(IceServer(urls=("stun:near.example.org",))) as answer:
+        for _ in range(2):
+            await answer(relays)
+    assert world.asked == ["near"] * probed
 
 
 async def test_coturn_answers_valid_credentials_by_udp_tcp_and_tls(tmp_path, monkeypatch):

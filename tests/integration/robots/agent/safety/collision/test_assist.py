@@ -44,21 +44,18 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
     the last answer.
     """
     assist, limits = DriverAssistance(model.footprint, model.limits), model.limits
-    told, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
+    sent, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
     for _ in range(int(seconds / TICK)):
         asked = follow(WheelMotion(own.linear, own.angular), WheelMotion(*stick), limits, TICK)
         near = points_in_frame(pose, points)
         goal = pose.inverse().compose(dock) if dock else None
-        answer = assist.shape(
+        wish, errors = (
             Velocity(linear=asked.linear, angular=asked.angular),
-            told,
-            near,
-            level,
-            errors=np.full(len(near), error),
-            dock=goal,
+            np.full(len(near), error),
         )
-        told, own = answer.velocity, answer.own
-        motion = follow(motion, WheelMotion(told.linear, told.angular), limits, TICK)
+        answer = assist.shape(wish, sent, near, level, errors=errors, dock=goal)
+        sent, own = answer.velocity, answer.own
+        motion = follow(motion, WheelMotion(sent.linear, sent.angular), limits, TICK)
         pose = advance(pose, motion, TICK)
         poses.append(pose)
         if until and until(pose):
@@ -83,8 +80,6 @@ def turned(poses):
     return sum(abs(wrap_angle(after.theta - before.theta)) for before, after in pairwise(poses))
 
 
-# --- what is never done ---------------------------------------------------------------------------
-
 VELOCITIES = st.builds(
     lambda v, w: Velocity(linear=v, angular=w),
     st.floats(-0.3, 0.7) | st.just(0.0),
@@ -98,32 +93,32 @@ POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).ma
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS, st.sampled_from(LEVELS))
 def test_velocity_is_never_faster_or_reversed(wanted, current, points, level):
-    told = shape(wanted, current, points, level).velocity
-    assert min(0.0, wanted.linear) <= told.linear <= max(0.0, wanted.linear)
-    assert abs(told.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
+    sent = shape(wanted, current, points, level).velocity
+    assert min(0.0, wanted.linear) <= sent.linear <= max(0.0, wanted.linear)
+    assert abs(sent.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_slowing_never_turns_faster_or_the_other_way(wanted, current, points):
-    told = shape(wanted, current, points, "slow").velocity
-    assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+    sent = shape(wanted, current, points, "slow").velocity
+    assert min(0.0, wanted.angular) <= sent.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_steering_stays_on_the_commanded_side(wanted, current, points):
-    told = shape(wanted, current, points, "steer").velocity
+    sent = shape(wanted, current, points, "steer").velocity
     help_ = helping_turn(wanted, STEERING)
     assert (
         min(0.0, wanted.angular) - help_ - 1e-9
-        <= told.angular
+        <= sent.angular
         <= max(0.0, wanted.angular) + help_ + 1e-9
     )
     if abs(wanted.angular) >= STEERING.firm * help_:
-        assert told.angular * wanted.angular >= 0.0
+        assert sent.angular * wanted.angular >= 0.0
     if wanted.linear <= 0.0:
-        assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+        assert min(0.0, wanted.angular) <= sent.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
@@ -179,15 +174,9 @@ def test_level_off_changes_nothing(wanted, points):
 @given(st.integers(0, 10_000))
 def test_random_driver_touches_nothing(series, level, seed):
     rng, model = np.random.default_rng(seed), MODELS[series]
-    points = np.vstack(
-        [
-            line(1.2, -1.2, 1.2, 1.2),
-            line(-1.2, -1.2, -1.2, 1.2),
-            line(-1.2, 1.2, 1.2, 1.2),
-            line(-1.2, -1.2, 1.2, -1.2),
-            rng.uniform(-1.2, 1.2, (6, 2)),
-        ]
-    )
+    sides = ((1.2, -1.2, 1.2, 1.2), (-1.2, -1.2, -1.2, 1.2), (-1.2, 1.2, 1.2, 1.2))
+    walls = [line(*ends) for ends in (*sides, (-1.2, -1.2, 1.2, -1.2))]
+    points = np.vstack([*walls, rng.uniform(-1.2, 1.2, (6, 2))])
     points = points[np.hypot(points[:, 0], points[:, 1]) > 0.5]
     pose = Pose2D(0.0, 0.0, float(rng.uniform(-3, 3)))
     for _ in range(8):
@@ -200,9 +189,6 @@ def test_random_driver_touches_nothing(series, level, seed):
         # Each stick begins from a stand here, which cuts the braking of the one before short; so
         # look at every pose.
         assert min(gap(model, here, points) for here in poses[::3]) > 0.0
-
-
-# --- what it is for -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("series", sorted(MODELS))
@@ -221,9 +207,8 @@ def test_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level)
 
 
 def test_stop_reports_the_obstacle():
-    answer = shape(
-        Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow"
-    )
+    points = np.array([[0.36, 0.1], [-1.0, 0.0]])
+    answer = shape(Velocity(linear=0.1, angular=0.0), ZERO, points, "slow")
     assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
     assert answer.clearance == pytest.approx(0.04)
 
@@ -241,18 +226,10 @@ def test_nearest_obstacle_is_reported_even_if_it_changes_nothing(x, y, side):
 @pytest.mark.parametrize("level", LEVELS)
 def test_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
     points = doorway(2.0)
-    poses, _ = go(
-        model,
-        level,
-        (model.limits.linear, 0.0),
-        points,
-        seconds=12.0,
-        until=lambda pose: pose.x > 3.0,
-    )
+    speed, through = model.limits.linear, lambda pose: pose.x > 3.0
+    poses, _ = go(model, level, (speed, 0.0), points, seconds=12.0, until=through)
     assert poses[-1].x > 3.0
-    at_full = (
-        3.0 / model.limits.linear + model.limits.linear / model.limits.linear_acceleration / 2.0
-    )
+    at_full = 3.0 / speed + speed / model.limits.linear_acceleration / 2.0
     assert len(poses) * TICK < 1.2 * at_full
 
 
@@ -322,9 +299,6 @@ def test_robot_does_not_turn_towards_a_remembered_obstacle_beside_it(level):
     assert left[-1].x > 0.3
 
 
-# --- out of tight spots ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_robot_in_contact_can_only_move_away(level):
     touching = line(0.319, -0.14, 0.319, 0.14)  # the nose is a millimetre inside
@@ -351,9 +325,6 @@ def test_robot_whose_corner_would_touch_the_wall_can_only_drive_straight():
     assert straight[-1].x > 0.3
 
 
-# --- the dock -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("aside", [0.0, 0.06])
 @pytest.mark.parametrize("level", LEVELS)
 def test_robot_creeps_into_contact_with_its_own_station(level, aside):
@@ -361,29 +332,18 @@ def test_robot_creeps_into_contact_with_its_own_station(level, aside):
     station = line(1.32, -0.28, 1.32, 0.28)  # the docked robot's nose touches it
     alone, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0))
     assert gap(GIRAFF, alone[-1], station) > 0.02
-    poses, _ = go(
-        GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0), dock=dock, seconds=9.0
-    )
+    start = Pose2D(0.0, aside, 0.0)
+    poses, _ = go(GIRAFF, level, (0.5, 0.0), station, start, dock=dock, seconds=9.0)
     assert gap(GIRAFF, poses[-1], station) < 0.01
-    last = [
-        later.x - earlier.x
-        for earlier, later in pairwise(poses)
-        if gap(GIRAFF, earlier, station) < 0.02
-    ]
+    near = [pair for pair in pairwise(poses) if gap(GIRAFF, pair[0], station) < 0.02]
+    last = [later.x - earlier.x for earlier, later in near]
     assert max(last) <= 0.06 * TICK + 1e-9
 
 
 def test_robot_in_its_dock_does_not_push_further():
     station = line(0.30, -0.28, 0.30, 0.28)  # a laser that sees it two centimetres too near
-    poses, _ = go(
-        GIRAFF,
-        "slow",
-        (0.5, 0.0),
-        station,
-        Pose2D(-0.01, 0.0, 0.0),
-        dock=Pose2D(0.0, 0.0, 0.0),
-        seconds=3.0,
-    )
+    start = Pose2D(-0.01, 0.0, 0.0)
+    poses, _ = go(GIRAFF, "slow", (0.5, 0.0), station, start, dock=START, seconds=3.0)
     assert poses[-1].x < 0.01
 
 
@@ -394,9 +354,6 @@ def test_robot_in_its_dock_does_not_push_further():
 def test_dock_elsewhere_does_not_allow_contact(dock):
     poses, _ = go(GIRAFF, "slow", (0.5, 0.0), line(1.0, -0.5, 1.0, 0.5), dock=dock)
     assert gap(GIRAFF, poses[-1], line(1.0, -0.5, 1.0, 0.5)) > 0.02
-
-
-# --- a laser that is silent -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("level", LEVELS)
