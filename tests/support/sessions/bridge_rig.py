@@ -172,21 +172,3 @@ async def until(condition):
     async with asyncio.timeout(patient(SECONDS)):
         while not condition():
             await asyncio.sleep(0.005)
-
-
-class Portal:
-    """A loop in a thread of its own, so that many short test cases share one connection."""
-
-    def __enter__(self):
-        self.loop = asyncio.new_event_loop()
-        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_error):
-        self.loop.call_soon_threadsafe(self.loop.stop)
-        self.thread.join(10)
-        self.loop.close()
-
-    def run(self, work):
-        return asyncio.run_coroutine_threadsafe(work, self.loop).result(60)
