@@ -70,7 +70,8 @@ class Expecting:
 
     async def take(self, **message):
         await self.say("session/take", protocol.Take(**message))
-        return await self.expect("session/granted")
+        self.granted = await self.expect("session/granted")
+        return self.granted
 
     async def queue(self):
         """Ask for the robot while it is taken."""
