@@ -9,7 +9,7 @@ from robots.bridge import bridge as mqtt_bridge
 from robots.screens import make_screen_key
 from tests.support import words
 from tests.support.browsers.pages import Display, Page
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 from tests.support.sessions.memory_bridge import MemoryBridge
 
 
@@ -25,9 +25,7 @@ def bridge():
 
 @pytest.fixture
 def robot(db):
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
-    )
+    return online_robot(boot="b1")
 
 
 @pytest.fixture

@@ -2,17 +2,13 @@
 
 import asyncio
 import contextlib
-import time
 
 import msgspec
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed
 
 from robots.api import codec
 from robots.api import messages as m
-from robots.api.idle import WATCHER
 from sessions import protocol
 from tests.support import words
 from tests.support.patience import patient

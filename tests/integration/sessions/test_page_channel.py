@@ -17,13 +17,12 @@ from django.utils import timezone
 
 from accounts.models import User
 from experiments.research import interventions
-from robots.models import Robot, RobotPermit
+from robots.models import RobotPermit
 from sessions import page_channel, protocol
 from sessions.consumers import queries
 from sessions.models import Session
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
-from tests.support.robots import create_robot
 from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -18,7 +18,6 @@ from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen
 from sessions import protocol
 from tests.support import words
 from tests.support.browsers.pages import Display, Page, until
-from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import socket
-import threading
 import tomllib
 import uuid
 

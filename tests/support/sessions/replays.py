@@ -10,7 +10,7 @@ from accounts.models import User
 from experiments.models import Drive, Participant, Study, TaskEvent
 from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
-from tests.support.robots import create_robot
+from tests.support.robots import create_robot, floor_plan
 from tests.support.studies.studies import PLAN, STUDY
 
 GRANTED = datetime.datetime(2026, 3, 2, 10, 0, tzinfo=datetime.UTC)
@@ -21,25 +21,11 @@ CIRCLE = 0.2  # rad/s, round (2, 2) with 1 m
 
 def cabin_robot(name: str = "giraff", **more: Any) -> Robot:
     """A robot in the cabin of tests/support/studies/studies.py."""
-    plan, _ = FloorPlan.objects.get_or_create(
-        name="cabin",
-        defaults={
-            "title": "Cabin",
-            "resolution": 0.05,
-            "origin_x": 0.0,
-            "origin_y": 0.0,
-            "width": 160,
-            "height": 80,
-            "image": b"png",
-            "plan": PLAN,
-            "sha256": "a" * 64,
-        },
-    )
-    factsheet = {
-        "series": "giraff",
-        "footprint": [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]],
-    }
-    return create_robot(name=name, title=name.title(), floor_plan=plan, factsheet=factsheet, **more)
+    drawn = {"width": 160, "height": 80, "plan": PLAN, "sha256": "a" * 64}
+    plan = FloorPlan.objects.filter(name="cabin").first() or floor_plan("cabin", **drawn)
+    footprint = [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]]
+    factsheet = {"series": "giraff", "footprint": footprint}
+    return create_robot(name, floor_plan=plan, factsheet=factsheet, **more)
 
 
 def study(**more: Any) -> Study:

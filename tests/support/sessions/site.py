@@ -170,14 +170,15 @@ class Site:
             path.write_text(path.read_text().replace(NO_BROKER, self.mqtt_url))
         (self.var / "static").symlink_to(collected_files())
 
-    def run(self, *arguments: str) -> str:
+    def run(self, *arguments: str, within: float = 120.0) -> str:
+        """Run Python, and return what it prints."""
         done = subprocess.run(
             [sys.executable, *arguments],
             cwd=ROOT,
             env=self.environment,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=within,
             check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr

@@ -23,7 +23,7 @@ from sessions.models import Session
 from surveys.models import Answer, Response
 from tests.support.agents.docked_robot import report_in_dock
 from tests.support.people import person
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 
@@ -33,15 +33,9 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
     site.
     """
     place = FloorPlan.objects.filter(name=name).first() or store_floor_plan(OFFICE)
-    return create_robot(
-        name=f"{series}-{name}",
-        title=series.title(),
-        floor_plan=place,
-        factsheet={"series": series},
-        report=report_in_dock(place, series),
-        connection="ONLINE",
-        last_seen_at=later(3600),  # online for longer than any test takes
-    )
+    report, sheet = report_in_dock(place, series), {"series": series}
+    about = {"title": series.title(), "floor_plan": place, "factsheet": sheet, "report": report}
+    return online_robot(f"{series}-{name}", **about)
 
 
 def published(definition: StudyDefinition, **fields: Any) -> Study:

@@ -21,6 +21,7 @@ from robots.models import Robot, RobotPresence
 from sessions.leases import store
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
+from tests.support import words
 from tests.support.studies import participants as p
 from tests.support.studies import task_drives
 from tests.support.studies.studies import small_study
@@ -68,19 +69,11 @@ def photographed(at: float) -> list[Record]:
 
 def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
     """What the robot says, by its own clock."""
-    command = m.AppliedCommand(
-        seq=seen.seq,
-        stamp=seen.at,
-        method="keyboard",
-        way="datachannel",
-        age=0.01,
-        linear=0.3,
-        angular=0.0,
-    )
-    return m.State(
+    command = words.applied(seen.seq, stamp=seen.at)
+    return words.state(
+        seen.seq,
         stamp=seen.at + AHEAD,
         boot=seen.boot,
-        seq=seen.seq,
         session=str(drive.session_id),
         epoch=1,
         pose=m.Pose(x=seen.x, y=seen.y, theta=seen.theta, localized=seen.localized),

@@ -11,7 +11,7 @@ from django.utils import timezone
 from playwright.sync_api import Page, expect
 
 from experiments.rehearsal import runs
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from surveys.questionnaires import shipped, store
 from tests.integration.browser.pages.test_accessibility import driving
 from tests.integration.browser.studies.test_replay import made

@@ -6,15 +6,12 @@ import pytest
 from asgiref.sync import sync_to_async
 from django.contrib.auth import get_user_model
 from django.db import OperationalError
-from django.utils import timezone
 
-from robots.models import Robot, RobotPermit
-from robots.screens import make_screen_key
+from robots.models import RobotPermit
 from sessions import page_channel, protocol
 from sessions.audience import audience as audiences
 from sessions.leases.terms import Terms
-from tests.support.browsers.pages import Display, Page, until
-from tests.support.robots import create_robot
+from tests.support.browsers.pages import Page, until
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

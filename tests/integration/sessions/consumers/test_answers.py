@@ -8,7 +8,6 @@ import threading
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
-from django.contrib.auth import get_user_model
 from django.db import OperationalError
 from django.utils import timezone
 
@@ -28,7 +27,7 @@ from tests.support import words
 from tests.support.browsers.pages import Display, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -38,14 +37,7 @@ ESTOP = m.Safety(estop=True, estop_source="screen:Giraff")
 
 @pytest.fixture(autouse=True)
 def robot(db, ada):
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        owner=ada,
-        connection="ONLINE",
-        boot="b1",
-        last_seen_at=timezone.now(),
-    )
+    return online_robot(owner=ada, boot="b1")
 
 
 def raising(error):

@@ -25,7 +25,7 @@ from telepresence_site import asgi
 from tests.support import words
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
-from tests.support.robots import create_robot, update_robots
+from tests.support.robots import online_robot, update_robots
 
 pytestmark = pytest.mark.django_db(transaction=True)
 STOP = m.Stop(action_id="s1", stamp=1.0)
@@ -33,14 +33,7 @@ STOP = m.Stop(action_id="s1", stamp=1.0)
 
 @pytest.fixture
 def robot(db):
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        boot="b1",
-        last_seen_at=timezone.now(),
-        max_linear=0.4,
-    )
+    return online_robot(boot="b1", max_linear=0.4)
 
 
 async def set_robots(**fields):

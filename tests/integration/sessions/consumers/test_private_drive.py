@@ -5,17 +5,15 @@ import threading
 import pytest
 from asgiref.sync import sync_to_async
 from django.contrib.auth import get_user_model
-from django.utils import timezone
 
 from robots.api import messages as m
-from robots.models import Robot, RobotPermit
+from robots.models import RobotPermit
 from sessions import protocol
 from sessions.consumers import page_session, queries
 from sessions.leases.terms import Terms
 from tests.support import words
 from tests.support.browsers.pages import Page, until
 from tests.support.patience import patient
-from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

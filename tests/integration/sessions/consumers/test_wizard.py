@@ -1,7 +1,6 @@
 """A hidden operator's socket when something fails."""
 
 import asyncio
-import contextlib
 import time
 
 import pytest
@@ -9,10 +8,8 @@ from asgiref.sync import sync_to_async
 from channels.layers import get_channel_layer
 from django.contrib.auth import get_user_model
 from django.db import OperationalError
-from django.utils import timezone
 
 from robots.api import messages as m
-from robots.models import Robot
 from sessions import page_channel
 from sessions import protocol as pages
 from sessions.consumers import robot_page
@@ -24,7 +21,6 @@ from tests.support import words
 from tests.support.browsers.pages import SECONDS, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
-from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

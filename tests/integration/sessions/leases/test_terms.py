@@ -11,7 +11,7 @@ from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions import protocol
-from sessions.consumers import queries, relay
+from sessions.consumers import queries
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import RobotLink, SetState
@@ -20,7 +20,7 @@ from sessions.models import Lease, Session
 from sessions.protocol import Ended
 from tests.support import words
 from tests.support.browsers.pages import Page
-from tests.support.robots import create_robot, update_robots
+from tests.support.robots import online_robot, update_robots
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.sessions.rows import session_row
 from tests.support.studies.fixed_terms import provided
@@ -54,16 +54,7 @@ def provider():
 
 @pytest.fixture
 def giraff():
-    # not of NOW, which was before all earlier tests
-    calls = timezone.now() + datetime.timedelta(hours=1)
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        last_seen_at=calls,
-        max_linear=0.3,
-        max_angular=0.5,
-    )
+    return online_robot(max_linear=0.3, max_angular=0.5)
 
 
 def take(

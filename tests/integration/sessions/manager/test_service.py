@@ -38,7 +38,6 @@ from tests.support.patience import patient
 from tests.support.robots import update_robots
 from tests.support.sessions.recorder_rig import (
     HOST,
-    ManagerProcess,
     ScriptedRobot,
     running_manager,
     running_mosquitto,

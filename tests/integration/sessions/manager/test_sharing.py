@@ -19,7 +19,6 @@ from sessions.shards.rows import name_of
 from tests.support.sessions.recorder_rig import (
     ManagerProcess,
     ScriptedRobot,
-    running_manager,
     running_mosquitto,
     wait_for,
 )

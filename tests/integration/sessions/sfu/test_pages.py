@@ -2,14 +2,11 @@
 
 import pytest
 from django.contrib.auth import get_user_model
-from django.utils import timezone
 
 from robots.api import messages as m
-from robots.models import Robot
 from sessions import protocol
 from sessions.sfu import broadcast
 from tests.support.browsers.pages import Page, until
-from tests.support.robots import create_robot
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
