@@ -11,8 +11,8 @@ from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
 from tests.support import words
-from tests.support.patience import patient
-from tests.support.sessions.bridge_rig import Rig, RobotDouble, SocketPage, until
+from tests.support.patience import patient, until
+from tests.support.sessions.bridge_rig import Rig, RobotDouble, SocketPage
 
 pytestmark = pytest.mark.broker
 

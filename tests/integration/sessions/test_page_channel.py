@@ -21,8 +21,8 @@ from robots.models import RobotPermit
 from sessions import page_channel, protocol
 from sessions.consumers import queries
 from sessions.models import Session
-from tests.support.browsers.pages import Page, until
-from tests.support.patience import patient
+from tests.support.browsers.pages import Page
+from tests.support.patience import patient, until
 from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)

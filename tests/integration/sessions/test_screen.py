@@ -17,7 +17,8 @@ from robots.models import Robot, RobotPresence
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
 from sessions import protocol
 from tests.support import words
-from tests.support.browsers.pages import Display, Page, until
+from tests.support.browsers.pages import Display, Page
+from tests.support.patience import until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -54,15 +54,6 @@ async def driving(page: Page) -> None:
     await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=60_000)
 
 
-async def until(condition: Callable[[], Any], seconds: float = 15.0) -> Any:
-    """Wait until a condition is true, and return its value."""
-    deadline = time.monotonic() + patient(seconds)
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "the condition did not come true"
-        await asyncio.sleep(0.02)
-    return found
-
-
 async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 15.0) -> Any:
     """Hold a key until a condition is true, keep it down, and return the condition's value. Pressed
     again after `HELD`, as a page releases all keys when its link is replaced.

@@ -11,8 +11,9 @@ from websockets.asyncio.client import connect
 
 from robots.api import codec, topics
 from robots.api.messages import Stop
+from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.browsers.pages import Expecting, decode
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
 
 SECONDS = 10.0
@@ -33,20 +34,7 @@ class Rig(Site):
         wait_for(self.web_answers, 20, "the web server")
 
     def web(self, name, port):
-        self.start(
-            name,
-            [
-                "-m",
-                "daphne",
-                "-v",
-                "1",
-                "-b",
-                LOOPBACK,
-                "-p",
-                str(port),
-                "telepresence_site.asgi:application",
-            ],
-        )
+        self.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
 
     def second_web(self):
         """Start another web process of the same site and return its port."""
@@ -63,9 +51,8 @@ class RobotDouble:
         self.site, self.name, self.got = site, name, []
 
     async def __aenter__(self):
-        token = tomllib.loads((self.site.var / "credentials" / f"{self.name}.toml").read_text())[
-            "token"
-        ]
+        credentials = self.site.var / "credentials" / f"{self.name}.toml"
+        token = tomllib.loads(credentials.read_text())["token"]
         self.client = aiomqtt.Client(
             LOOPBACK,
             self.site.mqtt_port,
@@ -165,9 +152,3 @@ class SocketPage(Expecting):
             for suffix, message in robot.got
             if getattr(message, "action_id", "") != mark
         ]
-
-
-async def until(condition):
-    async with asyncio.timeout(patient(SECONDS)):
-        while not condition():
-            await asyncio.sleep(0.005)

@@ -5,8 +5,8 @@ import pytest
 
 from robots.api import messages as m
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, opened, until
-from tests.support.patience import patient
+from tests.support.browsers.drive_page import driving, opened
+from tests.support.patience import patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 LINE = ":is(#alert, #card-warning)[data-word='{}']:visible"

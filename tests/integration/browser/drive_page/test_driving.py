@@ -17,8 +17,8 @@ from tests.support.browsers.drive_page import (
     opened,
     stands,
     stops,
-    until,
 )
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 # why a robot refuses delayed commands, and those overtaken on the other transport

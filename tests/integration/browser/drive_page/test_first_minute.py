@@ -11,11 +11,11 @@ import pytest
 from playwright.async_api import Browser, Page
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driven, driving, hold, opened, until
+from tests.support.browsers.drive_page import driven, driving, hold, opened
 from tests.support.browsers.drive_page_scenes import FREE
 from tests.support.browsers.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.media.picture_server import jpeg_of
-from tests.support.patience import PRESSED, patient
+from tests.support.patience import PRESSED, patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 INSTAGRAM = (

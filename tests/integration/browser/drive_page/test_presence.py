@@ -15,11 +15,11 @@ from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Page
 
 from robots.api import messages as m
-from tests.support.browsers.drive_page import driving, hold, note_errors, until
+from tests.support.browsers.drive_page import driving, hold, note_errors
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.media.photographs import kept
 from tests.support.paths import ROOT
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 Open = Callable[..., Awaitable[Page]]

@@ -10,8 +10,9 @@ import pytest_asyncio
 from playwright.async_api import Page
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, hold, moves, stands, stops, until
+from tests.support.browsers.drive_page import driving, hold, moves, stands, stops
 from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 KNOWN = (

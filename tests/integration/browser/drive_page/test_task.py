@@ -12,17 +12,9 @@ from playwright.async_api import Page, expect
 from robots.api.messages import Photo
 from sessions import protocol
 from tests.support.agents.told_task import guide, tell
-from tests.support.browsers.drive_page import (
-    LOW,
-    UPRIGHT,
-    WIDE,
-    actions,
-    driven,
-    hold,
-    stops,
-    until,
-)
+from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, actions, driven, hold, stops
 from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 

@@ -11,7 +11,8 @@ from robots.models import RobotPermit
 from sessions import page_channel, protocol
 from sessions.audience import audience as audiences
 from sessions.leases.terms import Terms
-from tests.support.browsers.pages import Page, until
+from tests.support.browsers.pages import Page
+from tests.support.patience import until
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -24,9 +24,9 @@ from sessions.wizard import leases, operators
 from sessions.wizard import protocol as wizard_protocol
 from sessions.wizard.script import Script
 from tests.support import words
-from tests.support.browsers.pages import Display, Page, until
+from tests.support.browsers.pages import Display, Page
 from tests.support.browsers.wizard_console import Console
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 from tests.support.robots import online_robot
 from tests.support.studies.fixed_terms import provided
 

@@ -23,8 +23,8 @@ from sessions.leases import store
 from sessions.models import Lease, Session
 from telepresence_site import asgi
 from tests.support import words
-from tests.support.browsers.pages import Page, until
-from tests.support.patience import patient
+from tests.support.browsers.pages import Page
+from tests.support.patience import patient, until
 from tests.support.robots import online_robot, update_robots
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -120,14 +120,10 @@ async def test_free_robot_is_granted_and_its_lease_is_published_at_once(bridge, 
 async def test_drivers_commands_reach_the_robot_with_the_identity_set_by_the_server(bridge, driver):
     await driver.say("command/velocity", words.velocity(seq=3))
     await driver.say("command/heartbeat", m.CommandHeartbeat(n=4, stamp=1.0, peer="forged"))
-    await driver.say(
-        "command/action",
-        m.Tilt(action_id="t1", stamp=1.0, angle=0.2, role="owner", user="Mallory"),
-    )
-    await driver.say(
-        "signal",
-        m.SdpOffer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory"),
-    )
+    tilt = m.Tilt(action_id="t1", stamp=1.0, angle=0.2, role="owner", user="Mallory")
+    await driver.say("command/action", tilt)
+    offer = m.SdpOffer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory")
+    await driver.say("signal", offer)
     await driver.settle(bridge)
     assert bridge.commands() == [
         words.velocity(seq=3, session=driver.granted.session, epoch=driver.granted.epoch)
@@ -146,10 +142,7 @@ async def test_forged_commands_of_an_observer_do_not_reach_the_robot(bridge, dri
         ("command/velocity", words.velocity(**forged)),
         ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=driver.granted.peer)),
         ("command/action", m.Goto(action_id="g", stamp=1.0, x=1.0, y=1.0, **forged)),
-        (
-            "command/action",
-            m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada"),
-        ),
+        ("command/action", m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada")),
         ("signal", m.SdpOffer(sdp="v=0", role="driver", **forged)),
     ):
         await watcher.say(suffix, message)
@@ -604,27 +597,36 @@ async def test_visitor_who_has_signed_out_in_another_tab_cannot_take_the_robot(b
     assert bridge.leases == []
 
 
-@pytest.mark.parametrize("lost", ["session", "permit", "account"])
-async def test_driver_who_loses_access_is_disconnected_within_a_minute(
-    bridge, robot, ada, monkeypatch, lost
-):
+@pytest.fixture
+def often(monkeypatch):
+    """Have pages recorded as seen, and their permissions checked, often."""
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
-    await set_robots(access=Robot.Access.TRAINED)
-    permit = await permitted(robot, ada, RobotPermit.Privilege.TRAINED)
-    async with Page("giraff", ada) as page:
-        granted = await page.take()
-        if lost == "session":
-            await sign_out(page)
-        elif lost == "permit":
-            await sync_to_async(permit.delete)()
-        else:
-            await sync_to_async(get_user_model().objects.update)(is_active=False)
-        assert await page.closed() == (
-            protocol.NOT_ALLOWED if lost == "permit" else protocol.SIGNED_OUT
-        )
+
+
+@pytest.fixture
+def permit(robot, ada):
+    """The permit without which Ada may not drive."""
+    Robot.objects.update(access=Robot.Access.TRAINED)
+    kind = RobotPermit.Privilege.TRAINED
+    return RobotPermit.objects.create(robot=robot, user=ada, kind=kind)
+
+
+@pytest.mark.parametrize("lost", ["session", "permit", "account"])
+async def test_driver_who_loses_access_is_disconnected_within_a_minute(
+    bridge, often, permit, driver, lost
+):
+    if lost == "session":
+        await sign_out(driver)
+    elif lost == "permit":
+        await sync_to_async(permit.delete)()
+    else:
+        await sync_to_async(get_user_model().objects.update)(is_active=False)
+    code = protocol.NOT_ALLOWED if lost == "permit" else protocol.SIGNED_OUT
+    assert await driver.closed() == code
+    await driver.close()
     assert bridge.leases[-1] == ("giraff", None)
-    assert bridge.commands(f"signal/{granted.peer}") == [m.Bye(reason="left")]
+    assert bridge.commands(f"signal/{driver.granted.peer}") == [m.Bye(reason="left")]
     session = await Session.objects.aget()
     assert (session.state, session.outcome) == ("ended", "stopped_by_operator")
 
@@ -644,27 +646,19 @@ async def test_watching_ends_with_the_pages_socket(bridge, driver, bob):
     assert signals(bridge) == [m.Bye(reason="left")], "the lease ends the driver's connection"
 
 
-async def test_server_keeps_only_the_connections_of_observers(bridge, robot, ada, bob, monkeypatch):
-    monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
-    monkeypatch.setattr(drive, "WELCOME_EVERY", 0.0)
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
-        granted = await driver.take()
-        await observer.observe()
-        await until(lambda: signals(bridge).count(m.Stay()) >= 3)
-        assert bridge.commands(f"signal/{granted.peer}") == []
+async def test_server_keeps_only_the_connections_of_observers(bridge, often, driver, watcher):
+    await until(lambda: signals(bridge).count(m.Stay()) >= 3)
+    assert bridge.commands(f"signal/{driver.granted.peer}") == []
 
 
-async def test_watching_ends_within_a_minute_after_the_permission(bridge, robot, ada, monkeypatch):
-    monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
-    monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
-    async with Page("giraff", ada) as page:
-        await page.observe()
-        await set_robots(observers_allowed=False)
-        assert (await page.expect("session/refused")).reason == "not_allowed"
-        assert [one for one in signals(bridge) if one != m.Stay()] == [m.Bye(reason="left")]
-        await page.say("session/observe", protocol.Observe())
-        assert (await page.expect("session/refused")).reason == "not_allowed"
-        assert (await page.take()).session, "driving is still allowed"
+async def test_watching_ends_within_a_minute_after_the_permission(bridge, often, page):
+    await page.observe()
+    await set_robots(observers_allowed=False)
+    assert (await page.expect("session/refused")).reason == "not_allowed"
+    assert [one for one in signals(bridge) if one != m.Stay()] == [m.Bye(reason="left")]
+    await page.say("session/observe", protocol.Observe())
+    assert (await page.expect("session/refused")).reason == "not_allowed"
+    assert (await page.take()).session, "driving is still allowed"
 
 
 async def test_former_operator_clears_no_stop_from_a_page_that_is_still_open(bridge, robot, ada):
@@ -679,18 +673,13 @@ async def test_former_operator_clears_no_stop_from_a_page_that_is_still_open(bri
     assert len(bridge.commands("command/action")) == 1
 
 
-async def test_open_page_is_recorded_as_seen_and_shows_that_its_session_ended(
-    bridge, robot, ada, monkeypatch
-):
-    monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
-    async with Page("giraff", ada) as page:
-        granted = await page.take()
-        before = (await Session.objects.aget()).seen_at
-        async with asyncio.timeout(patient(5)):
-            while (await Session.objects.aget()).seen_at == before:
-                await asyncio.sleep(0.02)
-        await end(granted.session, "robot_fault", "robot_offline")
-        assert (await page.expect("session/ended")).outcome == "robot_fault"
+async def test_open_page_is_recorded_as_seen_and_shows_that_its_session_ended(often, driver):
+    before = (await Session.objects.aget()).seen_at
+    async with asyncio.timeout(patient(5)):
+        while (await Session.objects.aget()).seen_at == before:
+            await asyncio.sleep(0.02)
+    await end(driver.granted.session, "robot_fault", "robot_offline")
+    assert (await driver.expect("session/ended")).outcome == "robot_fault"
 
 
 async def test_page_that_reconnects_too_late_shows_how_its_session_ended(driver, ada):

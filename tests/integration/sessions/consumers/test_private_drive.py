@@ -12,8 +12,8 @@ from sessions import protocol
 from sessions.consumers import page_session, queries
 from sessions.leases.terms import Terms
 from tests.support import words
-from tests.support.browsers.pages import Page, until
-from tests.support.patience import patient
+from tests.support.browsers.pages import Page
+from tests.support.patience import patient, until
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

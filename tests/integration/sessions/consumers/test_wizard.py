@@ -18,9 +18,9 @@ from sessions.models import Lease, SessionEvent
 from sessions.wizard import leases, operators, protocol
 from sessions.wizard.script import Script, ScriptStage, ScriptStep
 from tests.support import words
-from tests.support.browsers.pages import SECONDS, Page, until
+from tests.support.browsers.pages import SECONDS, Page
 from tests.support.browsers.wizard_console import Console
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)

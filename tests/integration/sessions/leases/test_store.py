@@ -157,12 +157,6 @@ def test_grant_limits_the_turn_when_others_wait(giraff, ana, ben):
     assert again.turn_seconds == pytest.approx(14 * 60)
 
 
-def test_offline_robot_is_refused(giraff, ana):
-    giraff.presence.connection = "OFFLINE"
-    assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused(reason="offline")
-    assert not Session.objects.exists()
-
-
 def test_session_ends_only_once(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     end = functools.partial(store.end, granted.session, "stopped_by_operator", "x")

@@ -6,7 +6,8 @@ from django.contrib.auth import get_user_model
 from robots.api import messages as m
 from sessions import protocol
 from sessions.sfu import broadcast
-from tests.support.browsers.pages import Page, until
+from tests.support.browsers.pages import Page
+from tests.support.patience import until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
