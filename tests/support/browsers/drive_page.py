@@ -54,6 +54,19 @@ async def driving(page: Page) -> None:
     await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=60_000)
 
 
+async def evaluated(
+    page: Page, script: str, is_right: Callable[[Any], Any] = bool, seconds: float = 20.0
+) -> Any:
+    """Return the value of a script once it is right; the page's policy refuses Playwright's own
+    method.
+    """
+    deadline = time.monotonic() + patient(seconds)
+    while (found := await page.evaluate(script)) is None or not is_right(found):
+        assert time.monotonic() < deadline, f"never right: {script}; the last was {found}"
+        await asyncio.sleep(0.05)
+    return found
+
+
 async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 15.0) -> Any:
     """Hold a key until a condition is true, keep it down, and return the condition's value. Pressed
     again after `HELD`, as a page releases all keys when its link is replaced.

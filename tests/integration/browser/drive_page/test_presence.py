@@ -15,7 +15,7 @@ from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Page
 
 from robots.api import messages as m
-from tests.support.browsers.drive_page import driving, hold, note_errors
+from tests.support.browsers.drive_page import driving, evaluated, hold, note_errors
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.media.photographs import kept
 from tests.support.paths import ROOT
@@ -101,16 +101,6 @@ async def drives(opened: Open, site: PresentRobotPage, **context: Any) -> Page:
     await page.click("text=Drive Giraff")
     await driving(page)
     return page
-
-
-async def evaluated(page: Page, script: str, good, seconds: float = 15.0):
-    """Poll a script until its value is good."""
-    for _ in range(int(patient(seconds) / 0.1)):
-        found = await page.evaluate(script)
-        if found is not None and good(found):
-            return found
-        await asyncio.sleep(0.1)
-    raise AssertionError(f"no good value; the last was {found}")
 
 
 def is_green(colour) -> bool:

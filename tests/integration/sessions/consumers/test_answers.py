@@ -22,10 +22,9 @@ from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.wizard import leases, operators
 from sessions.wizard import protocol as wizard_protocol
-from sessions.wizard.script import Script
 from tests.support import words
 from tests.support.browsers.pages import Display, Page
-from tests.support.browsers.wizard_console import Console
+from tests.support.browsers.wizard_console import Console, Operators
 from tests.support.patience import patient, until
 from tests.support.robots import online_robot
 from tests.support.studies.fixed_terms import provided
@@ -140,17 +139,6 @@ async def test_message_of_a_display_that_fails_is_denied(bridge, robot, bob, mon
         monkeypatch.setattr(page_channel, "send_words", broken)
         await display.say("command/action", m.Say(action_id="a1", stamp=1.0, text="Hello?"))
         assert await display.denied() == ("command/action", "unavailable")
-
-
-class Operators:
-    """An app in which every user operates every session."""
-
-    def may_operate(self, _user, _robot):
-        return True
-
-    def operated(self, _user, _session):
-        script = Script(language="en", stages=())
-        return operators.OperatedSession("P1", "", is_blind=True, script=script)
 
 
 async def test_hidden_operators_request_that_fails_is_denied(bridge, ada, bob, monkeypatch):

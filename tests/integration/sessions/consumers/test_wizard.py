@@ -19,7 +19,7 @@ from sessions.wizard import leases, operators, protocol
 from sessions.wizard.script import Script, ScriptStage, ScriptStep
 from tests.support import words
 from tests.support.browsers.pages import SECONDS, Page
-from tests.support.browsers.wizard_console import Console
+from tests.support.browsers.wizard_console import Console, Operators
 from tests.support.patience import patient, until
 from tests.support.studies.fixed_terms import provided
 
@@ -29,30 +29,13 @@ STEPS = (
     ScriptStep(key="hello", title="Greet", text="Hello"),
     ScriptStep(key="home", title="Dock", action="dock"),
 )
-
-
-class Operators:
-    """An app in which each of `users` operates every session."""
-
-    def __init__(self):
-        self.users = set()
-        self.script = Script(
-            language="en",
-            stages=(ScriptStage(key="all", title="All", steps=STEPS),),
-            participant_view=True,
-        )
-
-    def may_operate(self, user, _robot):
-        return user.pk in self.users
-
-    def operated(self, user, _session):
-        operated = operators.OperatedSession("P1", "", is_blind=True, script=self.script)
-        return operated if user.pk in self.users else None
+STAGES = (ScriptStage(key="all", title="All", steps=STEPS),)
 
 
 @pytest.fixture(autouse=True)
 def provider(monkeypatch):
-    provider = Operators()
+    script = Script(language="en", stages=STAGES, participant_view=True)
+    provider = Operators(script, users=set())
     monkeypatch.setattr(operators, "_providers", [provider])
     with provided() as terms:
         terms.terms = Terms(driver="wizard", controllers=())
