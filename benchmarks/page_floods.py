@@ -29,8 +29,9 @@ from robots.api.codec import encode_frame
 from robots.process.interpreter import set_up_for_latency
 from tests.support.agents.control_rig import ThreadedControlRig, stamped
 from tests.support.browsers.browser_page import BrowserPage, chromium
-from tests.support.media.loopback_peer import Exchange, until
+from tests.support.media.loopback_peer import Exchange
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.patience import until
 
 SECONDS = 20.0
 FLOOD = 10_000  # frames a second and page

@@ -20,7 +20,8 @@ import aiomqtt
 from robots.api import codec, topics
 from robots.api import messages as m
 from sessions import protocol
-from tests.support.sessions.bridge_rig import Rig, RobotDouble, SocketPage, until
+from tests.support.patience import until
+from tests.support.sessions.bridge_rig import Rig, RobotDouble, SocketPage
 
 RATE = 50.0
 BLOCKS, SAMPLES = 5, 200

@@ -31,8 +31,9 @@ from benchmarks.video.media_robots import RobotProcess
 from robots.api.messages import Bye, Candidate, SdpAnswer
 from sessions.sfu.broadcast import Broadcast
 from tests.support.browsers.browser_page import chromium
-from tests.support.media.loopback_peer import Exchange, until
+from tests.support.media.loopback_peer import Exchange
 from tests.support.media.sfu_rig import SfuPage, SfuRig
+from tests.support.patience import until
 from tests.support.programs.janus import Janus
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")

@@ -22,7 +22,8 @@ from benchmarks.table import RESULTS
 from benchmarks.video.media_robots import RobotProcess
 from robots.api.messages import Bye, Role
 from tests.support.browsers.browser_page import BrowserPage, chromium
-from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.media.loopback_peer import Exchange, LoopbackPage
+from tests.support.patience import until
 
 PEER = "p1"
 BLOCKS = 3  # of each kind

@@ -1,6 +1,9 @@
 """Rows of robots, with their presence and their credentials."""
 
+import datetime
 from typing import Any
+
+from django.utils import timezone
 
 from robots.models import FloorPlan, Robot, RobotCredentials, RobotPresence
 
@@ -23,11 +26,17 @@ def create_robots(*robots: Robot) -> None:
     RobotCredentials.objects.bulk_create(robot.credentials for robot in robots)
 
 
-def create_robot(**fields: Any) -> Robot:
+def create_robot(name: str = "giraff", **fields: Any) -> Robot:
     """Store a robot; fields of its presence and its credentials go into rows of their own."""
-    robot = unsaved_robot(**fields)
+    robot = unsaved_robot(**{"name": name, "title": name.title()} | fields)
     create_robots(robot)
     return robot
+
+
+def online_robot(name: str = "giraff", **fields: Any) -> Robot:
+    """Store a robot that is online for longer than any test takes."""
+    seen = timezone.now() + datetime.timedelta(hours=1)
+    return create_robot(name, **{"connection": "ONLINE", "last_seen_at": seen} | fields)
 
 
 def floor_plan(name: str, **fields: Any) -> FloorPlan:

@@ -23,6 +23,13 @@ def state(seq=1, **changes):
     return m.State(**{**fields, **changes})
 
 
+def applied(seq=1, **changes):
+    """Return a command as the robot applied it."""
+    fields = {"seq": seq, "stamp": 100.0 + seq / 4, "method": "keyboard", "way": "datachannel"}
+    fields |= {"age": 0.01, "linear": 0.3, "angular": 0.0}
+    return m.AppliedCommand(**{**fields, **changes})
+
+
 def factsheet(name="giraff", **changes):
     speeds = {"linear": 0.7, "reverse": 0.3, "angular": 0.7}
     accelerations = {"linear_acceleration": 0.2, "angular_acceleration": 0.4}
@@ -54,8 +61,5 @@ def lease(**changes):
 
 
 def pose(stamp=1.0):
-    return m.PoseUpdate(
-        stamp=stamp,
-        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
-        velocity=m.Velocity(linear=0.1, angular=0.0),
-    )
+    at, motion = m.Pose(x=0.0, y=0.0, theta=0.0), m.Velocity(linear=0.1, angular=0.0)
+    return m.PoseUpdate(stamp=stamp, pose=at, velocity=motion)

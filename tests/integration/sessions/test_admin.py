@@ -27,6 +27,7 @@ from sessions.models import (
     StateChunk,
     SystemLog,
 )
+from tests.support import words
 from tests.support.sessions.rows import chunk_row, session_row
 from tests.support.streamed import body_of
 
@@ -53,19 +54,12 @@ def assistant(client):
 
 
 def state(seq: int, **changes) -> dict:
-    command = messages.AppliedCommand(
-        seq=seq, stamp=seq * 0.25, method="keyboard", way="mqtt", age=0.02, linear=0.3, angular=0.0
-    )
-    made = messages.State(
-        stamp=1000.0 + seq * 0.25,
-        boot="-boot;=1+1",
-        seq=seq,
-        pose=messages.Pose(x=1.5, y=-2.0, theta=0.1),
-        velocity=messages.Velocity(linear=0.3, angular=0.0),
-        battery=messages.Battery(charge=0.5),
-        applied=(command,),
-        **changes,
-    )
+    moving = {
+        "pose": messages.Pose(x=1.5, y=-2.0, theta=0.1),
+        "velocity": messages.Velocity(linear=0.3, angular=0.0),
+        "applied": (words.applied(seq, way="mqtt"),),
+    }
+    made = words.state(seq, boot="-boot;=1+1", **moving | changes)
     return msgspec.json.decode(codec.encode(made))
 
 

@@ -24,7 +24,7 @@ from sessions.models import ApiKey, Lease, SystemLog
 from tests.support.loop_gap import longest_gap
 from tests.support.patience import patient
 from tests.support.people import person
-from tests.support.robots import create_robot, floor_plan, update_robots
+from tests.support.robots import floor_plan, online_robot, update_robots
 from tests.support.sessions.query_plans import session_reads
 from tests.support.sessions.rows import session_row
 
@@ -43,15 +43,9 @@ REPORT = {
 
 @pytest.fixture
 def giraff():
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        floor_plan=floor_plan("office", plan=PLACES),
-        connection="ONLINE",
-        last_seen_at=timezone.now(),
-        report=REPORT,
-        factsheet={"series": "Giraff", "capabilities": ["velocity", "dock"]},
-    )
+    plan = floor_plan("office", plan=PLACES)
+    factsheet = {"series": "Giraff", "capabilities": ["velocity", "dock"]}
+    return online_robot(floor_plan=plan, report=REPORT, factsheet=factsheet)
 
 
 def command(*arguments):
@@ -126,8 +120,7 @@ def test_last_report_of_an_offline_robot_is_left_out(giraff, bearer):
 
 
 def test_key_adds_the_pose_of_its_robot_only(giraff, bearer):
-    online = {"connection": "ONLINE", "last_seen_at": timezone.now(), "report": REPORT}
-    create_robot(name="rhodon", title="Rhodon", **online)
+    online_robot("rhodon", report=REPORT)
     listed = Client().get("/api/v1/robots/", headers=bearer).json()["robots"]
     robots = {robot["name"]: robot for robot in listed}
     assert robots["giraff"]["pose"] == REPORT["pose"]

@@ -1,100 +1,15 @@
 """Two processes repeatedly request a robot at the same instant, on real databases."""
 
-import json
-import os
-import shutil
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 
 import pytest
 
-from tests.support.paths import ROOT
-from tests.support.programs.postgres import running_postgres
-from tests.support.sessions.site import DATABASE, empty_database
+from tests.support.sessions.races import DATABASES, Racers, racing_on
 
 pytestmark = [pytest.mark.long, pytest.mark.nightly]
 
 ROUNDS = [10, pytest.param(10_000, marks=pytest.mark.soak)]
-RUNNER = """
-import json, sys
-import django
-django.setup()
-"""
-
-
-@pytest.fixture(
-    scope="module", params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)]
-)
-def database(request, tmp_path_factory) -> Iterator[dict[str, str]]:
-    var = tmp_path_factory.mktemp(f"races-{request.param}")
-    environment = {
-        **os.environ,
-        "VAR_DIR": str(var),
-        "HTTP_ONLY": "1",
-        "DJANGO_SETTINGS_MODULE": "tests.settings",
-        "LOG_LEVEL": "WARNING",
-    }
-    environment.pop("DATABASE_URL", None)
-    if request.param == "sqlite":
-        shutil.copyfile(empty_database(), var / DATABASE)
-        yield environment
-        return
-    with running_postgres() as server:
-        yield {**environment, "DATABASE_URL": server.url}
-
-
-def django(environment: dict[str, str], code: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-class Racers:
-    """Two processes that request a robot at the same instant."""
-
-    def __init__(self, environment: dict[str, str]) -> None:
-        command = [sys.executable, "-m", "tests.support.sessions.lease_racer"]
-        self.processes = [
-            subprocess.Popen(
-                command,
-                cwd=ROOT,
-                env=environment,
-                text=True,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-            )
-            for _ in range(2)
-        ]
-        for process in self.processes:
-            assert process.stdout.readline() == "ready\n"
-
-    def race(self, *questions: str) -> list[dict]:
-        start = time.time() + 0.004
-        for process, question in zip(self.processes, questions, strict=True):
-            process.stdin.write(f"{start} {question}\n")
-            process.stdin.flush()
-        return [json.loads(process.stdout.readline()) for process in self.processes]
-
-    def close(self) -> None:
-        for process in self.processes:
-            process.stdin.close()
-        for process in self.processes:
-            process.wait(timeout=40)
-
-
-PREPARE = (
-    RUNNER
-    + """
+PREPARE = """
 from accounts.models import User
 from tests.support.robots import create_robots, unsaved_robot
 from django.utils import timezone
@@ -105,11 +20,21 @@ create_robots(
 )
 for name in ("ana", "ben"):
     User.objects.get_or_create(username=name)
+print(rounds)
 """
-)
-COUNT = (
-    RUNNER
-    + """
+READ = """
+from accounts.models import User
+from django.utils import timezone
+from robots.models import Robot
+from sessions.leases.store import take
+robot_name, visitor_name, peer = question
+robot, visitor = Robot.objects.get(name=robot_name), User.objects.get(username=visitor_name)
+"""
+TAKE = """
+taken = take(robot, visitor, peer, now=timezone.now())
+print(json.dumps({"kind": type(taken).__name__, "session": str(taken.session)}))
+"""
+COUNT = """
 from sessions.models import Lease, Session
 live = Session.objects.exclude(state="ended").filter(robot__name__startswith=prefix)
 leases = Lease.objects.filter(robot__name__startswith=prefix)
@@ -121,24 +46,23 @@ print(json.dumps({
     "agree": all(lease.session.state == "connecting" for lease in leases.select_related("session")),
 }))
 """
-)
 
 
-def run(
-    environment: dict[str, str], prefix: str, visitors: tuple[str, str], rounds: int
-) -> tuple[list[list[dict]], dict]:
-    prefix += str(rounds)
-    names = f"prefix, rounds = {prefix!r}, {rounds}\n"
-    django(environment, names + PREPARE)
-    racers = Racers(environment)
-    try:
-        answers = [
-            racers.race(f"{prefix}-{n} {visitors[0]} left", f"{prefix}-{n} {visitors[1]} right")
-            for n in range(rounds)
-        ]
-    finally:
-        racers.close()
-    return answers, json.loads(django(environment, names + COUNT))
+@pytest.fixture(scope="module", params=DATABASES)
+def racers(request, tmp_path_factory) -> Iterator[Racers]:
+    with racing_on(request.param, tmp_path_factory.mktemp("races")) as racers:
+        yield racers
+
+
+def run(racers: Racers, prefix: str, visitors: tuple[str, str], rounds: int):
+    """Return the answers of each round, and the counts of sessions and leases afterwards."""
+    names = {"prefix": f"{prefix}{rounds}", "rounds": rounds}
+    racers.ask(PREPARE, **names)
+    answers = [
+        racers.race(READ, TAKE, (robot, visitors[0], "left"), (robot, visitors[1], "right"))
+        for robot in (f"{names['prefix']}-{n}" for n in range(rounds))
+    ]
+    return answers, racers.ask(COUNT, **names)
 
 
 def counts(rounds: int, waiting: int) -> dict:
@@ -148,8 +72,8 @@ def counts(rounds: int, waiting: int) -> dict:
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_one_of_two_visitors_drives_and_the_other_waits(database, rounds):
-    answered, found = run(database, "two", ("ana", "ben"), rounds)
+def test_one_of_two_visitors_drives_and_the_other_waits(racers, rounds):
+    answered, found = run(racers, "two", ("ana", "ben"), rounds)
     kinds = [sorted(answer["kind"] for answer in answers) for answers in answered]
     assert kinds == [["Queued", "TakeGranted"]] * rounds
     winners = [answers[0]["kind"] == "TakeGranted" for answers in answered]
@@ -158,8 +82,8 @@ def test_one_of_two_visitors_drives_and_the_other_waits(database, rounds):
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_one_of_two_tabs_drives_and_the_other_gets_the_session(database, rounds):
-    answered, found = run(database, "tab", ("ana", "ana"), rounds)
+def test_one_of_two_tabs_drives_and_the_other_gets_the_session(racers, rounds):
+    answered, found = run(racers, "tab", ("ana", "ana"), rounds)
     for answers in answered:
         assert sorted(answer["kind"] for answer in answers) == ["Refused", "TakeGranted"]
         assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"

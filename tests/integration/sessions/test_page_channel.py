@@ -17,13 +17,12 @@ from django.utils import timezone
 
 from accounts.models import User
 from experiments.research import interventions
-from robots.models import Robot, RobotPermit
+from robots.models import RobotPermit
 from sessions import page_channel, protocol
 from sessions.consumers import queries
 from sessions.models import Session
-from tests.support.browsers.pages import Page, until
-from tests.support.patience import patient
-from tests.support.robots import create_robot
+from tests.support.browsers.pages import Page
+from tests.support.patience import patient, until
 from tests.support.sessions.site import free_port
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -54,30 +53,27 @@ async def technician(robot, ada):
     return await Permission.objects.aget(codename="change_robot")
 
 
-async def test_notice_reaches_only_the_page_of_its_session(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
-        session = await drive(driver)
-        message = protocol.OperatorMessage(session=session, text="Mind the cat.")
-        assert await sync_to_async(page_channel.send_notice)("giraff", message)
-        assert await driver.expect("session/operator_message") == message
-        await other.observe()
-        assert other.told("session/operator_message") == []
+async def test_notice_reaches_only_the_page_of_its_session(page, other):
+    session = await drive(page)
+    message = protocol.OperatorMessage(session=session, text="Mind the cat.")
+    assert await sync_to_async(page_channel.send_notice)("giraff", message)
+    assert await page.expect("session/operator_message") == message
+    await other.observe()
+    assert other.told("session/operator_message") == []
 
 
-async def test_page_gets_the_end_of_its_session_by_staff_at_once(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as page:
-        session = await Session.objects.select_related("robot").aget(pk=await drive(page))
-        await sync_to_async(interventions.end_session)(session, "smoke", bob, timezone.now())
-        ended = await page.expect("session/ended")
+async def test_page_gets_the_end_of_its_session_by_staff_at_once(page, bob):
+    session = await Session.objects.select_related("robot").aget(pk=await drive(page))
+    await sync_to_async(interventions.end_session)(session, "smoke", bob, timezone.now())
+    ended = await page.expect("session/ended")
     assert (ended.outcome, ended.reason) == ("stopped_by_operator", "smoke")
 
 
-async def test_pages_of_a_deactivated_user_close_at_once(bridge, robot, ada):
-    async with Page("giraff", ada) as page:
-        await drive(page)
-        ada.is_active = False
-        await ada.asave()
-        await closes(page, protocol.SIGNED_OUT)
+async def test_pages_of_a_deactivated_user_close_at_once(page, ada):
+    await drive(page)
+    ada.is_active = False
+    await ada.asave()
+    await closes(page, protocol.SIGNED_OUT)
 
 
 async def test_logging_out_closes_only_the_pages_of_this_browser(bridge, robot, ada):
@@ -160,12 +156,11 @@ async def test_session_ends_at_once_with_the_users_own_right(bridge, technician,
             await closes(page)
 
 
-async def test_session_ends_at_once_when_the_robot_is_closed(bridge, robot, ada):
-    async with Page("giraff", ada) as page:
-        await drive(page)
-        robot.access = robot.Access.INVITATION
-        await robot.asave()
-        await closes(page)
+async def test_session_ends_at_once_when_the_robot_is_closed(robot, page):
+    await drive(page)
+    robot.access = robot.Access.INVITATION
+    await robot.asave()
+    await closes(page)
 
 
 @pytest.fixture

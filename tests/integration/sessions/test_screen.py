@@ -17,21 +17,10 @@ from robots.models import Robot, RobotPresence
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
 from sessions import protocol
 from tests.support import words
-from tests.support.browsers.pages import Display, Page, until
-from tests.support.robots import create_robot
+from tests.support.browsers.pages import Display, Page
+from tests.support.patience import until
 
 pytestmark = pytest.mark.django_db(transaction=True)
-
-
-@pytest.fixture
-def key(robot):
-    return make_screen_key(robot, timezone.now())
-
-
-@sync_to_async
-def user(name):
-    create = get_user_model().objects.create_user
-    return create(name.lower(), display_name=name, password="x")
 
 
 def action(kind, **fields):
@@ -122,13 +111,8 @@ async def test_display_without_the_key_is_refused(bridge, robot, key):
         assert await display.closed() == protocol.NOT_ALLOWED
 
 
-async def test_screen_shows_the_visitor_and_their_messages(bridge, robot, key):
-    ada = await user("Ada")
-    async with (
-        Display(key) as display,
-        Page("giraff", ada) as page,
-        Page("giraff", ada) as watching,
-    ):
+async def test_screen_shows_the_visitor_and_their_messages(bridge, display, page, ada):
+    async with Page("giraff", ada) as watching:
         assert (await display.expect("screen")).visitor is None
         granted = await page.take()
         shown = await display.expect("screen")
@@ -148,65 +132,60 @@ async def test_screen_shows_the_visitor_and_their_messages(bridge, robot, key):
         assert watching.told("words") == []
 
 
-async def test_waiting_visitor_and_people_at_a_stopped_robot_chat(bridge, robot, key):
-    ada, bob = await user("Ada"), await user("Bob")
-    stop = m.Safety(estop=True, estop_source="screen:Giraff")
-    await sync_to_async(RobotPresence.objects.update)(
-        report=msgspec.to_builtins(words.state(safety=stop)),
-        last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
-    )
-    async with (
-        Display(key) as display,
-        Page("giraff", ada) as page,
-        Page("giraff", bob) as second,
-    ):
-        bridge.say("giraff", "state", words.state(safety=stop))
-        for one in (page, second):
-            queued = await one.queue()
-            assert queued.reason == "paused: estop"
-        shown = await display.expect("screen", lambda screen: screen.waiting is not None)
-        assert (shown.waiting, shown.visitor, shown.session) == ("Ada", None, None)
-        await second.say("command/action", action(m.Say, text="Me too"))
-        assert (await second.expect("denied")).reason == "not_driver"
-        await page.say("command/action", action(m.Say, text="Is anybody there?"))
-        for one in (page, display):
-            shown = await one.expect("words")
-            assert (shown.by, shown.who, shown.text) == ("driver", "Ada", "Is anybody there?")
-        done = page.told("action") or [await page.expect("action")]  # in either order
-        assert [status.status for status in done] == ["FINISHED"]
-        await display.say("command/action", action(m.Say, action_id="a2", text="One moment"))
-        for one in (page, display):
-            shown = await one.expect("words")
-            assert (shown.by, shown.who, shown.text) == ("screen", "Giraff", "One moment")
-        await second.settle(bridge)
-        assert second.told("words") == []
-        assert bridge.commands("command/action") == [], "the robot received the chat"
+STOP = m.Safety(estop=True, estop_source="screen:Giraff")
 
 
-async def test_action_of_a_screen_has_its_role_and_the_servers_stamp(bridge, robot, key):
-    async with Display(key) as display:
-        await display.expect("screen")
-        forged = action(m.AnswerCall, accept=True, role="owner", user="Mallory")
-        await display.say("command/action", forged)
-        await until(lambda: bridge.sent)
-        name, suffix, answer = bridge.sent[-1]
-        assert (name, suffix) == ("giraff", "command/action")
-        assert (answer.role, answer.user) == ("screen", "Giraff")
-        assert answer.stamp > 1.6e9
-        await display.say("command/action", action(m.EStop))
-        await until(lambda: bridge.stops)
-        assert bridge.stops[-1][1].role == "screen"
-        await display.say("command/velocity", words.velocity())
-        assert (await display.expect("denied")).reason == "not_allowed"
+@pytest.fixture
+def stopped(robot):
+    report = msgspec.to_builtins(words.state(safety=STOP))
+    later = timezone.now() + datetime.timedelta(hours=1)  # for longer than the test
+    RobotPresence.objects.update(report=report, last_seen_at=later)
 
 
-async def test_pointers_reach_only_the_other_side(bridge, robot, key):
-    ada = await user("Ada")
-    async with (
-        Display(key) as display,
-        Page("giraff", ada) as page,
-        Page("giraff", ada) as watching,
-    ):
+async def test_waiting_visitor_and_people_at_a_stopped_robot_chat(
+    bridge, stopped, display, page, other
+):
+    bridge.say("giraff", "state", words.state(safety=STOP))
+    for one in (page, other):
+        queued = await one.queue()
+        assert queued.reason == "paused: estop"
+    shown = await display.expect("screen", lambda screen: screen.waiting is not None)
+    assert (shown.waiting, shown.visitor, shown.session) == ("Ada", None, None)
+    await other.say("command/action", action(m.Say, text="Me too"))
+    assert (await other.expect("denied")).reason == "not_driver"
+    await page.say("command/action", action(m.Say, text="Is anybody there?"))
+    for one in (page, display):
+        shown = await one.expect("words")
+        assert (shown.by, shown.who, shown.text) == ("driver", "Ada", "Is anybody there?")
+    done = page.told("action") or [await page.expect("action")]  # in either order
+    assert [status.status for status in done] == ["FINISHED"]
+    await display.say("command/action", action(m.Say, action_id="a2", text="One moment"))
+    for one in (page, display):
+        shown = await one.expect("words")
+        assert (shown.by, shown.who, shown.text) == ("screen", "Giraff", "One moment")
+    await other.settle(bridge)
+    assert other.told("words") == []
+    assert bridge.commands("command/action") == [], "the robot received the chat"
+
+
+async def test_action_of_a_screen_has_its_role_and_the_servers_stamp(bridge, display):
+    await display.expect("screen")
+    forged = action(m.AnswerCall, accept=True, role="owner", user="Mallory")
+    await display.say("command/action", forged)
+    await until(lambda: bridge.sent)
+    name, suffix, answer = bridge.sent[-1]
+    assert (name, suffix) == ("giraff", "command/action")
+    assert (answer.role, answer.user) == ("screen", "Giraff")
+    assert answer.stamp > 1.6e9
+    await display.say("command/action", action(m.EStop))
+    await until(lambda: bridge.stops)
+    assert bridge.stops[-1][1].role == "screen"
+    await display.say("command/velocity", words.velocity())
+    assert (await display.expect("denied")).reason == "not_allowed"
+
+
+async def test_pointers_reach_only_the_other_side(bridge, display, page, ada):
+    async with Page("giraff", ada) as watching:
         granted = await page.take()
         await display.expect("screen", lambda shown: shown.visitor == "Ada")
         await watching.observe()
@@ -241,14 +220,13 @@ async def test_pointers_reach_only_the_other_side(bridge, robot, key):
         assert len(page.told("pointer")) == 1
 
 
-async def test_pointer_that_cannot_reach_the_robot_is_dropped_without_a_denial(bridge, robot, key):
-    async with Display(key) as display:
-        await display.expect("screen")
-        bridge.connected = False
-        await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
-        await display.say("command/action", action(m.Say, text="hello"))
-        assert (await display.expect("denied")).suffix == "command/action"
-        assert len(display.told("denied")) == 1
+async def test_pointer_that_cannot_reach_the_robot_is_dropped_without_a_denial(bridge, display):
+    await display.expect("screen")
+    bridge.connected = False
+    await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
+    await display.say("command/action", action(m.Say, text="hello"))
+    assert (await display.expect("denied")).suffix == "command/action"
+    assert len(display.told("denied")) == 1
 
 
 @pytest.fixture
@@ -257,17 +235,16 @@ def frequent_checks(monkeypatch):
     monkeypatch.setattr("sessions.consumers.robot_page.POLL_INTERVAL_S", 0.05)
 
 
-async def test_display_with_a_revoked_key_is_disconnected(bridge, robot, key, frequent_checks):
-    async with Display(key) as display:
-        await display.expect("screen")
-        await sync_to_async(revoke_screen_key)(robot)
-        assert await display.closed() == protocol.NOT_ALLOWED
+async def test_display_with_a_revoked_key_is_disconnected(robot, frequent_checks, display):
+    await display.expect("screen")
+    await sync_to_async(revoke_screen_key)(robot)
+    assert await display.closed() == protocol.NOT_ALLOWED
 
 
 async def test_server_vouches_for_a_display_while_its_socket_is_open(
-    bridge, robot, key, frequent_checks
+    bridge, frequent_checks, display
 ):
-    async with Display(key) as display:
-        peer = (await display.expect("hello")).peer
-        await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)
+    peer = (await display.expect("hello")).peer
+    await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)
+    await display.close()
     await until(lambda: bridge.commands(f"signal/{peer}")[-1:] == [m.Bye(reason="left")])

@@ -19,7 +19,6 @@ from sessions.leases import terms
 from sessions.models import Session
 from telepresence_site.practice import robots
 from tests.support.people import person
-from tests.support.robots import create_robot
 from tests.support.sessions.query_plans import session_reads
 from tests.support.sessions.rows import chunk_row, session_row
 

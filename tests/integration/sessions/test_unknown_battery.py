@@ -20,9 +20,10 @@ from experiments.extraction.states import states_of
 from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions.leases.readiness import Readiness, RobotCondition, decide
-from tests.support.robots import create_robot, unsaved_robot
+from tests.support import words
+from tests.support.robots import online_robot, unsaved_robot
 from tests.support.sessions.rows import chunk_row, session_row
 from tests.support.streamed import body_of
 
@@ -32,10 +33,7 @@ UNKNOWN = messages.Battery(charging=None)
 
 
 def state(battery: messages.Battery, seq: int = 1) -> messages.State:
-    pose, still = messages.Pose(x=1.0, y=2.0, theta=0.1), messages.Velocity(linear=0.0, angular=0.0)
-    return messages.State(
-        stamp=1000.0 + seq, boot="b", seq=seq, pose=pose, velocity=still, battery=battery
-    )
+    return words.state(seq, stamp=1000.0 + seq, boot="b", battery=battery)
 
 
 def stored(battery: messages.Battery, seq: int = 1) -> dict:
@@ -44,13 +42,7 @@ def stored(battery: messages.Battery, seq: int = 1) -> dict:
 
 @pytest.fixture
 def robot():
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        last_seen_at=timezone.now(),
-        report=stored(UNKNOWN),
-    )
+    return online_robot(report=stored(UNKNOWN))
 
 
 @pytest.fixture

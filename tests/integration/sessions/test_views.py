@@ -20,9 +20,7 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture
 def robot():
     plan, factsheet = floor_plan("office", sha256="a" * 64), {"name": "giraff"}
-    return create_robot(
-        name="giraff", title="Giraff", floor_plan=plan, turn_minutes=2.0, factsheet=factsheet
-    )
+    return create_robot(floor_plan=plan, turn_minutes=2.0, factsheet=factsheet)
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from playwright.async_api import Browser, Page, async_playwright
 from robots.agent.media import MediaSide
 from robots.api.messages import Candidate, Role, SdpOffer
 from tests.support.browsers.chromium import CHROMIUM, FLAGS
-from tests.support.media.loopback_peer import Exchange, until
-from tests.support.patience import patient
+from tests.support.media.loopback_peer import Exchange
+from tests.support.patience import patient, until
 
 PAGE = Path(__file__).with_name("browser_page.html")
 

@@ -111,10 +111,6 @@ class People:
         playing = self._frame.locator("#drive-page[data-playing]")
         expect(playing).to_be_visible(timeout=patient(40) * 1000)
 
-    def cy_sees_no_practice_robot(self) -> None:
-        still = self._frame.locator("#drive-page:not([data-playing])")
-        expect(still).to_be_visible(timeout=patient(20) * 1000)
-
     # --- the parts ---
 
     def kill(self, *parts: str) -> list[str]:

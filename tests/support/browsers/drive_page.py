@@ -54,12 +54,16 @@ async def driving(page: Page) -> None:
     await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=60_000)
 
 
-async def until(condition: Callable[[], Any], seconds: float = 15.0) -> Any:
-    """Wait until a condition is true, and return its value."""
+async def evaluated(
+    page: Page, script: str, is_right: Callable[[Any], Any] = bool, seconds: float = 20.0
+) -> Any:
+    """Return the value of a script once it is right; the page's policy refuses Playwright's own
+    method.
+    """
     deadline = time.monotonic() + patient(seconds)
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "the condition did not come true"
-        await asyncio.sleep(0.02)
+    while (found := await page.evaluate(script)) is None or not is_right(found):
+        assert time.monotonic() < deadline, f"never right: {script}; the last was {found}"
+        await asyncio.sleep(0.05)
     return found
 
 

@@ -10,10 +10,10 @@ from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from sessions import protocol
 from tests.support.agents.told_task import tell
-from tests.support.browsers.drive_page import actions, driving, until
+from tests.support.browsers.drive_page import actions, driving
 from tests.support.browsers.fake_robot_page import PRACTICE
 from tests.support.browsers.present_robot_page import PresentRobotPage
-from tests.support.patience import PRESSED
+from tests.support.patience import PRESSED, until
 
 Scenes = AsyncIterator[str]
 FREE = {"state": "available", "drives": True, "url": PRACTICE}  # as in the landing page's list

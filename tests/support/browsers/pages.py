@@ -13,7 +13,7 @@ from django.test import Client
 from robots.api import codec, picture, topics
 from robots.api.messages import Stop
 from sessions import protocol
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 
 SECONDS = 5.0
 ORIGIN = "http://127.0.0.1"
@@ -70,7 +70,8 @@ class Expecting:
 
     async def take(self, **message):
         await self.say("session/take", protocol.Take(**message))
-        return await self.expect("session/granted")
+        self.granted = await self.expect("session/granted")
+        return self.granted
 
     async def queue(self):
         """Ask for the robot while it is taken."""
@@ -166,9 +167,3 @@ class Display(Page):
         from robots import screens  # benchmarks import this file without Django
 
         return f"{screens.cookie_of(self.robot)}={self.key}"
-
-
-async def until(condition, what=""):
-    async with asyncio.timeout(patient(SECONDS)):
-        while not condition():
-            await asyncio.sleep(0.005)

@@ -234,17 +234,10 @@ class PresentRobotPage(FakeRobotPage):
                 self.kernel.clear_estop(now)
             case m.Say() if lease:
                 here = message.role == "screen"
-                words = m.Words(
-                    stamp=time.time(),
-                    action_id=message.action_id,
-                    session=lease.session,
-                    by="screen" if here else "driver",
-                    who=message.user if here else lease.who,
-                    text=message.text,
-                    language=message.language,
-                    aloud=message.aloud and not here,
-                    receipts=not here,
-                )
+                same = {name: getattr(message, name) for name in ("action_id", "text", "language")}
+                same |= {"stamp": time.time(), "session": lease.session, "receipts": not here}
+                by, who = ("screen", message.user) if here else ("driver", lease.who)
+                words = m.Words(**same, by=by, who=who, aloud=message.aloud and not here)
                 if not here:
                     self.receipts.sent(message.action_id, lease.session)
                 self._tell("words", words)

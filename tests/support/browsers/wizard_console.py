@@ -3,7 +3,23 @@
 import msgspec
 
 from sessions.wizard import protocol
+from sessions.wizard.operators import OperatedSession
+from sessions.wizard.script import Script
 from tests.support.browsers.pages import Page, decode
+
+
+class Operators:
+    """An app in which `users`, or without them every user, operate every session."""
+
+    def __init__(self, script=None, users=None):
+        self.script, self.users = script or Script(language="en", stages=()), users
+
+    def may_operate(self, user, _robot):
+        return self.users is None or user.pk in self.users
+
+    def operated(self, user, _session):
+        operated = OperatedSession("P1", "", is_blind=True, script=self.script)
+        return operated if self.may_operate(user, None) else None
 
 
 class Console(Page):

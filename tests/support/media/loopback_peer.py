@@ -3,8 +3,6 @@ gets.
 """
 
 import asyncio
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -15,16 +13,7 @@ from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.api.codec import decode_frame
 from robots.api.messages import Bye, Role, SdpAnswer, SdpOffer, SignalReply
-from tests.support.patience import patient
-
-
-async def until(condition: Callable[[], Any], timeout: float = 10.0, what: str = "") -> Any:
-    """Wait until `condition` is true and return its value; fail after `timeout` seconds."""
-    deadline = time.monotonic() + patient(timeout)
-    while not (value := condition()):
-        assert time.monotonic() < deadline, f"not within {timeout} s: {what or condition}"
-        await asyncio.sleep(0.01)
-    return value
+from tests.support.patience import until
 
 
 @dataclass

@@ -18,8 +18,8 @@ from sessions.sfu.broadcast import Broadcast, Send, ToSfu
 from sessions.sfu.janus import open_session
 from sessions.sfu.mountpoint import mountpoint_of
 from tests.support import words
-from tests.support.media.loopback_peer import until
 from tests.support.media.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.patience import until
 from tests.support.programs.janus import SECRET, Janus
 from tests.support.sessions.memory_bridge import MemoryBridge
 
@@ -31,14 +31,11 @@ class SfuRig(MemoryBridge):
     process unless another one is made.
     """
 
-    def __init__(
-        self, janus: Janus, *, viewers: int = 8, media: Callable[["SfuRig"], Any] | None = None
-    ) -> None:
+    def __init__(self, janus: Janus, *, media: Callable[["SfuRig"], Any] | None = None) -> None:
         super().__init__()
         self.janus = janus
         self.stored[ROBOT, "connection"] = codec.encode(words.online())
         self.camera = SyntheticCamera()
-        self.places = viewers
         self.media: Any = (media or SfuRig._new_media)(self)
         self.broadcasts: list[Broadcast] = []
         self.pages: list[SfuPage] = []
@@ -61,7 +58,7 @@ class SfuRig(MemoryBridge):
         return MediaSide(
             video=self.camera,
             audio=SyntheticMicrophone(),
-            viewers=self.places,
+            viewers=8,
             on_command=lambda *_: None,
             reply=self.reply,
         )

@@ -1,7 +1,6 @@
 """The real Janus, with the plug-ins that a site uses, on this computer's addresses."""
 
 import os
-import signal
 import socket
 import subprocess
 import time
@@ -82,12 +81,6 @@ class Janus:
         self.process.kill()
         self.process.wait()
 
-    def stop(self) -> None:
-        self._signal(signal.SIGSTOP)
-
-    def go_on(self) -> None:
-        self._signal(signal.SIGCONT)
-
     def cpu_seconds(self) -> float:
         assert self.process
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
@@ -98,12 +91,7 @@ class Janus:
 
     def __exit__(self, *_: object) -> None:
         if self.process is not None and self.process.poll() is None:
-            self._signal(signal.SIGCONT)
             self.kill()
-
-    def _signal(self, number: int) -> None:
-        assert self.process
-        self.process.send_signal(number)
 
     def _listens(self) -> bool:
         with socket.socket() as probe:

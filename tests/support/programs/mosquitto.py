@@ -4,6 +4,7 @@ both of them over TLS.
 
 import contextlib
 import getpass
+import os
 import shutil
 import signal
 import socket
@@ -13,22 +14,27 @@ import time
 from tests.support.patience import patient
 from tests.support.sessions.site import free_port
 
-BINARY = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
+FOLDERS = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")  # often not on the path
+BINARY = shutil.which("mosquitto", path=os.pathsep.join((os.environ["PATH"], *FOLDERS)))
 
 
 class Mosquitto:
     """Use as a context manager. `ports` are by the scheme of the address; `certificate` is (key,
-    certificate) in PEM files.
+    certificate) in PEM files. One that `persists` has its messages again after a stop.
     """
 
-    def __init__(self, directory, certificate=None, host="127.0.0.1", *, anonymous=True):
+    def __init__(
+        self, directory, certificate=None, host="127.0.0.1", *, anonymous=True, persists=False
+    ):
         self.host = host
         schemes = ("mqtt", "ws", "mqtts", "wss") if certificate else ("mqtt", "ws")
         self.ports = {scheme: free_port() for scheme in schemes}
         self.port = self.ports["mqtt"]
         lines = [
             f"allow_anonymous {str(anonymous).lower()}",
-            "persistence false",
+            f"persistence {str(persists).lower()}",
+            f"persistence_location {directory}/",
+            "set_tcp_nodelay true",
             "max_queued_messages 0",
             f"user {getpass.getuser()}",
         ]
@@ -56,7 +62,9 @@ class Mosquitto:
     def url_of(self, scheme):
         return f"{scheme}://{self.host}:{self.ports[scheme]}"
 
-    def start(self):
+    def start(self, *, forget=False):
+        if forget:
+            self._config.with_name("mosquitto.db").unlink(missing_ok=True)
         self._process = subprocess.Popen(
             [BINARY, "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
@@ -70,6 +78,12 @@ class Mosquitto:
         with contextlib.suppress(OSError), socket.create_connection((self.host, port), timeout=1.0):
             return True
         return False
+
+    def stop(self):
+        """End it properly: it stores its messages."""
+        self._process.terminate()
+        self._process.wait(patient(10.0))
+        self._process = None
 
     def kill(self):
         if self._process is not None:

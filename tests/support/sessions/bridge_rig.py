@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import socket
-import threading
 import tomllib
 import uuid
 
@@ -12,8 +11,9 @@ from websockets.asyncio.client import connect
 
 from robots.api import codec, topics
 from robots.api.messages import Stop
+from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.browsers.pages import Expecting, decode
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
 
 SECONDS = 10.0
@@ -34,20 +34,7 @@ class Rig(Site):
         wait_for(self.web_answers, 20, "the web server")
 
     def web(self, name, port):
-        self.start(
-            name,
-            [
-                "-m",
-                "daphne",
-                "-v",
-                "1",
-                "-b",
-                LOOPBACK,
-                "-p",
-                str(port),
-                "telepresence_site.asgi:application",
-            ],
-        )
+        self.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
 
     def second_web(self):
         """Start another web process of the same site and return its port."""
@@ -64,9 +51,8 @@ class RobotDouble:
         self.site, self.name, self.got = site, name, []
 
     async def __aenter__(self):
-        token = tomllib.loads((self.site.var / "credentials" / f"{self.name}.toml").read_text())[
-            "token"
-        ]
+        credentials = self.site.var / "credentials" / f"{self.name}.toml"
+        token = tomllib.loads(credentials.read_text())["token"]
         self.client = aiomqtt.Client(
             LOOPBACK,
             self.site.mqtt_port,
@@ -166,27 +152,3 @@ class SocketPage(Expecting):
             for suffix, message in robot.got
             if getattr(message, "action_id", "") != mark
         ]
-
-
-async def until(condition):
-    async with asyncio.timeout(patient(SECONDS)):
-        while not condition():
-            await asyncio.sleep(0.005)
-
-
-class Portal:
-    """A loop in a thread of its own, so that many short test cases share one connection."""
-
-    def __enter__(self):
-        self.loop = asyncio.new_event_loop()
-        self.thread = threading.Thread(target=self.loop.run_forever, daemon=True)
-        self.thread.start()
-        return self
-
-    def __exit__(self, *_error):
-        self.loop.call_soon_threadsafe(self.loop.stop)
-        self.thread.join(10)
-        self.loop.close()
-
-    def run(self, work):
-        return asyncio.run_coroutine_threadsafe(work, self.loop).result(60)

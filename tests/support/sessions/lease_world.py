@@ -26,7 +26,7 @@ from sessions.leases.transitions import (
     WithdrawOffer,
     decide_tick,
 )
-from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Refused, TurnWarning
+from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Refused
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)

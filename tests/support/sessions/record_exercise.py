@@ -10,14 +10,15 @@ import time
 
 import django
 
+from tests.support import words
+
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 django.setup()
 
-from django.core.management import call_command
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api import codec, messages
+from robots.api import codec
 from robots.models import Robot
 from sessions.models import Session, StateChunk
 from sessions.recording.items import StateItem
@@ -29,16 +30,7 @@ BROKEN = b',"said":"\xff\xfe"}'
 
 
 def item(session: Session, seq: int, tail: bytes = b"}") -> StateItem:
-    state = messages.State(
-        stamp=seq * 0.25,
-        boot="b",
-        seq=seq,
-        session=str(session.pk),
-        epoch=1,
-        pose=messages.Pose(x=0, y=0, theta=0),
-        velocity=messages.Velocity(linear=0, angular=0),
-        battery=messages.Battery(charge=1),
-    )
+    state = words.state(seq, boot="b", session=str(session.pk), epoch=1)
     return StateItem("giraff", state, codec.encode(state)[:-1] + tail, time.time(), None)
 
 

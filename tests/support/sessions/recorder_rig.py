@@ -7,41 +7,27 @@ import contextlib
 import os
 import random
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import aiomqtt
-import msgspec
 from asgiref.sync import sync_to_async
 from django.conf import settings
 
 from robots.api import codec, messages, topics
 from robots.process.cancellation import cancel, until_one_ends
 from sessions.manager.service import SessionManager
+from tests.support import words
 from tests.support.paths import ROOT
 from tests.support.patience import patient
-from tests.support.sessions.site import free_port
+from tests.support.programs.mosquitto import Mosquitto
 
 HOST = "127.0.0.1"
-MOSQUITTO = next(
-    (
-        path
-        for path in (
-            "/usr/sbin/mosquitto",
-            "/usr/local/sbin/mosquitto",
-            "/opt/homebrew/sbin/mosquitto",
-        )
-        if Path(path).is_file()
-    ),
-    "",
-)
 
 
 async def wait_for(condition: Callable[[], Any], within: float = 10.0, what: str = "") -> Any:
@@ -55,63 +41,11 @@ async def wait_for(condition: Callable[[], Any], within: float = 10.0, what: str
     return value
 
 
-@dataclass
-class Mosquitto:
-    """A broker without passwords; `forget` makes a restart lose everything, as one without
-    persistence does.
-    """
-
-    directory: Path
-    port: int = field(default_factory=free_port)
-    process: subprocess.Popen[bytes] | None = None
-
-    @property
-    def url(self) -> str:
-        return f"mqtt://{HOST}:{self.port}"
-
-    def start(self, *, forget: bool = False) -> None:
-        assert MOSQUITTO, "mosquitto is not installed: apt-get install mosquitto"
-        stored = self.directory / "mosquitto.db"
-        if forget:
-            stored.unlink(missing_ok=True)
-        lines = (
-            f"listener {self.port} {HOST}",
-            "allow_anonymous true",
-            "persistence true",
-            f"persistence_location {self.directory}/",
-            "max_queued_messages 0",
-            "set_tcp_nodelay true",
-            "log_dest none",
-            *(["user root"] if os.geteuid() == 0 else []),
-        )
-        (self.directory / "mosquitto.conf").write_text("\n".join(lines) + "\n")
-        self.process = subprocess.Popen([MOSQUITTO, "-c", str(self.directory / "mosquitto.conf")])
-        self._wait_until_open()
-
-    def _wait_until_open(self) -> None:
-        deadline = time.monotonic() + patient(10)
-        while True:
-            with contextlib.suppress(OSError), socket.create_connection((HOST, self.port), 1):
-                return
-            assert time.monotonic() < deadline, "mosquitto does not open its port"
-            time.sleep(0.02)
-
-    def stop(self) -> None:
-        if self.process is not None:
-            self.process.terminate()
-            self.process.wait(patient(10))
-            self.process = None
-
-
 @contextlib.contextmanager
 def running_mosquitto() -> Iterator[Mosquitto]:
-    with tempfile.TemporaryDirectory(prefix="telepresence-mosquitto-") as directory:
-        broker = Mosquitto(Path(directory))
-        broker.start()
-        try:
-            yield broker
-        finally:
-            broker.stop()
+    kept = tempfile.TemporaryDirectory(prefix="telepresence-mosquitto-")
+    with kept as directory, Mosquitto(Path(directory), persists=True) as broker:
+        yield broker
 
 
 class ScriptedRobot:
@@ -205,52 +139,28 @@ class ScriptedRobot:
         while True:
             if self.speaks:
                 await self.state()
-                echoes = (
-                    ()
-                    if self._beat is None
-                    else (
-                        messages.Echo(
-                            peer="server",
-                            n=self._beat.n,
-                            stamp=self._beat.stamp,
-                            received=self._beat_at,
-                        ),
-                    )
-                )
-                await self.publish(
-                    "heartbeat", messages.Heartbeat(n=self.seq, stamp=self.now(), echoes=echoes), 0
-                )
+                echoes = ()
+                if (beat := self._beat) is not None:
+                    about = {"n": beat.n, "stamp": beat.stamp, "received": self._beat_at}
+                    echoes = (messages.Echo(peer="server", **about),)
+                beat = messages.Heartbeat(n=self.seq, stamp=self.now(), echoes=echoes)
+                await self.publish("heartbeat", beat, 0)
             await asyncio.sleep(self.period)
 
     async def state(self, **changes: Any) -> messages.State:
         self.seq += 1
-        applied = ()
-        if self.drives and self.session:
-            command = messages.AppliedCommand(
-                seq=self.seq,
-                stamp=self.now(),
-                method="keyboard",
-                way="datachannel",
-                age=0.01,
-                linear=0.3,
-                angular=0.0,
-            )
-            applied = (command,)
-        state = messages.State(
-            stamp=self.now(),
-            boot=self.boot,
-            seq=self.seq,
-            session=self.session,
-            epoch=self.epoch,
-            pose=messages.Pose(x=1.0, y=2.0, theta=0.0),
-            velocity=messages.Velocity(linear=0.0, angular=0.0),
-            battery=messages.Battery(charge=0.9),
-            distance=self.seq * 0.01,
-            visitor_silence=self.silence if self.session else None,
-            applied=applied,
-            safety=self.safety,
-        )
-        state = msgspec.structs.replace(state, **changes)
+        is_driven = self.drives and self.session
+        now = {
+            "stamp": self.now(),
+            "boot": self.boot,
+            "session": self.session,
+            "epoch": self.epoch,
+            "distance": self.seq * 0.01,
+            "visitor_silence": self.silence if self.session else None,
+            "applied": (words.applied(self.seq, stamp=self.now()),) if is_driven else (),
+            "safety": self.safety,
+        }
+        state = words.state(self.seq, **now | changes)
         self.buffer[state.seq] = codec.encode(state)
         if state.session is not None:
             self.sent.setdefault(state.session, []).append(state.seq)

@@ -10,7 +10,8 @@ from accounts.models import User
 from experiments.models import Drive, Participant, Study, TaskEvent
 from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
-from tests.support.robots import create_robot
+from tests.support.robots import create_robot, floor_plan
+from tests.support.sessions.rows import session_row, unsaved_chunk
 from tests.support.studies.studies import PLAN, STUDY
 
 GRANTED = datetime.datetime(2026, 3, 2, 10, 0, tzinfo=datetime.UTC)
@@ -21,50 +22,25 @@ CIRCLE = 0.2  # rad/s, round (2, 2) with 1 m
 
 def cabin_robot(name: str = "giraff", **more: Any) -> Robot:
     """A robot in the cabin of tests/support/studies/studies.py."""
-    plan, _ = FloorPlan.objects.get_or_create(
-        name="cabin",
-        defaults={
-            "title": "Cabin",
-            "resolution": 0.05,
-            "origin_x": 0.0,
-            "origin_y": 0.0,
-            "width": 160,
-            "height": 80,
-            "image": b"png",
-            "plan": PLAN,
-            "sha256": "a" * 64,
-        },
-    )
-    factsheet = {
-        "series": "giraff",
-        "footprint": [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]],
-    }
-    return create_robot(name=name, title=name.title(), floor_plan=plan, factsheet=factsheet, **more)
+    drawn = {"width": 160, "height": 80, "plan": PLAN, "sha256": "a" * 64}
+    plan = FloorPlan.objects.filter(name="cabin").first() or floor_plan("cabin", **drawn)
+    footprint = [[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]]
+    factsheet = {"series": "giraff", "footprint": footprint}
+    return create_robot(name, floor_plan=plan, factsheet=factsheet, **more)
 
 
 def study(**more: Any) -> Study:
     """The study of tests/support/studies/studies.py, stored as it stands."""
-    fields = {
-        "slug": "cabin-study",
-        "version": 1,
-        "title": "Cabin",
-        "definition": STUDY,
-        "sha256": "0" * 64,
-        "created_at": GRANTED,
-    }
+    fields = {"slug": "cabin-study", "version": 1, "title": "Cabin", "definition": STUDY}
+    fields |= {"sha256": "0" * 64, "created_at": GRANTED}
     return Study.objects.create(**{**fields, **more})
 
 
 def participant(of: Study, user: User, **more: Any) -> Participant:
     """Somebody on the task's step."""
     now = timezone.now()
-    fields = {
-        "slot": f"{of.pk}:{user.pk}",
-        "step": "task",
-        "conditions": ["all_open"],
-        "created_at": now,
-        "seen_at": now,
-    }
+    fields = {"slot": f"{of.pk}:{user.pk}", "step": "task", "conditions": ["all_open"]}
+    fields |= {"created_at": now, "seen_at": now}
     return Participant.objects.create(study=of, user=user, **{**fields, **more})
 
 
@@ -78,46 +54,27 @@ def session(
 ) -> Session:
     """A session that ended after `seconds`, or still goes on."""
     fields: dict[str, Any] = {"queued_at": granted, "granted_at": granted, "driving_at": granted}
-    if seconds is not None:
-        fields |= {
-            "state": "ended",
-            "outcome": "completed",
-            "ended_at": granted + datetime.timedelta(seconds=seconds),
-        }
+    if seconds is None:
+        fields["state"] = "driving"
     else:
-        fields |= {"state": "driving"}
-    live_key = (
-        f"{robot.pk}:{visitor.pk}"
-        if seconds is None
-        else f"{robot.pk.hex}{visitor.pk.hex}:{granted.timestamp():.3f}"  # 80 at most
-    )
-    return Session.objects.create(
-        robot=robot, visitor=visitor, live_key=live_key, **{**fields, **more}
-    )
+        ended = granted + datetime.timedelta(seconds=seconds)
+        key = f"{robot.pk.hex}{visitor.pk.hex}:{granted.timestamp():.3f}"  # 80 at most
+        fields |= {"state": "ended", "outcome": "completed", "ended_at": ended, "live_key": key}
+    return session_row(robot, visitor, **fields | more)
 
 
-def drive(of: Participant, visit: Session, **more: Any) -> Drive:
+def drive(of: Participant, driven: Session, /, **more: Any) -> Drive:
     """The drive that a session is."""
-    fields = {
-        "step": "task",
-        "visit": 1,
-        "round": 0,
-        "number": 1,
-        "condition": "all_open",
-        "seed": 1,
-        "granted_at": visit.granted_at,
-    }
-    return Drive.objects.create(participant=of, session=visit, **{**fields, **more})
+    fields = {"step": "task", "visit": 1, "round": 0, "number": 1, "condition": "all_open"}
+    fields |= {"seed": 1, "granted_at": driven.granted_at}
+    return Drive.objects.create(participant=of, session=driven, **{**fields, **more})
 
 
 def place(t: float) -> tuple[float, float, float]:
     """Where the robot is `t` seconds after the grant: on a circle."""
     angle = CIRCLE * t
-    return (
-        2.0 + math.cos(angle),
-        2.0 + math.sin(angle),
-        math.remainder(angle + math.pi / 2.0, math.tau),
-    )
+    theta = math.remainder(angle + math.pi / 2.0, math.tau)
+    return 2.0 + math.cos(angle), 2.0 + math.sin(angle), theta
 
 
 def state(t: float, begin: float, seq: int, applied: int = 1) -> dict[str, Any]:
@@ -126,20 +83,12 @@ def state(t: float, begin: float, seq: int, applied: int = 1) -> dict[str, Any]:
     """
     x, y, theta = place(t)
     stamp = begin + t + OFFSET
-    command = {
-        "method": "keyboard",
-        "way": "datachannel",
-        "age": 0.03,
-        "linear": 0.2,
-        "angular": 0.2,
-    }
+    command = {"method": "keyboard", "way": "datachannel", "age": 0.03}
+    command |= {"linear": 0.2, "angular": 0.2}
+    ages = [(applied - 1 - n) / RATE / max(1, applied) for n in range(applied)]
     commands = [
-        {
-            **command,
-            "seq": seq * applied + n,
-            "stamp": begin + t - (applied - 1 - n) / RATE / max(1, applied),
-        }
-        for n in range(applied)
+        {**command, "seq": seq * applied + n, "stamp": begin + t - age}
+        for n, age in enumerate(ages)
     ]
     return {
         "stamp": stamp,
@@ -160,31 +109,12 @@ def record(visit: Session, *, seconds: int = 60, applied: int = 1) -> None:
     chunks, samples = [], []
     for second in range(seconds):
         states = [state(second + n / RATE, begin, second * per + n, applied) for n in range(per)]
-        chunks.append(
-            StateChunk(
-                session=visit,
-                boot="boot",
-                first_seq=states[0]["seq"],
-                last_seq=states[-1]["seq"],
-                count=per,
-                first_stamp=states[0]["stamp"],
-                last_stamp=states[-1]["stamp"],
-                received_at=begin + second + 1.0,
-                clock_offset=OFFSET,
-                states=states,
-            )
-        )
-        data = {
-            "roundTrip": 0.04 + 0.02 * math.sin(second),
-            "loss": 0.0,
-            "fps": 30.0,
-            "way": "datachannel",
-        }
-        samples.append(
-            NetworkSample(
-                session=visit, stamp=begin + second, received_at=begin + second, data=data
-            )
-        )
+        about = {"received_at": begin + second + 1.0, "clock_offset": OFFSET}
+        chunks.append(unsaved_chunk(visit, states, **about))
+        data = {"roundTrip": 0.04 + 0.02 * math.sin(second), "loss": 0.0, "fps": 30.0}
+        data["way"] = "datachannel"
+        times = {"stamp": begin + second, "received_at": begin + second}
+        samples.append(NetworkSample(session=visit, data=data, **times))
     StateChunk.objects.bulk_create(chunks)
     NetworkSample.objects.bulk_create(samples)
 
@@ -201,22 +131,13 @@ def told(visit: Session, at: float, kind: str, source: str = "robot", **data: An
 
 def task_told(of: Drive, at: float, kind: str, **data: Any) -> TaskEvent:
     """What the task engine tells."""
-    return TaskEvent.objects.create(
-        drive=of,
-        number=of.events.count(),
-        stamp=of.granted_at.timestamp() + at,
-        type=kind,
-        data=data,
-    )
+    about = {"number": of.events.count(), "stamp": of.granted_at.timestamp() + at}
+    return TaskEvent.objects.create(drive=of, type=kind, data=data, **about)
 
 
 def photo(visit: Session, at: float, jpeg: bytes = b"\xff\xd8jpeg") -> Snapshot:
     """A photo taken `at` seconds after the grant."""
     assert visit.granted_at is not None
-    return Snapshot.objects.create(
-        session=visit,
-        action_id="p1",
-        stamp=visit.granted_at.timestamp() + at + OFFSET,
-        sha256="b" * 64,
-        jpeg=jpeg,
-    )
+    stamp = visit.granted_at.timestamp() + at + OFFSET
+    about = {"action_id": "p1", "stamp": stamp, "sha256": "b" * 64}
+    return Snapshot.objects.create(session=visit, jpeg=jpeg, **about)

@@ -10,8 +10,8 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from robots.api import codec, picture
-from robots.api.messages import Battery, Pose, State, Velocity
 from sessions import protocol
+from tests.support import words
 from tests.support.patience import patient
 
 JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
@@ -70,24 +70,10 @@ class RobotSocket:
 
     async def grant(self):
         self.queued = False
-        await self.say(
-            "session/granted",
-            protocol.Granted(
-                session="s1", epoch=3, peer="p1", terms=protocol.GrantedTerms(interface="standard")
-            ),
-        )
-        await self.say(
-            "state",
-            State(
-                stamp=1.0,
-                boot="b",
-                seq=1,
-                session="s1",
-                pose=Pose(x=1.0, y=2.0, theta=0.0),
-                velocity=Velocity(linear=0.0, angular=0.0),
-                battery=Battery(charge=0.9),
-            ),
-        )
+        terms = protocol.GrantedTerms(interface="standard")
+        granted = protocol.Granted(session="s1", epoch=3, peer="p1", terms=terms)
+        await self.say("session/granted", granted)
+        await self.say("state", words.state(session="s1"))
 
     async def say(self, suffix, message):
         await self.socket.send(codec.encode_frame(suffix, message))

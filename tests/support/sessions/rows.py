@@ -17,8 +17,14 @@ def session_row(robot: Robot, visitor: User, **fields: Any) -> Session:
 
 def chunk_row(session: Session, states: list[dict[str, Any]], **fields: Any) -> StateChunk:
     """Store states as on the wire, with their own boot, numbers and stamps."""
+    row = unsaved_chunk(session, states, **fields)
+    row.save()
+    return row
+
+
+def unsaved_chunk(session: Session, states: list[dict[str, Any]], **fields: Any) -> StateChunk:
     first, last = states[0], states[-1]
-    return StateChunk.objects.create(
+    return StateChunk(
         session=session,
         states=states,
         boot=first["boot"],

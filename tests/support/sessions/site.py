@@ -32,6 +32,7 @@ from tests.support.collected import collected_files
 from tests.support.django_shell import DjangoShell
 from tests.support.paths import ROOT
 from tests.support.patience import patient
+from tests.support.programs.finished import run
 
 T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
@@ -146,11 +147,7 @@ class Site:
 
     @property
     def environment(self) -> dict[str, str]:
-        kept = {
-            name: value
-            for name, value in os.environ.items()
-            if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE"}
-        }
+        kept = {name: value for name, value in os.environ.items() if name != "DATABASE_URL"}
         ours = {
             "VAR_DIR": str(self.var),
             "MQTT_URL": self.mqtt_url,
@@ -170,16 +167,9 @@ class Site:
             path.write_text(path.read_text().replace(NO_BROKER, self.mqtt_url))
         (self.var / "static").symlink_to(collected_files())
 
-    def run(self, *arguments: str) -> str:
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=ROOT,
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+    def run(self, *arguments: str, within: float = 120.0) -> str:
+        """Run Python, and return what it prints."""
+        done = run(sys.executable, *arguments, env=self.environment, timeout=within)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
@@ -221,13 +211,8 @@ class Site:
         that is signed in.
         """
         return self.django(
-            "from importlib import import_module; from django.conf import settings; from"
-            " accounts.models import User;from django.contrib.auth import BACKEND_SESSION_KEY as"
-            " B, HASH_SESSION_KEY as H, SESSION_KEY as K;user, _ ="
-            f" User.objects.get_or_create(username={name!r});s ="
-            " import_module(settings.SESSION_ENGINE).SessionStore();s[K] = str(user.pk); s[B] ="
-            " settings.AUTHENTICATION_BACKENDS[0]; s[H] = user.get_session_auth_hash(); s.save();"
-            " print(s.session_key)"
+            "from accounts.models import User; from tests.support.browsers.pages import cookie_of;"
+            f" print(cookie_of(User.objects.get_or_create(username={name!r})[0]))"
         ).strip()
 
     # --- its processes ---
@@ -314,32 +299,10 @@ class Site:
         without a graphics card a core for each browser.
         """
         port = free_port()
-        simulator = ("--fps", "6", *simulator)
-        self.start(
-            f"{name}-simulator",
-            [
-                "-m",
-                "robots.simulator",
-                "--profile",
-                name,
-                "--listen",
-                f"{LOOPBACK}:{port}",
-                *simulator,
-            ],
-        )
-        self.start(
-            name,
-            [
-                "manage.py",
-                "run_robot",
-                name,
-                "--var",
-                str(self.var),
-                "--option",
-                f"address={LOOPBACK}:{port}",
-                *agent,
-            ],
-        )
+        words = f"-m robots.simulator --profile {name} --listen {LOOPBACK}:{port} --fps 6".split()
+        self.start(f"{name}-simulator", [*words, *simulator])
+        words = f"manage.py run_robot {name} --option address={LOOPBACK}:{port} --var".split()
+        self.start(name, [*words, str(self.var), *agent])
         wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")
         # it has touched the contacts for long enough: before, a study would have its participant
         # wait
@@ -380,12 +343,8 @@ class Site:
 
     def robot_is_docked(self, name: str) -> bool:
         """Whether the robot says that it is docked."""
-        return bool(
-            self.rows(
-                f"SELECT 1 {PRESENCE} WHERE name = ? AND json_extract(report, '$.docked')",
-                name,
-            )
-        )
+        docked = "json_extract(report, '$.docked')"
+        return bool(self.rows(f"SELECT 1 {PRESENCE} WHERE name = ? AND {docked}", name))
 
 
 @contextlib.contextmanager

@@ -30,12 +30,8 @@ class Outside:
     def __init__(self, rig: RcaRig) -> None:
         self.rig, self.series, self.adapter_name = rig, rig.world.series, rig.adapter_name
         self.profile = rig.profile
-        self.start, self.kill, self.revive, self.options = (
-            rig.__enter__,
-            rig.kill,
-            rig.revive,
-            rig.options,
-        )
+        self.start, self.kill, self.revive = rig.__enter__, rig.kill, rig.revive
+        self.options = rig.options
 
     def place(self) -> tuple[float, float]:
         truth = self.rig.world.truth
@@ -62,19 +58,9 @@ class Simulator:
         return {"address": f"{LOOPBACK}:{self.port}"}
 
     def start(self) -> None:
-        words = [
-            "--profile",
-            self.series,
-            "--listen",
-            f"{LOOPBACK}:{self.port}",
-            "--start",
-            START,
-            "--seed",
-            "3",
-            "--fps",
-            "6",
-        ]
-        self.site.start("rca", ["-m", "robots.simulator", *words])
+        where = f"--profile {self.series} --listen {LOOPBACK}:{self.port} --start {START}"
+        words = f"-m robots.simulator {where} --seed 3 --fps 6".split()
+        self.site.start("rca", words)
         wait_for(lambda: self.site.listening(self.port), 30, "the simulator")
         self._onlooker = Onlooker(self.port)
 
@@ -115,29 +101,12 @@ def robot_behind(adapter: str, site: Site, directory: Path) -> Iterator[Architec
     architecture = ARCHITECTURES[adapter](site, directory)
     try:
         architecture.start()
-        options = [
-            word
-            for name, value in architecture.options().items()
-            for word in ("--option", f"{name}={value}")
-        ]
-        words = [
-            architecture.series,
-            "--var",
-            str(site.var),
-            "--adapter",
-            architecture.adapter_name,
-            "--profile",
-            architecture.profile,
-            *options,
-            *architecture.camera,
-        ]
-        site.start("agent", ["-m", "robots.agent", *words])
-        wait_for(
-            lambda: site.robot_is_online(architecture.series),
-            30,
-            f"a robot of {adapter}",
-            lambda: site.log("agent"),
-        )
+        options = [f"--option={name}={value}" for name, value in architecture.options().items()]
+        kind = ["--adapter", architecture.adapter_name, "--profile", architecture.profile]
+        words = [architecture.series, "--var", str(site.var), *kind, *options]
+        site.start("agent", ["-m", "robots.agent", *words, *architecture.camera])
+        is_online = lambda: site.robot_is_online(architecture.series)
+        wait_for(is_online, 30, f"a robot of {adapter}", lambda: site.log("agent"))
         yield architecture
     finally:
         if "agent" in site.processes:

@@ -23,7 +23,8 @@ from sessions.models import Session
 from surveys.models import Answer, Response
 from tests.support.agents.docked_robot import report_in_dock
 from tests.support.people import person
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
+from tests.support.sessions.rows import session_row
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 
@@ -33,15 +34,9 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
     site.
     """
     place = FloorPlan.objects.filter(name=name).first() or store_floor_plan(OFFICE)
-    return create_robot(
-        name=f"{series}-{name}",
-        title=series.title(),
-        floor_plan=place,
-        factsheet={"series": series},
-        report=report_in_dock(place, series),
-        connection="ONLINE",
-        last_seen_at=later(3600),  # online for longer than any test takes
-    )
+    report, sheet = report_in_dock(place, series), {"series": series}
+    about = {"title": series.title(), "floor_plan": place, "factsheet": sheet, "report": report}
+    return online_robot(f"{series}-{name}", **about)
 
 
 def published(definition: StudyDefinition, **fields: Any) -> Study:
@@ -91,14 +86,8 @@ def answered(participant: Participant, key: str, values: dict[str, Any]) -> Part
     response = questions.ask(participant, place, step, drive=DriveStatus(), now=now)
     Response.objects.filter(pk=response.pk).update(finished_at=now)
     for position, (item, value) in enumerate(values.items()):
-        Answer.objects.create(
-            response=response,
-            item=item,
-            value=value,
-            position=position,
-            first_at=now,
-            answered_at=now,
-        )
+        given = {"item": item, "value": value, "position": position}
+        Answer.objects.create(response=response, **given, first_at=now, answered_at=now)
     Participant.objects.filter(pk=participant.pk).update(step="task")
     participant.refresh_from_db()
     return participant
@@ -114,19 +103,16 @@ def session_of(
     reason: str = "",
 ) -> Session:
     """A session of a participant; with an outcome it is ended, and its record closed."""
-    now, key = timezone.now(), uuid.uuid4()
-    return Session.objects.create(
-        robot=robot,
-        visitor=participant.user,
-        live_key=str(key),
-        queued_at=now,
+    now = timezone.now()
+    ended = {"state": "ended", "outcome": outcome, "ended_at": now, "closed_at": now}
+    return session_row(
+        robot,
+        participant.user,
+        live_key=str(uuid.uuid4()),
         granted_at=now if granted else None,
         first_motion_at=now if moved else None,
-        state="ended" if outcome else "driving",
-        outcome=outcome,
         outcome_reason=reason,
-        ended_at=now if outcome else None,
-        closed_at=now if outcome else None,
+        **(ended if outcome else {"state": "driving"}),
     )
 
 
@@ -141,11 +127,7 @@ def drive_of(
         "visit": participant.visit,
         "round": participant.round,
         "number": participant.drives.count() + 1,
-        "condition": (participant.conditions or [""])[
-            min(participant.round, len(participant.conditions) - 1)
-        ]
-        if participant.conditions
-        else "",
+        "condition": (participant.conditions[: participant.round + 1] or [""])[-1],
         "seed": 1,
         "granted_at": timezone.now(),
         "settled_at": timezone.now() if outcome else None,

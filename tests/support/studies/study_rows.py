@@ -22,7 +22,9 @@ from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, Session, StateChunk
 from surveys.models import Answer, Response
 from surveys.models import Questionnaire as QuestionnaireRow
-from tests.support.robots import create_robot
+from tests.support.robots import create_robot, floor_plan
+from tests.support.sessions import replays
+from tests.support.sessions.rows import session_row, unsaved_chunk
 
 BEGUN = datetime.datetime(2026, 5, 4, 9, 0, tzinfo=datetime.UTC)
 MINUTE = datetime.timedelta(minutes=1)
@@ -41,16 +43,17 @@ class Stored:
 
 def put(dataset: Dataset, *, now: datetime.datetime = BEGUN) -> Stored:
     """Store a dataset; sessions of a participant are visits one after the other."""
-    study = Study.objects.create(
-        slug=dataset.study.slug,
-        version=dataset.study.version,
+    whole = dataset.study
+    study = replays.study(
+        slug=whole.slug,
+        version=whole.version,
         title="Study",
-        definition=msgspec.to_builtins(dataset.study),
-        sha256=digest(dataset.study),
+        secret="5e" * 32,
+        definition=msgspec.to_builtins(whole),
+        sha256=digest(whole),
         status=Study.Status.PUBLISHED,
         created_at=now,
         published_at=now - WEEK,
-        secret="5e" * 32,
     )
     stored = Stored(study)
     robots = _robots(dataset)
@@ -69,17 +72,11 @@ def put(dataset: Dataset, *, now: datetime.datetime = BEGUN) -> Stored:
 def _robots(dataset: Dataset) -> dict[str, Robot]:
     found = {}
     for name, plan in dataset.plans.items():
-        size = {"resolution": 0.05, "origin_x": 0.0, "origin_y": 0.0, "width": 1, "height": 1}
-        drawn = msgspec.json.decode(floorplan.encode(plan))
-        about = {"name": name, "title": name, "image": b"", "sha256": ""}
-        FloorPlan.objects.create(plan=drawn, **about, **size)
+        floor_plan(name, title=name, plan=msgspec.json.decode(floorplan.encode(plan)))
     for robot in dataset.robots:
-        sheet = {
-            "series": robot.series,
-            "rca": robot.facts["RCA"],
-            "capabilities": ["velocity", "dock"],
-            "limits": {"linear": 0.6, "angular": 0.7},
-        }
+        sheet = {"series": robot.series, "rca": robot.facts["RCA"]}
+        sheet |= {"capabilities": ["velocity", "dock"]}
+        sheet |= {"limits": {"linear": 0.6, "angular": 0.7}}
         place = {"floor_plan": FloorPlan.objects.first(), "factsheet": sheet}
         found[robot.name] = create_robot(name=robot.name, title=robot.title, **place)
     return found
@@ -102,57 +99,41 @@ def _participant(study: Study, person, now: datetime.datetime) -> Participant:
         status, completion = Participant.Status.FINISHED, "done"
     elif person.left:
         status, completion = Participant.Status.SCREENED_OUT, "screened_out"
-    return Participant.objects.create(
-        study=study,
-        user=user,
-        slot=f"{study.pk}:{user.pk}",
-        code=person.id,
+    return replays.participant(
+        study,
+        user,
         kind=person.kind,
+        cell=person.cell,
+        code=person.id,
+        step=person.reached,
+        conditions=[],
         status=status,
         completion=completion,
-        cell=person.cell,
-        age=None if np.isnan(person.age) else int(person.age),
-        step=person.reached,
         created_at=now,
         seen_at=now,
+        age=None if np.isnan(person.age) else int(person.age),
     )
 
 
 def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robot) -> Drive:
     who = stored.people[session.participant]
     granted = who.created_at + session.number * 30 * MINUTE
-    device = {
-        "os": session.os,
-        "browser": session.browser,
-        "network": session.network and f"10.0.{session.network[1:]}.0/24",
-        "user_agent": AGENT,
-    }
-    session_row = Session.objects.create(
-        robot=robot,
-        visitor=who.user,
-        state=Session.State.ENDED,
-        outcome=session.outcome,
-        live_key=str(uuid.uuid4()),
-        queued_at=granted - MINUTE,
-        granted_at=granted,
-        first_motion_at=_at(granted, session.first_motion),
-        ended_at=_at(granted, session.ended),
-        closed_at=granted + 20 * MINUTE,
-        device=device,
-        summary={"missing": session.missing},
-    )
+    network = session.network and f"10.0.{session.network[1:]}.0/24"
+    device = {"os": session.os, "browser": session.browser, "network": network, "user_agent": AGENT}
+    times = {"queued_at": granted - MINUTE, "granted_at": granted}
+    times |= {"first_motion_at": _at(granted, session.first_motion)}
+    times |= {"ended_at": _at(granted, session.ended), "closed_at": granted + 20 * MINUTE}
+    about = {"state": Session.State.ENDED, "live_key": str(uuid.uuid4()), "device": device}
+    about |= {"outcome": session.outcome, "summary": {"missing": session.missing}}
+    row = session_row(robot, who.user, **about, **times)
     first = None if np.isnan(session.first_frame) else granted.timestamp() + session.first_frame
-    drive = Drive.objects.create(
-        participant=who,
-        session=session_row,
-        step="task",
+    drive = replays.drive(
+        who,
+        row,
         visit=session.number,
-        round=0,
         number=session.number,
         condition=session.condition,
-        seed=1,
         mismatches=[session.mismatch] if session.mismatch else [],
-        granted_at=granted,
         exposed_at=_at(granted, session.first_frame),
         moved=not np.isnan(session.first_motion),
         outcome=session.outcome,
@@ -165,12 +146,12 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
         dataset.network(session.id),
         granted.timestamp(),
     )
-    StateChunk.objects.bulk_create(chunks(session_row, states, at), batch_size=500)
-    NetworkSample.objects.bulk_create(samples(session_row, network, at), batch_size=500)
+    StateChunk.objects.bulk_create(chunks(row, states, at), batch_size=500)
+    NetworkSample.objects.bulk_create(samples(row, network, at), batch_size=500)
     if session.operator and session.outcome != "stopped_by_operator":
         at = granted.timestamp() + 9.0
         about = {"type": "operator_message", "source": "server", "stamp": at, "received_at": at}
-        session_row.events.create(data={"text": "Mind the cat, Ada!"}, **about)
+        row.events.create(data={"text": "Mind the cat, Ada!"}, **about)
     return drive
 
 
@@ -183,18 +164,8 @@ def chunks(session: Session, states: Columns, granted: float) -> Iterator[StateC
     rows = [_state(states, index, granted) for index in range(len(states))]
     for start in range(0, len(rows), 4):
         part = rows[start : start + 4]
-        yield StateChunk(
-            session=session,
-            boot="boot-1",
-            first_seq=part[0]["seq"],
-            last_seq=part[-1]["seq"],
-            count=len(part),
-            first_stamp=part[0]["stamp"],
-            last_stamp=part[-1]["stamp"],
-            received_at=granted + float(states["received"][start]),
-            clock_offset=float(states["clock_offset"][start]),
-            states=part,
-        )
+        received, offset = (float(states[name][start]) for name in ("received", "clock_offset"))
+        yield unsaved_chunk(session, part, received_at=granted + received, clock_offset=offset)
 
 
 def _state(states: Columns, index: int, granted: float) -> dict:

@@ -7,7 +7,7 @@ from django.utils import timezone
 
 from robots.models import FloorPlan, Robot
 from tests.support.agents.docked_robot import report_in_dock
-from tests.support.robots import create_robot
+from tests.support.robots import create_robot, floor_plan
 from tests.support.studies.studies import PLAN
 
 ALL = ("velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "photo", "video", "doors")
@@ -15,18 +15,7 @@ ALL = ("velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "photo"
 
 def cabin_with_giraff() -> FloorPlan:
     """Return the cabin, with a giraff in it that has said what it is."""
-    plan = FloorPlan.objects.create(
-        name="cabin",
-        title="Cabin",
-        resolution=0.05,
-        origin_x=0.0,
-        origin_y=0.0,
-        width=160,
-        height=80,
-        image=b"",
-        plan=PLAN,
-        sha256="0" * 64,
-    )
+    plan = floor_plan("cabin", width=160, height=80, plan=PLAN, sha256="0" * 64)
     robot_at(plan, "giraff", "giraff")
     return plan
 
@@ -38,8 +27,7 @@ def robot_at(
     sheet = {"series": series, "capabilities": list(capabilities), "limits": {"linear": linear}}
     seen = timezone.now() + datetime.timedelta(hours=1)  # for longer than any test takes
     return create_robot(
-        name=name,
-        title=name.title(),
+        name,
         floor_plan=plan,
         factsheet=msgspec.to_builtins(sheet),
         report=report_in_dock(plan, series),

@@ -149,9 +149,7 @@ def lss(*questions: dict, languages=("en",), groups=("First",), more="", setting
             answers.append(
                 {"aid": aid, "qid": own, "code": code, "scale_id": scale, "sortorder": place}
             )
-            for lang in languages:
-                value = text.get(lang, "") if isinstance(text, dict) else text
-                answer_l10n.append({"aid": aid, "answer": value, "language": lang})
+            say(answer_l10n, {"aid": aid}, "answer", text)
         for name, value in one["attributes"].items():
             for lang in languages if isinstance(value, dict) else ("",):
                 text = value[lang] if isinstance(value, dict) else value
@@ -194,29 +192,12 @@ def lss_of(tables: dict[str, list[dict]], languages=("en",), more="", version=64
 
 # --- REDCap ---------------------------------------------------------------------------------------
 
-REDCAP_HEADINGS = (
-    "Variable / Field Name",
-    "Form Name",
-    "Section Header",
-    "Field Type",
-    "Field Label",
-    "Choices, Calculations, OR Slider Labels",
-    "Field Note",
-    "Text Validation Type OR Show Slider Number",
-    "Text Validation Min",
-    "Text Validation Max",
-    "Identifier?",
-    "Branching Logic (Show field only if...)",
-    "Required Field?",
-    "Custom Alignment",
-    "Question Number (surveys only)",
-    "Matrix Group Name",
-    "Matrix Ranking?",
-    "Field Annotation",
-)
-_SHORT = {
+REDCAP_HEADINGS = {
+    "name": "Variable / Field Name",
     "form": "Form Name",
     "header": "Section Header",
+    "kind": "Field Type",
+    "label": "Field Label",
     "choices": "Choices, Calculations, OR Slider Labels",
     "note": "Field Note",
     "rule": "Text Validation Type OR Show Slider Number",
@@ -225,28 +206,26 @@ _SHORT = {
     "identifier": "Identifier?",
     "branching": "Branching Logic (Show field only if...)",
     "required": "Required Field?",
+    "alignment": "Custom Alignment",
+    "number": "Question Number (surveys only)",
     "matrix": "Matrix Group Name",
     "ranking": "Matrix Ranking?",
     "annotation": "Field Annotation",
-    "label": "Field Label",
 }
 
 
 def field(name: str, kind: str, **more: str) -> dict[str, str]:
     """Return a row of a dictionary."""
-    row = {
-        "Variable / Field Name": name,
-        "Form Name": "form_one",
-        "Field Type": kind,
-        "Field Label": f"Text of {name}",
-    }
-    return row | {_SHORT[key]: value for key, value in more.items()}
+    row = {"name": name, "form": "form_one", "kind": kind, "label": f"Text of {name}"} | more
+    return {REDCAP_HEADINGS[key]: value for key, value in row.items()}
 
 
-def redcap(*rows: dict[str, str], delimiter: str = ",", headings=REDCAP_HEADINGS) -> bytes:
+def redcap(*rows: dict[str, str], delimiter: str = ",", headings=None) -> bytes:
     """Return a dictionary; the field that names the record comes first, as in every one."""
     out = io.StringIO()
-    writer = csv.DictWriter(out, headings, delimiter=delimiter, restval="")
+    writer = csv.DictWriter(
+        out, headings or REDCAP_HEADINGS.values(), delimiter=delimiter, restval=""
+    )
     writer.writeheader()
     writer.writerows([field("record_id", "text"), *rows])
     return out.getvalue().encode()

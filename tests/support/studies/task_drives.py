@@ -43,30 +43,13 @@ class Drive:
             self.say(FirstFrame(self.at, "frame"))
 
     def see(
-        self,
-        *,
-        docked: bool = False,
-        contact: bool | None = None,
-        localized: bool = True,
-        linear: float = 0.0,
-        released: bool = True,
+        self, *, docked: bool = False, contact: bool | None = None, **more: bool | float
     ) -> "Drive":
         """A state where the robot is; docked robots have contact."""
-        self.records.append(
-            Seen(
-                self.at,
-                "boot",
-                self.seq,
-                self.x,
-                self.y,
-                self.theta,
-                localized=localized,
-                docked=docked,
-                contact=docked if contact is None else contact,
-                linear=linear,
-                released=released,
-            )
-        )
+        usual = {"localized": True, "linear": 0.0, "released": True}
+        usual |= {"docked": docked, "contact": docked if contact is None else contact}
+        pose = (self.x, self.y, self.theta)
+        self.records.append(Seen(self.at, "boot", self.seq, *pose, **usual | more))
         self.seq += 1
         self.at += 1.0 / RATE
         return self
@@ -84,10 +67,8 @@ class Drive:
             from_x, from_y = self.x, self.y
             self.theta = math.atan2(y - from_y, x - from_x)
             for n in range(1, count + 1):
-                self.x, self.y = (
-                    from_x + n / count * (x - from_x),
-                    from_y + n / count * (y - from_y),
-                )
+                share = n / count
+                self.x, self.y = from_x + share * (x - from_x), from_y + share * (y - from_y)
                 self.see(linear=self.speed, released=False)
         return self
 

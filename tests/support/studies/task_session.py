@@ -19,8 +19,10 @@ from experiments.tasks.runner import Runner
 from robots.api import messages as m
 from robots.models import Robot, RobotPresence
 from sessions.leases import store
-from sessions.models import Session, SessionEvent, StateChunk
+from sessions.models import Session, SessionEvent
 from sessions.protocol import PageEvent
+from tests.support import words
+from tests.support.sessions.rows import chunk_row
 from tests.support.studies import participants as p
 from tests.support.studies import task_drives
 from tests.support.studies.studies import small_study
@@ -68,19 +70,11 @@ def photographed(at: float) -> list[Record]:
 
 def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
     """What the robot says, by its own clock."""
-    command = m.AppliedCommand(
-        seq=seen.seq,
-        stamp=seen.at,
-        method="keyboard",
-        way="datachannel",
-        age=0.01,
-        linear=0.3,
-        angular=0.0,
-    )
-    return m.State(
+    command = words.applied(seen.seq, stamp=seen.at)
+    return words.state(
+        seen.seq,
         stamp=seen.at + AHEAD,
         boot=seen.boot,
-        seq=seen.seq,
         session=str(drive.session_id),
         epoch=1,
         pose=m.Pose(x=seen.x, y=seen.y, theta=seen.theta, localized=seen.localized),
@@ -105,13 +99,8 @@ def message_of(record: Record) -> m.Event | m.ActionStatus | PageEvent:
                 stamp=at + AHEAD, boot="boot", seq=0, type="photo", action_id=action, sha256="ab"
             )
         case PhotoFailed(at, action):
-            return m.ActionStatus(
-                action_id=action,
-                status="FAILED",
-                stamp=at + AHEAD,
-                type="photo",
-                reason="no_picture",
-            )
+            failed = {"status": "FAILED", "type": "photo", "reason": "no_picture"}
+            return m.ActionStatus(action_id=action, stamp=at + AHEAD, **failed)
     raise AssertionError(record)
 
 
@@ -140,19 +129,8 @@ def write(
     ]
     for start in range(0, len(states), 4):
         part = states[start : start + 4]
-        first, last = part[0][1], part[-1][1]
-        StateChunk.objects.create(
-            session_id=drive.session_id,
-            boot=first.boot,
-            first_seq=first.seq,
-            last_seq=last.seq,
-            count=len(part),
-            first_stamp=first.stamp,
-            last_stamp=last.stamp,
-            received_at=part[0][0],
-            clock_offset=offset,
-            states=[msgspec.to_builtins(state) for _, state in part],
-        )
+        stored = [msgspec.to_builtins(state) for _, state in part]
+        chunk_row(drive.session, stored, received_at=part[0][0], clock_offset=offset)
     for record in records:
         if not isinstance(record, Seen):
             write_event(drive, message_of(record), record.at)
@@ -172,15 +150,9 @@ def write_event(
             for name, value in fields.items()
             if name != "stamp" and (name != "type" or kind == "action")
         }
-    SessionEvent.objects.create(
-        pk=uuid.uuid4(),
-        session_id=drive.session_id,
-        source=source,
-        type=kind,
-        stamp=message.stamp,
-        received_at=received_at,
-        data=data,
-    )
+    about = {"source": source, "type": kind, "data": data}
+    about |= {"stamp": message.stamp, "received_at": received_at}
+    SessionEvent.objects.create(pk=uuid.uuid4(), session_id=drive.session_id, **about)
 
 
 def close(

@@ -5,56 +5,33 @@ import copy
 from tests.support.studies.studies import STUDY, small_study
 
 OPERATOR_TEXT = "A person in another room drove the robot and spoke for it."
-WIZARD = {
-    "blind": True,
-    "participant_view": True,
-    "stages": [
-        {
-            "key": "welcome",
-            "title": {"en": "Welcome"},
-            "steps": [
-                {
-                    "key": "hello",
-                    "title": {"en": "Greet"},
-                    "shortcut": "1",
-                    "line": {"en": "Hello, I am the robot."},
-                },
-                {
-                    "key": "look",
-                    "title": {"en": "Look down"},
-                    "shortcut": "2",
-                    "move": {"kind": "tilt", "angle": 0.3},
-                },
-            ],
-        },
-        {
-            "key": "tour",
-            "title": {"en": "Tour"},
-            "steps": [
-                {
-                    "key": "leave",
-                    "title": {"en": "Leave the station"},
-                    "shortcut": "3",
-                    "move": {"kind": "drive", "linear": -0.2, "seconds": 2.0},
-                    "within": 60.0,
-                },
-                {"key": "around", "title": {"en": "Turn around"}, "move": {"kind": "turn"}},
-                {"key": "home", "title": {"en": "Dock"}, "move": {"kind": "dock"}},
-            ],
-        },
-    ],
-}
+
+
+def _titled(key, title, **more):
+    return {"key": key, "title": {"en": title}, **more}
+
+
+BACKWARDS = {"kind": "drive", "linear": -0.2, "seconds": 2.0}
+WELCOME = [
+    _titled("hello", "Greet", shortcut="1", line={"en": "Hello, I am the robot."}),
+    _titled("look", "Look down", shortcut="2", move={"kind": "tilt", "angle": 0.3}),
+]
+TOUR = [
+    _titled("leave", "Leave the station", shortcut="3", move=BACKWARDS, within=60.0),
+    _titled("around", "Turn around", move={"kind": "turn"}),
+    _titled("home", "Dock", move={"kind": "dock"}),
+]
+STAGES = [_titled("welcome", "Welcome", steps=WELCOME), _titled("tour", "Tour", steps=TOUR)]
+WIZARD = {"blind": True, "participant_view": True, "stages": STAGES}
 
 
 def wizard_document(*, operator=None, study=None, **wizard):
     """Return the study as a dict; `wizard` replaces fields of its part."""
     debriefing = {"en": OPERATOR_TEXT} if operator is None else operator
     whole = copy.deepcopy({**STUDY, "wizard": {**WIZARD, **wizard}, **(study or {})})
-    debrief = whole["steps"][-1] if whole["steps"][-1]["kind"] == "debrief" else None
-    if debrief is None:
-        debrief = {"kind": "debrief", "key": "thanks", "title": {"en": "T"}, "text": {"en": "T"}}
-        whole["steps"] = [*whole["steps"], debrief]
-    debrief["operator"] = debriefing
+    if whole["steps"][-1]["kind"] != "debrief":
+        whole["steps"].append(_titled("thanks", "T", kind="debrief", text={"en": "T"}))
+    whole["steps"][-1]["operator"] = debriefing
     return whole
 
 

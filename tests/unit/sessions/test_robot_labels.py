@@ -9,7 +9,6 @@ import pytest
 from django.conf import settings
 
 from robots.cards import Traffic, card
-from robots.models import Robot
 from tests.support.robots import unsaved_robot
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)

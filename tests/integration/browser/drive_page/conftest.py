@@ -4,9 +4,10 @@ from collections.abc import AsyncIterator, Iterator
 
 import pytest
 import pytest_asyncio
-from playwright.async_api import Browser, async_playwright
+from playwright.async_api import Browser, Page, async_playwright
 
 from tests.support.browsers.chromium import CHROMIUM, FLAGS
+from tests.support.browsers.drive_page import driven
 from tests.support.browsers.fake_robot_page import FakeRobotPage
 
 
@@ -35,3 +36,10 @@ async def browser(chromium) -> AsyncIterator[Browser]:
     yield chromium
     for context in chromium.contexts:
         await context.close()
+
+
+@pytest_asyncio.fixture(loop_scope="module")
+async def page(browser, site) -> AsyncIterator[Page]:
+    """The page of a visitor who drives."""
+    async with driven(browser, site) as page:
+        yield page

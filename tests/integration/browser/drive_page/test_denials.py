@@ -5,8 +5,8 @@ import pytest
 
 from robots.api import messages as m
 from sessions import protocol
-from tests.support.browsers.drive_page import driven, driving, opened, until
-from tests.support.patience import patient
+from tests.support.browsers.drive_page import driving, opened
+from tests.support.patience import patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 LINE = ":is(#alert, #card-warning)[data-word='{}']:visible"
@@ -43,16 +43,15 @@ async def test_denied_video_is_requested_again(browser, site):
 
 
 @pytest.mark.parametrize("reason", ["unavailable", "busy", "rate"])
-async def test_denied_leave_is_shown_until_the_server_accepts_it(browser, site, reason):
-    async with driven(browser, site) as page:
-        site.denies["session/leave"] = reason
-        await page.click("#leave")
-        await page.click("[data-action='leave_now']")
-        text = await alert(page, "denied.leave")
-        assert text.endswith("Keep it open.")
-        site.denies.clear()
-        await until(lambda: not site.session)
-        await quiet(page, "denied.leave")
+async def test_denied_leave_is_shown_until_the_server_accepts_it(site, page, reason):
+    site.denies["session/leave"] = reason
+    await page.click("#leave")
+    await page.click("[data-action='leave_now']")
+    text = await alert(page, "denied.leave")
+    assert text.endswith("Keep it open.")
+    site.denies.clear()
+    await until(lambda: not site.session)
+    await quiet(page, "denied.leave")
 
 
 async def test_denied_release_of_a_stop_can_be_requested_again_at_once(browser, site):

@@ -17,8 +17,8 @@ from tests.support.browsers.drive_page import (
     opened,
     stands,
     stops,
-    until,
 )
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 # why a robot refuses delayed commands, and those overtaken on the other transport
@@ -51,18 +51,17 @@ async def test_one_click_shows_video_and_a_held_key_drives_over_the_data_channel
         assert late < len(site.applied), "late for a while, not for most of the drive"
 
 
-async def test_key_held_during_a_fault_must_be_released_before_driving_on(browser, site):
-    async with driven(browser, site) as page:
-        for _ in range(2):
-            await hold(page, "ArrowLeft", lambda: site.simulation.motion.angular > 0.1)
-            site.do(site.kernel.set_fault, "the base is silent")
-            await until(lambda: site.simulation.motion.angular == 0.0)
-            site.do(lambda: site.kernel.clear_fault(time.monotonic()))
-            await page.wait_for_selector("#alert[data-word='stuck.held']")
-            said = await page.inner_text("#alert")
-            assert said == "The robot was stopped. Release the controls, then drive on."
-            await page.keyboard.up("ArrowLeft")
-            await page.wait_for_selector("#alert[hidden]", state="attached")
+async def test_key_held_during_a_fault_must_be_released_before_driving_on(site, page):
+    for _ in range(2):
+        await hold(page, "ArrowLeft", lambda: site.simulation.motion.angular > 0.1)
+        site.do(site.kernel.set_fault, "the base is silent")
+        await until(lambda: site.simulation.motion.angular == 0.0)
+        site.do(lambda: site.kernel.clear_fault(time.monotonic()))
+        await page.wait_for_selector("#alert[data-word='stuck.held']")
+        said = await page.inner_text("#alert")
+        assert said == "The robot was stopped. Release the controls, then drive on."
+        await page.keyboard.up("ArrowLeft")
+        await page.wait_for_selector("#alert[hidden]", state="attached")
 
 
 @pytest.mark.nightly
@@ -106,66 +105,62 @@ async def test_command_names_the_frame_that_the_visitor_saw(browser, site):
 
 
 @pytest.mark.nightly
-async def test_marker_on_the_map_is_where_the_robot_is(browser, site):
-    async with driven(browser, site) as page:
-        await page.wait_for_selector("#map[data-marker-x]")
-        seen = await page.evaluate("""() => {
-                const canvas = document.getElementById("map");
-                const { markerX, markerY, viewX, viewY, viewScale } = canvas.dataset;
-                const density = canvas.width / canvas.clientWidth;
-                const [left, top] = [markerX * density, markerY * density].map(Math.round);
-                const pixel = canvas.getContext("2d").getImageData(left, top, 1, 1).data;
-                const x = +viewX + (markerX - canvas.clientWidth / 2) / viewScale;
-                const y = +viewY - (markerY - canvas.clientHeight / 2) / viewScale;
-                return { x, y, pixel: Array.from(pixel) };
-            }""")
-        truth = site.simulation.pose
-        assert abs(seen["x"] - truth.x) < 0.15
-        assert abs(seen["y"] - truth.y) < 0.15
-        assert seen["pixel"] == [0xFF, 0x8A, 0x3C, 255]
+async def test_marker_on_the_map_is_where_the_robot_is(site, page):
+    await page.wait_for_selector("#map[data-marker-x]")
+    seen = await page.evaluate("""() => {
+            const canvas = document.getElementById("map");
+            const { markerX, markerY, viewX, viewY, viewScale } = canvas.dataset;
+            const density = canvas.width / canvas.clientWidth;
+            const [left, top] = [markerX * density, markerY * density].map(Math.round);
+            const pixel = canvas.getContext("2d").getImageData(left, top, 1, 1).data;
+            const x = +viewX + (markerX - canvas.clientWidth / 2) / viewScale;
+            const y = +viewY - (markerY - canvas.clientHeight / 2) / viewScale;
+            return { x, y, pixel: Array.from(pixel) };
+        }""")
+    truth = site.simulation.pose
+    assert abs(seen["x"] - truth.x) < 0.15
+    assert abs(seen["y"] - truth.y) < 0.15
+    assert seen["pixel"] == [0xFF, 0x8A, 0x3C, 255]
 
 
-async def test_stop_button_stops_on_both_transports_despite_a_held_key(browser, site):
-    async with driven(browser, site) as page:
-        await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
-        await page.click("#stop")
-        await until(lambda: stops(site, "datachannel") and stops(site, "mqtt"))
-        last = site.applied[-1][1].seq
-        stop = stops(site)[0]
-        assert stop.seq > last
-        await until(lambda: site.simulation.motion.linear == 0.0)
-        await page.wait_for_selector("#stop:not([data-pending])")
-        count = len(site.applied)
-        await page.keyboard.up("ArrowUp")
-        await hold(page, "ArrowUp", lambda: len(site.applied) > count)
-        assert site.applied[count][1].seq > stop.seq
-        await page.keyboard.up("ArrowUp")
+async def test_stop_button_stops_on_both_transports_despite_a_held_key(site, page):
+    await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
+    await page.click("#stop")
+    await until(lambda: stops(site, "datachannel") and stops(site, "mqtt"))
+    last = site.applied[-1][1].seq
+    stop = stops(site)[0]
+    assert stop.seq > last
+    await until(lambda: site.simulation.motion.linear == 0.0)
+    await page.wait_for_selector("#stop:not([data-pending])")
+    count = len(site.applied)
+    await page.keyboard.up("ArrowUp")
+    await hold(page, "ArrowUp", lambda: len(site.applied) > count)
+    assert site.applied[count][1].seq > stop.seq
+    await page.keyboard.up("ArrowUp")
 
 
-async def test_a_page_that_is_left_stops_the_robot_though_the_key_is_held(browser, site):
-    async with driven(browser, site) as page:
-        await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
-        await page.evaluate("window.dispatchEvent(new Event('pagehide'))")
-        await until(lambda: stops(site, "datachannel"))
-        await until(lambda: site.simulation.motion.linear == 0.0)
-        assert site.applied[-1][1].seq < stops(site)[0].seq
+async def test_a_page_that_is_left_stops_the_robot_though_the_key_is_held(site, page):
+    await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
+    await page.evaluate("window.dispatchEvent(new Event('pagehide'))")
+    await until(lambda: stops(site, "datachannel"))
+    await until(lambda: site.simulation.motion.linear == 0.0)
+    assert site.applied[-1][1].seq < stops(site)[0].seq
 
 
-async def test_drive_goes_on_without_the_server_and_resumes_on_the_same_link(browser, site):
-    async with driven(browser, site) as page:
-        site.closed_to_sockets = True
-        site.cut_sockets()
-        await page.wait_for_selector("#alert[data-word='alert.server_only']")
-        count = len(site.applied)
-        await page.keyboard.down("ArrowLeft")
-        await until(lambda: len(site.applied) > count + 10)
-        site.closed_to_sockets = False
-        takes = await until(lambda: [take for take in site.received("session/take") if take.peer])
-        await page.wait_for_selector("#alert[hidden]", state="attached")
-        await page.keyboard.up("ArrowLeft")
-        assert takes[0].session
-        assert offers(site) == 1
-        assert len({command.epoch for _, command in site.applied}) == 1
+async def test_drive_goes_on_without_the_server_and_resumes_on_the_same_link(site, page):
+    site.closed_to_sockets = True
+    site.cut_sockets()
+    await page.wait_for_selector("#alert[data-word='alert.server_only']")
+    count = len(site.applied)
+    await page.keyboard.down("ArrowLeft")
+    await until(lambda: len(site.applied) > count + 10)
+    site.closed_to_sockets = False
+    takes = await until(lambda: [take for take in site.received("session/take") if take.peer])
+    await page.wait_for_selector("#alert[hidden]", state="attached")
+    await page.keyboard.up("ArrowLeft")
+    assert takes[0].session
+    assert offers(site) == 1
+    assert len({command.epoch for _, command in site.applied}) == 1
 
 
 COLOURS = """() => {
@@ -177,45 +172,42 @@ COLOURS = """() => {
 
 
 @pytest.mark.nightly
-async def test_silent_link_is_replaced_and_the_old_frame_is_marked(browser, site):
-    async with driven(browser, site) as page:
-        site.muted = True
-        site.answers.clear()
-        await page.wait_for_selector("#drive-page[data-frozen]")
-        assert await page.inner_text("#alert") == "Reconnecting… the robot has stopped."
-        assert await page.is_visible("#still")
-        assert await page.evaluate(COLOURS) > 20
-        site.muted = False
-        site.answers.set()
-        await driving(page)
-        await page.wait_for_selector("#drive-page:not([data-frozen])")
-        assert offers(site) >= 2
-        count = len(site.applied)
-        await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
-        await page.keyboard.up("ArrowLeft")
+async def test_silent_link_is_replaced_and_the_old_frame_is_marked(site, page):
+    site.muted = True
+    site.answers.clear()
+    await page.wait_for_selector("#drive-page[data-frozen]")
+    assert await page.inner_text("#alert") == "Reconnecting… the robot has stopped."
+    assert await page.is_visible("#still")
+    assert await page.evaluate(COLOURS) > 20
+    site.muted = False
+    site.answers.set()
+    await driving(page)
+    await page.wait_for_selector("#drive-page:not([data-frozen])")
+    assert offers(site) >= 2
+    count = len(site.applied)
+    await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
+    await page.keyboard.up("ArrowLeft")
 
 
-async def test_commands_switch_transport_when_the_data_channel_fails(browser, site):
-    async with driven(browser, site) as page:
-        await hold(page, "ArrowLeft", lambda: direct(site) > 5)
-        site.deaf_to_channel = True
-        await until(lambda: site.applied[-1][0] == "mqtt")
-        site.deaf_to_channel = False
-        await until(lambda: site.applied[-1][0] == "datachannel")
-        await page.keyboard.up("ArrowLeft")
-        numbers = [command.seq for _, command in site.applied]
-        assert numbers == sorted(set(numbers))
+async def test_commands_switch_transport_when_the_data_channel_fails(site, page):
+    await hold(page, "ArrowLeft", lambda: direct(site) > 5)
+    site.deaf_to_channel = True
+    await until(lambda: site.applied[-1][0] == "mqtt")
+    site.deaf_to_channel = False
+    await until(lambda: site.applied[-1][0] == "datachannel")
+    await page.keyboard.up("ArrowLeft")
+    numbers = [command.seq for _, command in site.applied]
+    assert numbers == sorted(set(numbers))
 
 
 @pytest.mark.nightly
-async def test_reloaded_page_returns_to_its_session(browser, site):
-    async with driven(browser, site) as page:
-        session = site.received("session/take") and site._lease.session
-        await page.reload()
-        await driving(page)
-        take = site.received("session/take")[-1]
-        assert (take.session, take.takeover, take.peer) == (session, True, None)
-        assert "go=1" not in page.url
+async def test_reloaded_page_returns_to_its_session(site, page):
+    session = site.received("session/take") and site._lease.session
+    await page.reload()
+    await driving(page)
+    take = site.received("session/take")[-1]
+    assert (take.session, take.takeover, take.peer) == (session, True, None)
+    assert "go=1" not in page.url
 
 
 async def test_second_visitor_waits_in_the_queue_and_sees_the_video(browser, site):
@@ -264,37 +256,34 @@ async def test_unnamed_driver_is_named_in_the_observers_language(
         ("moved", "You are driving on another page now"),
     ],
 )
-async def test_every_end_says_what_happened_and_releases_the_robot(browser, site, outcome, title):
-    async with driven(browser, site) as page:
-        site.end(outcome)
-        await page.wait_for_selector(f"#card-title:has-text('{title}')")
-        assert await page.is_visible("#card-main")
-        assert await page.is_disabled("#stop")
-        await page.keyboard.down("ArrowUp")
-        await page.keyboard.up("ArrowUp")
-        assert site.received("command/velocity") == []
+async def test_every_end_says_what_happened_and_releases_the_robot(site, page, outcome, title):
+    site.end(outcome)
+    await page.wait_for_selector(f"#card-title:has-text('{title}')")
+    assert await page.is_visible("#card-main")
+    assert await page.is_disabled("#stop")
+    await page.keyboard.down("ArrowUp")
+    await page.keyboard.up("ArrowUp")
+    assert site.received("command/velocity") == []
 
 
-async def test_leaving_asks_first_and_ends_the_session(browser, site):
-    async with driven(browser, site) as page:
-        await page.click("#leave")
-        await page.click("text=Keep driving")
-        await page.click("#leave")
-        await page.click("#card-main")
-        await page.wait_for_selector("#card-title:has-text('You have left the robot')")
-        await until(lambda: site.received("session/leave"))
+async def test_leaving_asks_first_and_ends_the_session(site, page):
+    await page.click("#leave")
+    await page.click("text=Keep driving")
+    await page.click("#leave")
+    await page.click("#card-main")
+    await page.wait_for_selector("#card-title:has-text('You have left the robot')")
+    await until(lambda: site.received("session/leave"))
 
 
 @pytest.mark.nightly
-async def test_offline_robot_is_announced_and_driving_resumes_when_it_is_back(browser, site):
-    async with driven(browser, site) as page:
-        site.online = False
-        site.tell("robot", protocol.RobotPresence(online=False))
-        await page.wait_for_selector("#alert[data-word='alert.robot_offline']")
-        site.online = True
-        site.tell("robot", protocol.RobotPresence(online=True))
-        await page.wait_for_selector("#alert[hidden]", state="attached")
-        await driving(page)
+async def test_offline_robot_is_announced_and_driving_resumes_when_it_is_back(site, page):
+    site.online = False
+    site.tell("robot", protocol.RobotPresence(online=False))
+    await page.wait_for_selector("#alert[data-word='alert.robot_offline']")
+    site.online = True
+    site.tell("robot", protocol.RobotPresence(online=True))
+    await page.wait_for_selector("#alert[hidden]", state="attached")
+    await driving(page)
 
 
 async def test_finger_on_the_stick_drives_and_a_lost_touch_stops(browser, site):

@@ -11,11 +11,11 @@ import pytest
 from playwright.async_api import Browser, Page
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driven, driving, hold, opened, until
+from tests.support.browsers.drive_page import driven, driving, hold, opened
 from tests.support.browsers.drive_page_scenes import FREE
 from tests.support.browsers.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.media.picture_server import jpeg_of
-from tests.support.patience import PRESSED, patient
+from tests.support.patience import PRESSED, patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 INSTAGRAM = (
@@ -70,26 +70,24 @@ async def test_visitor_of_a_robot_that_did_not_dock_is_offered_a_free_one(browse
     site.others = []
 
 
-async def test_visitor_confirms_presence_by_button_or_any_input(browser, site):
-    async with driven(browser, site) as page:
-        for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
-            known = len(signs(site))
-            await ask_whether_present(page, site)
-            assert await page.title() == "Are you still there? · Giraff · Telepresence"
-            await give()
-            await page.wait_for_selector("#card", state="hidden")
-            assert await page.evaluate("document.activeElement.id") == "viewport"
-            # sent again, as the server has not confirmed it
-            await until(lambda known=known: len(signs(site)) >= known + 2)
-            site.tell("session/found_there", protocol.PresenceConfirmed(session=site.session))
-        assert "still there" not in await page.title()
-
-
-async def test_session_that_ended_while_idle_says_why(browser, site):
-    async with driven(browser, site) as page:
+async def test_visitor_confirms_presence_by_button_or_any_input(site, page):
+    for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
+        known = len(signs(site))
         await ask_whether_present(page, site)
-        over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
-        await repeat_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
+        assert await page.title() == "Are you still there? · Giraff · Telepresence"
+        await give()
+        await page.wait_for_selector("#card", state="hidden")
+        assert await page.evaluate("document.activeElement.id") == "viewport"
+        # sent again, as the server has not confirmed it
+        await until(lambda known=known: len(signs(site)) >= known + 2)
+        site.tell("session/found_there", protocol.PresenceConfirmed(session=site.session))
+    assert "still there" not in await page.title()
+
+
+async def test_session_that_ended_while_idle_says_why(site, page):
+    await ask_whether_present(page, site)
+    over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
+    await repeat_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
 
 
 @pytest.mark.nightly

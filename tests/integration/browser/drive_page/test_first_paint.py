@@ -4,14 +4,13 @@ before all scripts are loaded.
 
 import asyncio
 import re
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
 from playwright.async_api import Browser, Page, Route
 
-from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, driving, hold, moves
+from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, driving, evaluated, hold, moves
 from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
 
@@ -41,14 +40,6 @@ SETTLED = f"""() => new Promise((done) => requestAnimationFrame(() => setTimeout
 }})))"""
 PAINTED = "performance.getEntriesByName('first-contentful-paint').length > 0"
 COMPLETE = "performance.getEntriesByName('drive:complete').length > 0"
-
-
-async def comes(page: Page, expression: str) -> None:
-    """Wait until an expression is true; the page's policy refuses Playwright's own method."""
-    deadline = time.monotonic() + patient(20)
-    while not await page.evaluate(expression):
-        assert time.monotonic() < deadline, f"never: {expression}"
-        await asyncio.sleep(0.05)
 
 
 class Held:
@@ -95,14 +86,14 @@ async def without(
 @pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW])
 async def test_page_is_painted_before_its_script_which_then_moves_nothing(browser, site, size):
     async with without(MODULES, browser, site, size, NO_ANSWER) as (page, held):
-        await comes(page, PAINTED)
+        await evaluated(page, PAINTED)
         assert await page.inner_text("#card-title") == "Connecting…"
         assert await page.is_visible("#card .card__spinner")
         assert await page.is_visible("#status")
-        await comes(page, "document.readyState !== 'loading'")
+        await evaluated(page, "document.readyState !== 'loading'")
         drawn = await page.evaluate(SETTLED)
         held.released.set()
-        await comes(page, COMPLETE)
+        await evaluated(page, COMPLETE)
         assert await page.evaluate(BOXES) == drawn
         assert await page.evaluate("moved") == []
 
@@ -115,8 +106,8 @@ async def test_robot_is_driven_while_the_rest_of_the_page_loads(browser, site):
         assert await page.text_content("#map-state") == ""
         assert not await page.evaluate(COMPLETE)
         held.released.set()
-        await comes(page, "document.getElementById('map-state').textContent !== ''")
-        await comes(page, COMPLETE)
+        await evaluated(page, "document.getElementById('map-state').textContent !== ''")
+        await evaluated(page, COMPLETE)
 
 
 async def test_page_without_javascript_says_that_it_needs_it(chromium, site):

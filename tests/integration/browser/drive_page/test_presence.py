@@ -4,21 +4,25 @@ Chromiums, measured at the receiver.
 
 import asyncio
 import wave
+from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import pytest_asyncio
 from axe_playwright_python.async_playwright import Axe
-from playwright.async_api import Browser, Page
+from playwright.async_api import Page
 
 from robots.api import messages as m
-from tests.support.browsers.drive_page import driving, hold, note_errors, until
+from tests.support.browsers.drive_page import driving, evaluated, hold, note_errors
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.media.photographs import kept
 from tests.support.paths import ROOT
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
+Open = Callable[..., Awaitable[Page]]
 HERTZ = 880.0
 FAKE = [
     "--use-fake-device-for-media-stream",
@@ -76,31 +80,27 @@ def flags(tmp_path_factory) -> list[str]:
     return [*FAKE, f"--use-file-for-fake-audio-capture={sound}"]
 
 
-async def opened(browser: Browser, address: str, complaints: list[str], **context) -> Page:
-    size = {"width": 1280, "height": 800}
-    page = await (await browser.new_context(viewport=size, **context)).new_page()
-    note_errors(page, complaints)
-    await page.goto(address)
-    return page
+@pytest_asyncio.fixture(loop_scope="module")
+async def opened(browser) -> AsyncIterator[Open]:
+    """Open pages; no script of theirs may fail."""
+    complaints: list[str] = []
+
+    async def open_page(address: str, **context: Any) -> Page:
+        size = {"width": 1280, "height": 800}
+        page = await (await browser.new_context(viewport=size, **context)).new_page()
+        note_errors(page, complaints)
+        await page.goto(address)
+        return page
+
+    yield open_page
+    assert complaints == []
 
 
-async def drives(
-    browser: Browser, site: PresentRobotPage, complaints: list[str], **context
-) -> Page:
-    page = await opened(browser, site.url, complaints, **context)
+async def drives(opened: Open, site: PresentRobotPage, **context: Any) -> Page:
+    page = await opened(site.url, **context)
     await page.click("text=Drive Giraff")
     await driving(page)
     return page
-
-
-async def evaluated(page: Page, script: str, good, seconds: float = 15.0):
-    """Poll a script until its value is good."""
-    for _ in range(int(patient(seconds) / 0.1)):
-        found = await page.evaluate(script)
-        if found is not None and good(found):
-            return found
-        await asyncio.sleep(0.1)
-    raise AssertionError(f"no good value; the last was {found}")
 
 
 def is_green(colour) -> bool:
@@ -113,9 +113,8 @@ def is_loud(sound) -> bool:
 
 
 @pytest.mark.nightly
-async def test_sound_video_and_messages_pass_between_page_and_robot(browser, site) -> None:
-    complaints: list[str] = []
-    page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
+async def test_sound_video_and_messages_pass_between_page_and_robot(opened, site) -> None:
+    page = await drives(opened, site, permissions=["microphone", "camera"])
     assert site.speaker.played == 0, "nothing is sent before a click"
 
     # The robot's own outputs, while it has no screen.
@@ -126,7 +125,7 @@ async def test_sound_video_and_messages_pass_between_page_and_robot(browser, sit
     await page.wait_for_selector("#presence-note[data-sending] >> text=They can see and hear you.")
 
     # Its screen, which takes over.
-    screen = await opened(browser, site.screen_url, complaints)
+    screen = await opened(site.screen_url)
     await screen.wait_for_selector("#face[data-scene=seen][data-live]")
     assert is_green(await evaluated(screen, COLOUR, is_green))
     await evaluated(screen, TONE, is_loud)
@@ -191,7 +190,6 @@ async def test_sound_video_and_messages_pass_between_page_and_robot(browser, sit
     await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
     assert await page.evaluate("() => document.querySelector('#self').srcObject") is None
     await screen.wait_for_selector("#face[data-scene=visiting]")
-    assert complaints == []
 
 
 async def write(page: Page, text: str, *, aloud: bool = False):
@@ -205,9 +203,8 @@ async def write(page: Page, text: str, *, aloud: bool = False):
 
 
 @pytest.mark.nightly
-async def test_message_shows_how_far_it_was_delivered(browser, site) -> None:
-    complaints: list[str] = []
-    page = await drives(browser, site, complaints)
+async def test_message_shows_how_far_it_was_delivered(opened, site) -> None:
+    page = await drives(opened, site)
 
     # Without a screen the robot has it, unread.
     unseen = await write(page, "Is anybody there?")
@@ -217,7 +214,7 @@ async def test_message_shows_how_far_it_was_delivered(browser, site) -> None:
     site.loses_words = True
     lost = await write(page, "Hello again")
     await lost.locator("text=Not sent").wait_for()
-    screen = await opened(browser, site.screen_url, complaints)
+    screen = await opened(site.screen_url)
     await screen.wait_for_selector("#face[data-scene=visiting][data-live]")
     site.loses_words = False
     await kept(page, "message-not-sent")
@@ -232,7 +229,6 @@ async def test_message_shows_how_far_it_was_delivered(browser, site) -> None:
     results = await Axe().run(page)
     assert results.violations_count == 0, results.generate_report()
     await kept(page, "message-states")
-    assert complaints == []
 
 
 KNOCKS = """() => {
@@ -246,9 +242,8 @@ KNOCKS = """() => {
 
 
 @pytest.mark.nightly
-async def test_knock_rings_at_the_screen_until_it_is_answered(browser, site) -> None:
-    complaints: list[str] = []
-    page = await drives(browser, site, complaints)
+async def test_knock_rings_at_the_screen_until_it_is_answered(opened, site) -> None:
+    page = await drives(opened, site)
 
     # Without a screen: the robot's own loudspeaker.
     await page.click("#presence-knock")
@@ -259,7 +254,7 @@ async def test_knock_rings_at_the_screen_until_it_is_answered(browser, site) -> 
 
     # A screen rings, is seen, and answers.
     site.calls.knock_pause = 0.0
-    screen = await opened(browser, site.screen_url, complaints)
+    screen = await opened(site.screen_url)
     await screen.wait_for_selector("#face[data-scene=visiting][data-live]")
     await screen.click("#title")  # before a click a browser plays nothing
     await screen.evaluate(KNOCKS)
@@ -282,16 +277,14 @@ async def test_knock_rings_at_the_screen_until_it_is_answered(browser, site) -> 
     await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
     await page.wait_for_selector("#presence-knock", state="hidden")
     await kept(page, "knock-declined")
-    assert complaints == []
 
 
-async def test_screen_accepts_calls_where_required_and_stops_the_robot(browser, site) -> None:
-    complaints: list[str] = []
+async def test_screen_accepts_calls_where_required_and_stops_the_robot(opened, site) -> None:
     site.calls.rule = "ask"
     site.is_study = True
-    screen = await opened(browser, site.screen_url, complaints)
+    screen = await opened(site.screen_url)
     await screen.wait_for_selector("text=I am Giraff")
-    page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
+    page = await drives(opened, site, permissions=["microphone", "camera"])
     await screen.wait_for_selector("text=A study is in progress.")
     await kept(screen, "screen-study")
     await page.click("#presence-camera")
@@ -320,18 +313,15 @@ async def test_screen_accepts_calls_where_required_and_stops_the_robot(browser, 
     await page.wait_for_selector("#presence", state="hidden")
     camera = await page.evaluate("() => document.querySelector('#self').srcObject")
     assert camera is None, "the camera is off"
-    assert complaints == []
 
 
-async def test_screen_page_provides_camera_and_microphone_of_the_robot(browser) -> None:
-    complaints: list[str] = []
+async def test_screen_page_provides_camera_and_microphone_of_the_robot(opened) -> None:
     with PresentRobotPage(from_page=True) as site:
-        await opened(browser, site.screen_url, complaints)
-        ana = await drives(browser, site, complaints)
+        await opened(site.screen_url)
+        ana = await drives(opened, site)
         await evaluated(ana, COLOUR, is_green)
         await until(lambda: site.media.camera.status == site.media.microphone.status == "live")
         assert (await asyncio.to_thread(site.media.snapshot)).width >= 320
-    assert complaints == []
 
 
 # The picture of a video on the page, without the bars beside it, in CSS pixels.
@@ -408,13 +398,11 @@ async def faults(page: Page) -> list[str]:
     ]
 
 
-async def shown(
-    browser: Browser, site: PresentRobotPage, complaints: list[str], **context
-) -> tuple[Page, Page]:
+async def shown(opened: Open, site: PresentRobotPage, **context: Any) -> tuple[Page, Page]:
     """Return the drive page and the robot's display, once a screen is shared and both can point."""
-    screen = await opened(browser, site.screen_url, complaints)
+    screen = await opened(site.screen_url)
     await screen.wait_for_selector("#face[data-live]")
-    page = await drives(browser, site, complaints, **context)
+    page = await drives(opened, site, **context)
     await page.click("#presence-volumes")
     await page.click("#presence-share")
     await page.wait_for_selector("text=They can see your screen.")
@@ -429,9 +417,8 @@ async def shown(
 
 
 @pytest.mark.nightly
-async def test_dots_of_both_sides_are_at_the_same_place_on_both_pages(browser, site) -> None:
-    complaints: list[str] = []
-    page, screen = await shown(browser, site, complaints)
+async def test_dots_of_both_sides_are_at_the_same_place_on_both_pages(opened, site) -> None:
+    page, screen = await shown(opened, site)
     assert await page.get_attribute("#shared", "hidden") is None
     style = "() => getComputedStyle(document.querySelector('#video')).objectFit"
     assert await screen.evaluate(style) == "contain"
@@ -475,13 +462,11 @@ async def test_dots_of_both_sides_are_at_the_same_place_on_both_pages(browser, s
     assert site.pointed[-1][1].at is None
     assert all(command.linear == command.angular == 0.0 for _, command in site.applied[before:])
     assert site.asked[-1].shares is True
-    assert complaints == []
 
 
 @pytest.mark.nightly
-async def test_dots_ignore_bars_and_pass_through_the_server_if_needed(browser, site) -> None:
-    complaints: list[str] = []
-    page, screen = await shown(browser, site, complaints)
+async def test_dots_ignore_bars_and_pass_through_the_server_if_needed(opened, site) -> None:
+    page, screen = await shown(opened, site)
     before, counted = len(site.applied), len(site.pointed)
     box = await screen.locator("#video").bounding_box()
     await screen.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
@@ -501,13 +486,11 @@ async def test_dots_ignore_bars_and_pass_through_the_server_if_needed(browser, s
     await page.click("#presence-hang-up")
     await page.wait_for_selector("#shared", state="hidden")
     await screen.wait_for_selector("#pointers:not([data-open])", state="attached")
-    assert complaints == []
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (1024, 560), (390, 844), (844, 390)])
-async def test_preview_covers_neither_the_floor_ahead_nor_any_control(browser, site, size) -> None:
-    complaints: list[str] = []
-    page, _ = await shown(browser, site, complaints, reduced_motion="reduce")
+async def test_preview_covers_neither_the_floor_ahead_nor_any_control(opened, site, size) -> None:
+    page, _ = await shown(opened, site, reduced_motion="reduce")
     await page.set_viewport_size({"width": size[0], "height": size[1]})
     await evaluated(page, LAID, lambda apart: apart < 1.0)
     at = (0.75, 0.25)
@@ -528,13 +511,11 @@ async def test_preview_covers_neither_the_floor_ahead_nor_any_control(browser, s
         )
         assert apart, f"it covers {selector}"
     assert await faults(page) == []
-    assert complaints == []
 
 
 @pytest.mark.nightly
-async def test_missing_camera_or_microphone_has_a_next_step(browser, site) -> None:
-    complaints: list[str] = []
-    page = await drives(browser, site, complaints)
+async def test_missing_camera_or_microphone_has_a_next_step(opened, site) -> None:
+    page = await drives(opened, site)
     for kind, name, sentence in [
         ("mic", "NotFoundError", "No microphone found. Plug one in and try again, or send"),
         (
@@ -556,12 +537,10 @@ async def test_missing_camera_or_microphone_has_a_next_step(browser, site) -> No
         await page.click("#presence-dismiss")
         await page.wait_for_selector("#presence-note", state="hidden")
     assert site.asked == []
-    assert complaints == []
 
 
-async def test_photo_is_taken_shown_and_saved(browser, site) -> None:
-    complaints: list[str] = []
-    page = await drives(browser, site, complaints)
+async def test_photo_is_taken_shown_and_saved(opened, site) -> None:
+    page = await drives(opened, site)
     await page.click("#presence-photo")
     photo = await until(lambda: next((one for one in site.asked if isinstance(one, m.Photo)), None))
     site.photos[photo.action_id] = (ROOT / "static/img/screens/drive-wide.webp").read_bytes()
@@ -569,4 +548,3 @@ async def test_photo_is_taken_shown_and_saved(browser, site) -> None:
     assert await page.get_attribute("#kept-download", "download") == "giraff.jpg"
     await page.click("#kept-close")
     await page.wait_for_selector("#kept", state="hidden")
-    assert complaints == []

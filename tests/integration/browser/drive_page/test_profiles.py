@@ -1,6 +1,5 @@
 """Profiles of the drive page, the connection in figures, and the whole screen, in Chromium."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -10,8 +9,9 @@ import pytest_asyncio
 from playwright.async_api import Page
 
 from sessions import protocol
-from tests.support.browsers.drive_page import driving, hold, moves, stands, stops, until
+from tests.support.browsers.drive_page import driving, evaluated, hold, moves, stands, stops
 from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module"), pytest.mark.nightly]
 KNOWN = (
@@ -104,7 +104,7 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     assert await page.locator("#profiles button:disabled").count() == 4
     assert await page.inner_text("#profile-text") == "Set by the study."
     await page.click("#full-screen")
-    await until_page(page, "() => document.fullscreenElement !== null")
+    await evaluated(page, "() => document.fullscreenElement !== null")
     await page.click("#presence-volumes")
     known = len(site.applied)
     await hold(page, "ArrowUp", lambda: len(site.applied) > known + 3)
@@ -113,14 +113,6 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     await page.evaluate("document.exitFullscreen()")
     await until(lambda: len(stops(site)) > halts)
     await until(lambda: recorded(site, "full_screen", "on") == [True, False])
-
-
-async def until_page(page: Page, condition: str) -> None:
-    for _ in range(600):
-        if await page.evaluate(condition):
-            return
-        await asyncio.sleep(0.05)
-    raise AssertionError(condition)
 
 
 async def test_own_keys_drive_at_once_and_after_a_reload_and_old_ones_do_not(page, site):
@@ -156,14 +148,14 @@ async def test_own_keys_drive_at_once_and_after_a_reload_and_old_ones_do_not(pag
 async def _figures(page: Page, *needed: str) -> dict[str, str]:
     """Return the figures once the needed ones are known."""
     is_known = "(name) => !['–', undefined].includes(figures[name])"
-    await until_page(
+    await evaluated(
         page, f"() => {{ const figures = ({FIGURES})(); return {list(needed)}.every({is_known}); }}"
     )
     return await page.evaluate(FIGURES)
 
 
 async def _copied(page: Page) -> str:
-    await until_page(
+    await evaluated(
         page, "() => document.querySelector('#figures-copy-text').textContent !== 'Copy'"
     )
     return await page.evaluate("navigator.clipboard.readText()")

@@ -24,18 +24,17 @@ STOPS = "Unless it recovers, the robot stops in "
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("part", NAMES)
-async def test_failing_part_and_its_consequence_are_shown_until_it_recovers(browser, site, part):
-    async with driven(browser, site) as page:
-        for _ in range(2):
-            site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
-            text = await alert(page, f"fault.{part}.stops")
-            assert text.startswith(f"The server has a problem. {STOPS}")
-            site.faults = (protocol.Fault(part=part, then="stopped"),)
-            assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
-            site.faults = ()
-            over = f"#alert:not([data-word='fault.{part}.stopped'])"
-            await page.wait_for_selector(over, state="attached")
-        await goes_on(page, site)
+async def test_failing_part_and_its_consequence_are_shown_until_it_recovers(site, page, part):
+    for _ in range(2):
+        site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
+        text = await alert(page, f"fault.{part}.stops")
+        assert text.startswith(f"The server has a problem. {STOPS}")
+        site.faults = (protocol.Fault(part=part, then="stopped"),)
+        assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
+        site.faults = ()
+        over = f"#alert:not([data-word='fault.{part}.stopped'])"
+        await page.wait_for_selector(over, state="attached")
+    await goes_on(page, site)
 
 
 @pytest.mark.nightly
@@ -48,27 +47,25 @@ async def test_operator_reads_which_part_fails(browser, site):
             assert text.startswith(f"The server's {name} isn't responding. {STOPS}")
 
 
-async def test_full_disk_is_shown_and_driving_goes_on(browser, site):
-    async with driven(browser, site) as page:
-        site.faults = (protocol.Fault(part="disk_full", then="goes_on"),)
-        assert "You can keep driving" in await alert(page, "fault.disk_full")
-        await goes_on(page, site)
+async def test_full_disk_is_shown_and_driving_goes_on(site, page):
+    site.faults = (protocol.Fault(part="disk_full", then="goes_on"),)
+    assert "You can keep driving" in await alert(page, "fault.disk_full")
+    await goes_on(page, site)
 
 
 @pytest.mark.nightly
-async def test_server_with_open_socket_but_silent_counts_as_out_of_reach(browser, site):
-    async with driven(browser, site) as page:
-        session = site.session
-        for _ in range(2):
-            site.stopped = True
-            text = await alert(page, "alert.server_only")
-            assert text == "The server can't be reached. You can keep driving."
-            await goes_on(page, site)
-            await page.keyboard.up("ArrowLeft")
-            site.stopped = False
-            over = "#alert:not([data-word='alert.server_only'])"
-            await page.wait_for_selector(over, state="attached")
-        assert site.session == session
+async def test_server_with_open_socket_but_silent_counts_as_out_of_reach(site, page):
+    session = site.session
+    for _ in range(2):
+        site.stopped = True
+        text = await alert(page, "alert.server_only")
+        assert text == "The server can't be reached. You can keep driving."
+        await goes_on(page, site)
+        await page.keyboard.up("ArrowLeft")
+        site.stopped = False
+        over = "#alert:not([data-word='alert.server_only'])"
+        await page.wait_for_selector(over, state="attached")
+    assert site.session == session
 
 
 async def test_card_of_the_queue_shows_what_fails(browser, site):

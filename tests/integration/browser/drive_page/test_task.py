@@ -12,17 +12,9 @@ from playwright.async_api import Page, expect
 from robots.api.messages import Photo
 from sessions import protocol
 from tests.support.agents.told_task import guide, tell
-from tests.support.browsers.drive_page import (
-    LOW,
-    UPRIGHT,
-    WIDE,
-    actions,
-    driven,
-    hold,
-    stops,
-    until,
-)
+from tests.support.browsers.drive_page import LOW, UPRIGHT, WIDE, actions, driven, hold, stops
 from tests.support.browsers.fake_robot_page import FakeRobotPage
+from tests.support.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 
@@ -101,62 +93,59 @@ async def test_task_shows_cue_after_cue_and_covers_neither_stop_nor_floor(browse
 
 
 @pytest.mark.nightly
-async def test_photo_is_taken_reviewed_and_retaken_while_the_keys_still_drive(browser, site):
-    async with driven(browser, site) as page:
-        tell(site, "photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
-        photo = page.get_by_role("region", name="Photo")
-        await expect(photo.get_by_text("You cannot see yourself yet: turn left.")).to_be_visible()
-        await hold(page, "ArrowLeft", lambda: any(c.angular > 0.0 for _, c in site.applied))
-        await page.keyboard.up("ArrowLeft")
-        await photo.get_by_role("button", name="Take photo").click()
-        action = (await until(lambda: actions(site, Photo)))[0].action_id
-        await expect(photo.get_by_text("Taking the photo")).to_be_visible()
+async def test_photo_is_taken_reviewed_and_retaken_while_the_keys_still_drive(site, page):
+    tell(site, "photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
+    photo = page.get_by_role("region", name="Photo")
+    await expect(photo.get_by_text("You cannot see yourself yet: turn left.")).to_be_visible()
+    await hold(page, "ArrowLeft", lambda: any(c.angular > 0.0 for _, c in site.applied))
+    await page.keyboard.up("ArrowLeft")
+    await photo.get_by_role("button", name="Take photo").click()
+    action = (await until(lambda: actions(site, Photo)))[0].action_id
+    await expect(photo.get_by_text("Taking the photo")).to_be_visible()
 
-        tell(site, "photo_review", number=4, passed=(1, 2, 3, 4), window="review", photo=action)
-        await expect(photo.get_by_text("Loading the photo")).to_be_visible()
-        site.photos[action] = jpeg()
-        await expect(photo.get_by_alt_text("The photo you just took")).to_be_visible()
-        await photo.get_by_role("button", name="Retake").click()
-        answers = await until(lambda: recorded(site, "photo_answer"))
-        assert (answers[0]["choice"], answers[0]["photo"]) == ("again", action)
-        # Without a reply the same answer is sent again.
-        again = await until(lambda: recorded(site, "photo_answer")[1:])
-        assert again[0] == answers[0]
+    tell(site, "photo_review", number=4, passed=(1, 2, 3, 4), window="review", photo=action)
+    await expect(photo.get_by_text("Loading the photo")).to_be_visible()
+    site.photos[action] = jpeg()
+    await expect(photo.get_by_alt_text("The photo you just took")).to_be_visible()
+    await photo.get_by_role("button", name="Retake").click()
+    answers = await until(lambda: recorded(site, "photo_answer"))
+    assert (answers[0]["choice"], answers[0]["photo"]) == ("again", action)
+    # Without a reply the same answer is sent again.
+    again = await until(lambda: recorded(site, "photo_answer")[1:])
+    assert again[0] == answers[0]
 
-        tell(site, "photo_ready", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
-        await expect(photo.get_by_text("Do you see the robot in the mirror?")).to_be_visible()
-        await page.keyboard.press("Tab")
-        await expect(photo.get_by_role("button", name="Take photo")).to_be_focused()
-        await page.keyboard.press("Enter")
-        await until(lambda: len({one.action_id for one in actions(site, Photo)}) == 2)
-        tell(site, "return_home", number=0, x=0.5, y=6.3, passed=(1, 2, 3, 4))
-        await expect(photo).to_be_hidden()
+    tell(site, "photo_ready", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
+    await expect(photo.get_by_text("Do you see the robot in the mirror?")).to_be_visible()
+    await page.keyboard.press("Tab")
+    await expect(photo.get_by_role("button", name="Take photo")).to_be_focused()
+    await page.keyboard.press("Enter")
+    await until(lambda: len({one.action_id for one in actions(site, Photo)}) == 2)
+    tell(site, "return_home", number=0, x=0.5, y=6.3, passed=(1, 2, 3, 4))
+    await expect(photo).to_be_hidden()
 
 
-async def test_leaving_asks_first_and_one_button_continues_after_the_end(browser, site):
-    async with driven(browser, site) as page:
-        tell(site, "go_to_checkpoint", number=1, x=2.0, y=1.0)
-        await page.get_by_role("button", name="Leave").click()
-        await expect(page.get_by_role("heading", name="Leave the task?")).to_be_visible()
-        await page.get_by_role("button", name="Keep driving").click()
-        await expect(page.get_by_role("heading", name="Leave the task?")).to_be_hidden()
-        tell(site, "timed_out", outcome="timed_out")
-        site.end("timed_out")
-        await expect(page.get_by_role("heading", name="Time is up")).to_be_visible()
-        await page.get_by_role("button", name="Continue").click()
-        await expect(page.get_by_role("heading", name="The next step")).to_be_visible()
+async def test_leaving_asks_first_and_one_button_continues_after_the_end(site, page):
+    tell(site, "go_to_checkpoint", number=1, x=2.0, y=1.0)
+    await page.get_by_role("button", name="Leave").click()
+    await expect(page.get_by_role("heading", name="Leave the task?")).to_be_visible()
+    await page.get_by_role("button", name="Keep driving").click()
+    await expect(page.get_by_role("heading", name="Leave the task?")).to_be_hidden()
+    tell(site, "timed_out", outcome="timed_out")
+    site.end("timed_out")
+    await expect(page.get_by_role("heading", name="Time is up")).to_be_visible()
+    await page.get_by_role("button", name="Continue").click()
+    await expect(page.get_by_role("heading", name="The next step")).to_be_visible()
 
 
 @pytest.mark.nightly
-async def test_study_continues_by_itself_after_ten_seconds(browser, site):
-    async with driven(browser, site) as page:
-        tell(site, "completed", passed=(1, 2, 3, 4), outcome="completed")
-        await expect(
-            page.get_by_text("Done. The robot is back in its charging station.").first
-        ).to_be_visible()
-        site.end("completed")
-        await expect(page.get_by_role("heading", name="Well done")).to_be_visible()
-        await expect(page.get_by_role("heading", name="The next step")).to_be_visible()
+async def test_study_continues_by_itself_after_ten_seconds(site, page):
+    tell(site, "completed", passed=(1, 2, 3, 4), outcome="completed")
+    await expect(
+        page.get_by_text("Done. The robot is back in its charging station.").first
+    ).to_be_visible()
+    site.end("completed")
+    await expect(page.get_by_role("heading", name="Well done")).to_be_visible()
+    await expect(page.get_by_role("heading", name="The next step")).to_be_visible()
 
 
 async def test_controllers_that_the_study_forbids_are_off_but_space_stops(browser, site):
@@ -175,35 +164,33 @@ async def test_controllers_that_the_study_forbids_are_off_but_space_stops(browse
         assert not any(command.linear > 0.0 for _, command in site.applied)
 
 
-async def test_record_has_layout_map_controller_and_permissions(browser, site):
-    async with driven(browser, site) as page:
-        layout = (await until(lambda: recorded(site, "layout")))[0]
-        assert (layout["layout"], layout["width"], layout["height"]) == ("wide", 1280, 800)
-        permissions = lambda: sorted(data["name"] for data in recorded(site, "permission"))
-        await until(lambda: permissions() == ["camera", "microphone"])
-        keyboard = [{"method": "keyboard"}]
-        await hold(page, "ArrowUp", lambda: recorded(site, "controller") == keyboard)
-        await page.keyboard.up("ArrowUp")
-        await page.set_viewport_size({"width": 844, "height": 390})
-        layouts = lambda: [data["layout"] for data in recorded(site, "layout")]
-        await until(lambda: layouts() == ["wide", "low"])
-        await page.locator("#map-toggle").click()
-        await until(lambda: [data["open"] for data in recorded(site, "map")] == [True, False])
+async def test_record_has_layout_map_controller_and_permissions(site, page):
+    layout = (await until(lambda: recorded(site, "layout")))[0]
+    assert (layout["layout"], layout["width"], layout["height"]) == ("wide", 1280, 800)
+    permissions = lambda: sorted(data["name"] for data in recorded(site, "permission"))
+    await until(lambda: permissions() == ["camera", "microphone"])
+    keyboard = [{"method": "keyboard"}]
+    await hold(page, "ArrowUp", lambda: recorded(site, "controller") == keyboard)
+    await page.keyboard.up("ArrowUp")
+    await page.set_viewport_size({"width": 844, "height": 390})
+    layouts = lambda: [data["layout"] for data in recorded(site, "layout")]
+    await until(lambda: layouts() == ["wide", "low"])
+    await page.locator("#map-toggle").click()
+    await until(lambda: [data["open"] for data in recorded(site, "map")] == [True, False])
 
 
 @pytest.mark.nightly
-async def test_first_frame_is_reported_until_the_task_has_begun(browser, site):
-    async with driven(browser, site) as page:
-        tell(site, "wait_for_picture")
-        await until(lambda: len(recorded(site, "first_frame")) >= 2)
-        tell(site, "leave_station", number=1, x=2.0, y=1.0)
-        await expect(
-            page.get_by_text("Drive backwards out of the charging station.").first
-        ).to_be_visible()
-        seconds = len(site.received("page/network"))
-        # what it sent before has arrived
-        await until(lambda: len(site.received("page/network")) > seconds)
-        count, seconds = len(recorded(site, "first_frame")), len(site.received("page/network"))
-        # one a second: longer than the page waits before it repeats a message
-        await until(lambda: len(site.received("page/network")) >= seconds + 3)
-        assert len(recorded(site, "first_frame")) == count
+async def test_first_frame_is_reported_until_the_task_has_begun(site, page):
+    tell(site, "wait_for_picture")
+    await until(lambda: len(recorded(site, "first_frame")) >= 2)
+    tell(site, "leave_station", number=1, x=2.0, y=1.0)
+    await expect(
+        page.get_by_text("Drive backwards out of the charging station.").first
+    ).to_be_visible()
+    seconds = len(site.received("page/network"))
+    # what it sent before has arrived
+    await until(lambda: len(site.received("page/network")) > seconds)
+    count, seconds = len(recorded(site, "first_frame")), len(site.received("page/network"))
+    # one a second: longer than the page waits before it repeats a message
+    await until(lambda: len(site.received("page/network")) >= seconds + 3)
+    assert len(recorded(site, "first_frame")) == count

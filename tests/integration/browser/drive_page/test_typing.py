@@ -11,9 +11,9 @@ import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from robots.api.messages import Say, Words
-from tests.support.browsers.drive_page import actions, driving, hold, moves, stands, stops, until
+from tests.support.browsers.drive_page import actions, driving, hold, moves, stands, stops
 from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.patience import patient
+from tests.support.patience import patient, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"

@@ -18,7 +18,7 @@ from experiments.coding import store
 from experiments.models import Rehearsal
 from experiments.research import analysis_views
 from experiments.research.analysis_topics import TOPICS
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from tests.integration.browser.studies.test_replay import made
 from tests.integration.experiments.research.test_analysis_views import computed
 from tests.integration.experiments.study_admin.test_rehearsals import REPORT

@@ -8,10 +8,10 @@ import msgspec
 import pytest
 from django.contrib.staticfiles.storage import staticfiles_storage
 from django.utils import timezone
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page
 
 from experiments.rehearsal import runs
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from surveys.questionnaires import shipped, store
 from tests.integration.browser.pages.test_accessibility import driving
 from tests.integration.browser.studies.test_replay import made
@@ -146,19 +146,3 @@ def test_every_script_that_a_page_names_runs_there(open_page, browser, settings)
             complaints.check("js/drive/page.js")
 
     assert ran == entries(), "a script that no page of this test runs"
-
-
-def test_course_map_of_the_study_builder_is_drawn(open_page):
-    p.site()
-    RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
-    study = p.published(p.of("exploration"))
-    replays.study(slug="operated", definition=wizard_document(study={"slug": "operated"}))
-    page = open_page(person("owner", is_superuser=True, is_staff=True))
-    complaints = Complaints(page)
-    for _ in range(2):
-        page.goto(f"/admin/experiments/study/{study.pk}/build/courses/0/")
-        rooms = page.locator("#course-map .course__room")
-        expect(rooms.first).to_be_visible()
-        expect(page.locator("#course-map .course__name")).to_have_count(rooms.count())
-        expect(page.locator("#course-map .course__wall").first).to_be_attached()
-    complaints.check("js/pages/admin/course.js", "js/pages/admin/course_ground.js")

@@ -2,7 +2,6 @@
 keyboard.
 """
 
-import datetime
 import re
 
 import pytest
@@ -14,7 +13,7 @@ from accounts.models import User
 from robots.models import Robot, RobotPresence
 from sessions.models import Session
 from tests.support.people import PASSWORD, person
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 
@@ -26,11 +25,7 @@ def page(open_page):
 
 @pytest.fixture
 def giraff():
-    later = timezone.now() + datetime.timedelta(hours=1)  # online for longer than a page loads
-    presence = {"connection": "ONLINE", "last_seen_at": later}
-    return create_robot(
-        name="giraff", title="Giraff", report={"battery": {"charge": 0.5}}, **presence
-    )
+    return online_robot(report={"battery": {"charge": 0.5}})
 
 
 def later(page, milliseconds: int = 5100) -> None:

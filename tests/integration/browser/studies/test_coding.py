@@ -23,29 +23,22 @@ SIZES = {
 }
 PAINTED = "() => new Promise((then) => requestAnimationFrame(() => requestAnimationFrame(then)))"
 SAVED, KEPT = "All changes are saved.", "kept in this browser"
-SCHEME = {
-    "blind": True,
-    "codes": [
-        {
-            "code": "help",
-            "name": "Asks for help",
-            "kind": "point",
-            "key": "h",
-            "description": "Asks anybody, in words or by a gesture.",
-            "modifiers": [{"name": "whom", "values": ["the robot", "a visitor"]}],
-        },
-        {"code": "lost", "name": "Seems lost", "kind": "interval", "key": "l", "group": "route"},
-        {
-            "code": "sure",
-            "name": "Knows the route",
-            "kind": "interval",
-            "key": "r",
-            "group": "route",
-        },
-        {"code": "talk", "name": "Talks to somebody", "kind": "interval", "key": "t"},
-        {"code": "odd", "name": "Something else", "kind": "point"},
-    ],
-}
+
+
+def code(word: str, name: str, kind: str, **more: object) -> dict[str, object]:
+    return {"code": word, "name": name, "kind": kind, **more}
+
+
+WHOM = {"name": "whom", "values": ["the robot", "a visitor"]}
+DESCRIBED = {"description": "Asks anybody, in words or by a gesture.", "modifiers": [WHOM]}
+CODES = [
+    code("help", "Asks for help", "point", key="h", **DESCRIBED),
+    code("lost", "Seems lost", "interval", key="l", group="route"),
+    code("sure", "Knows the route", "interval", key="r", group="route"),
+    code("talk", "Talks to somebody", "interval", key="t"),
+    code("odd", "Something else", "point"),
+]
+SCHEME = {"blind": True, "codes": CODES}
 
 
 @pytest.fixture

@@ -95,36 +95,30 @@ def test_recruit_returns_to_the_site_with_the_code(robot, arrive, size):
     returns_with(page, completion.code(study, "done"))
 
 
+ENDS = [
+    ("cancelled", "left", "You left before the robot moved"),
+    ("timed_out", "timed_out", "Your driving time ran out"),
+]
+
+
 @pytest.mark.parametrize("size", ["phone", pytest.param("desktop", marks=pytest.mark.nightly)])
-def test_recruit_who_never_moved_the_robot_reads_so_and_returns(robot, arrive, size):
+@pytest.mark.parametrize(("outcome", "kind", "sentence"), ENDS, ids=["never moved", "timed out"])
+def test_recruit_whose_drive_ended_early_reads_why_and_returns_with_its_code(
+    robot, arrive, size, outcome, kind, sentence
+):
     study = p.published(p.of("exploration"), entry="code")
     page = arrive(size, "5f0c")
     take_part(page)
     read_on(page)
     participant = p.assign(Participant.objects.get(), "giraff_open")
-    p.drive_of(robot, participant, outcome="cancelled", moved=False)
+    p.drive_of(robot, participant, outcome=outcome, moved=outcome == "timed_out")
     page.goto(f"{FRONT}step/")
-    page.get_by_role("button", name="Continue without driving").click()
+    if outcome == "cancelled":
+        page.get_by_role("button", name="Continue without driving").click()
     skip_questions(page)
-    expect(page.get_by_text("You left before the robot moved")).to_be_visible()
-    check(page, "left")
-    returns_with(page, completion.code(study, "left"))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("size", ["phone", "desktop"])
-def test_recruit_whose_time_ran_out_returns_with_its_code(robot, arrive, size):
-    study = p.published(p.of("exploration"), entry="code")
-    page = arrive(size, "5f0c")
-    take_part(page)
-    read_on(page)
-    participant = p.assign(Participant.objects.get(), "giraff_open")
-    p.drive_of(robot, participant, outcome="timed_out", moved=True)
-    page.goto(f"{FRONT}step/")
-    skip_questions(page)
-    expect(page.get_by_text("Your driving time ran out")).to_be_visible()
-    check(page, "timed-out")
-    returns_with(page, completion.code(study, "timed_out"))
+    expect(page.get_by_text(sentence)).to_be_visible()
+    check(page, kind.replace("_", "-"))
+    returns_with(page, completion.code(study, kind))
 
 
 @pytest.mark.nightly

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 from tests.support.media.photographs import keep
 from tests.support.sessions.site import wait_for
-from tests.support.studies.wizard_task import SLUG, begin_wizard_study
+from tests.support.studies.task_study import HIDDEN, begin_wizard_study
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]
 
@@ -30,7 +30,7 @@ def recorded(site) -> list[tuple[str, dict]]:
 def test_operator_speaks_and_drives_by_script_and_by_hand(site, visitor, giraff):
     begin_wizard_study(site, "ana", "olga")
     ana, olga = visitor("ana"), visitor("olga", viewport={"width": 1366, "height": 768})
-    ana.page.goto(f"/studies/{SLUG}/step/")
+    ana.page.goto(f"/studies/{HIDDEN}/step/")
     ana.page.get_by_role("link", name="Go to the robot").click()
     ana.page.get_by_role("button", name="Drive Giraff").click()
     ana.wait_for_picture()
@@ -38,7 +38,7 @@ def test_operator_speaks_and_drives_by_script_and_by_hand(site, visitor, giraff)
     ana.page.keyboard.down("ArrowDown")
 
     page = olga.page
-    page.goto(f"/studies/{SLUG}/wizard/")
+    page.goto(f"/studies/{HIDDEN}/wizard/")
     page.get_by_role("button", name="Operate the robot").click()
     wizard = page.locator("#wizard")
     expect(wizard).to_have_attribute("data-state", "operating", timeout=20_000)

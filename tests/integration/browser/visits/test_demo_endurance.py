@@ -74,17 +74,6 @@ def test_robot_restarts_its_simulator_and_its_navigation(people, program):
     people.ana_drives()
 
 
-def test_killed_practice_robot_is_restarted_for_its_visitor(people):
-    people.cy_begins_to_practise()
-    robot = practice_robot(people)
-    assert robot is not None
-    robot.kill()
-    people.cy_sees_no_practice_robot()
-    people.cy_sees_the_practice_robot()
-    people.cy_stops_practising()
-    people.ana_drives()
-
-
 def test_killed_practice_supervisor_leaves_no_robot_and_is_replaced(people):
     people.cy_begins_to_practise()
     robot = practice_robot(people)

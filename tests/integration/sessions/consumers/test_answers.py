@@ -8,7 +8,6 @@ import threading
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
-from django.contrib.auth import get_user_model
 from django.db import OperationalError
 from django.utils import timezone
 
@@ -23,12 +22,11 @@ from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.wizard import leases, operators
 from sessions.wizard import protocol as wizard_protocol
-from sessions.wizard.script import Script
 from tests.support import words
-from tests.support.browsers.pages import Display, Page, until
-from tests.support.browsers.wizard_console import Console
-from tests.support.patience import patient
-from tests.support.robots import create_robot
+from tests.support.browsers.pages import Display, Page
+from tests.support.browsers.wizard_console import Console, Operators
+from tests.support.patience import patient, until
+from tests.support.robots import online_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -38,14 +36,7 @@ ESTOP = m.Safety(estop=True, estop_source="screen:Giraff")
 
 @pytest.fixture(autouse=True)
 def robot(db, ada):
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        owner=ada,
-        connection="ONLINE",
-        boot="b1",
-        last_seen_at=timezone.now(),
-    )
+    return online_robot(owner=ada, boot="b1")
 
 
 def raising(error):
@@ -89,44 +80,39 @@ async def stop(robot):
     ],
 )
 async def test_request_that_fails_is_denied_and_the_next_is_granted(
-    bridge, ada, monkeypatch, suffix, verb, error
+    page, monkeypatch, suffix, verb, error
 ):
-    async with Page("giraff", ada) as page:
-        await page.expect("hello")
-        monkeypatch.setattr(queries, "welcome", raising(error))
-        await page.say(suffix, verb)
-        assert await page.denied() == (suffix, "unavailable")
-        monkeypatch.undo()
-        await page.take()
+    await page.expect("hello")
+    monkeypatch.setattr(queries, "welcome", raising(error))
+    await page.say(suffix, verb)
+    assert await page.denied() == (suffix, "unavailable")
+    monkeypatch.undo()
+    await page.take()
 
 
-async def test_completed_request_is_not_denied_if_the_queue_cannot_be_read(
-    bridge, ada, monkeypatch
-):
-    async with Page("giraff", ada) as page:
-        await page.expect("hello")
-        monkeypatch.setattr(queries, "queue_at", raising(AWAY))
-        granted = await page.take()
-        await page.say("session/leave", protocol.Leave(session=granted.session))
-        await page.expect("session/ended")
-        await page.say("session/observe", protocol.Observe())  # done after the two
-        await page.expect("session/observing")
-        assert page.told("denied") == []
+async def test_completed_request_is_not_denied_if_the_queue_cannot_be_read(page, monkeypatch):
+    await page.expect("hello")
+    monkeypatch.setattr(queries, "queue_at", raising(AWAY))
+    granted = await page.take()
+    await page.say("session/leave", protocol.Leave(session=granted.session))
+    await page.expect("session/ended")
+    await page.say("session/observe", protocol.Observe())  # done after the two
+    await page.expect("session/observing")
+    assert page.told("denied") == []
 
 
 @pytest.mark.parametrize("error", [AWAY, OURS])
-async def test_operators_request_that_fails_is_denied(bridge, ada, monkeypatch, error):
+async def test_operators_request_that_fails_is_denied(bridge, page, monkeypatch, error):
     clear = m.ClearEStop(action_id="c", stamp=1.0)
-    async with Page("giraff", ada) as page:
-        await page.observe()
-        monkeypatch.setattr(queries, "welcome", raising(error))
-        await page.say("command/action", clear)
-        assert await page.denied() == ("command/action", "unavailable")
-        await page.say("audience/lower", protocol.LowerHands())
-        assert await page.denied() == ("audience/lower", "unavailable")
-        monkeypatch.undo()
-        await page.say("command/action", clear)
-        await until(lambda: [one.action_id for one in bridge.commands("command/action")] == ["c"])
+    await page.observe()
+    monkeypatch.setattr(queries, "welcome", raising(error))
+    await page.say("command/action", clear)
+    assert await page.denied() == ("command/action", "unavailable")
+    await page.say("audience/lower", protocol.LowerHands())
+    assert await page.denied() == ("audience/lower", "unavailable")
+    monkeypatch.undo()
+    await page.say("command/action", clear)
+    await until(lambda: [one.action_id for one in bridge.commands("command/action")] == ["c"])
 
 
 async def test_message_to_a_stopped_robot_that_fails_is_denied(bridge, robot, bob, monkeypatch):
@@ -155,17 +141,6 @@ async def test_message_of_a_display_that_fails_is_denied(bridge, robot, bob, mon
         assert await display.denied() == ("command/action", "unavailable")
 
 
-class Operators:
-    """An app in which every user operates every session."""
-
-    def may_operate(self, _user, _robot):
-        return True
-
-    def operated(self, _user, _session):
-        script = Script(language="en", stages=())
-        return operators.OperatedSession("P1", "", is_blind=True, script=script)
-
-
 async def test_hidden_operators_request_that_fails_is_denied(bridge, ada, bob, monkeypatch):
     monkeypatch.setattr(operators, "_providers", [Operators()])
     with provided() as terms:
@@ -182,44 +157,39 @@ async def test_hidden_operators_request_that_fails_is_denied(bridge, ada, bob, m
             await console.expect("wizard/granted")
 
 
-async def test_frame_that_fails_is_denied_and_the_stop_after_it_passes(bridge, ada, monkeypatch):
-    async with Page("giraff", ada) as page:
-        await page.take()
-        monkeypatch.setattr(Authorization, "_velocity", raising(LookupError()))
-        await page.say("command/velocity", words.velocity(seq=1))
-        assert await page.denied() == ("command/velocity", "unavailable")
-        await page.settle(bridge)
+async def test_frame_that_fails_is_denied_and_the_stop_after_it_passes(bridge, driver, monkeypatch):
+    monkeypatch.setattr(Authorization, "_velocity", raising(LookupError()))
+    await driver.say("command/velocity", words.velocity(seq=1))
+    assert await driver.denied() == ("command/velocity", "unavailable")
+    await driver.settle(bridge)
 
 
-async def test_notice_that_fails_does_not_block_the_next(bridge, robot, ada, monkeypatch):
-    async with Page("giraff", ada) as page:
-        granted = await page.take()
-        right = protocol.decode_notice
-        monkeypatch.setattr(protocol, "decode_notice", raising(LookupError()))
-        warning = protocol.TurnWarning(session=granted.session, remaining=9.0)
-        send = sync_to_async(page_channel.send_notice)
-        await send("giraff", warning)
-        await page.settle(bridge)
-        monkeypatch.setattr(protocol, "decode_notice", right)
-        await send("giraff", warning)
-        await page.expect("session/turn_warning")
+async def test_notice_that_fails_does_not_block_the_next(bridge, driver, monkeypatch):
+    right = protocol.decode_notice
+    monkeypatch.setattr(protocol, "decode_notice", raising(LookupError()))
+    warning = protocol.TurnWarning(session=driver.granted.session, remaining=9.0)
+    send = sync_to_async(page_channel.send_notice)
+    await send("giraff", warning)
+    await driver.settle(bridge)
+    monkeypatch.setattr(protocol, "decode_notice", right)
+    await send("giraff", warning)
+    await driver.expect("session/turn_warning")
 
 
 # --- a query of one page does not delay the others ------------------------------------------------
 
 
-async def test_slow_query_of_one_page_does_not_delay_the_others(bridge, ada, bob, monkeypatch):
+async def test_slow_query_of_one_page_does_not_delay_the_others(page, bob, monkeypatch):
     slow, called, may_go_on = held(store.take)
-    async with Page("giraff", ada) as page:
-        await page.expect("hello")
-        monkeypatch.setattr(store, "take", slow)
-        await page.say("session/take", protocol.Take())
-        assert await asyncio.to_thread(called.wait, patient(10))
-        async with Page("giraff", bob) as other:
-            await other.expect("hello")
-            await other.observe()
-        may_go_on.set()
-        await page.expect("session/granted")
+    await page.expect("hello")
+    monkeypatch.setattr(store, "take", slow)
+    await page.say("session/take", protocol.Take())
+    assert await asyncio.to_thread(called.wait, patient(10))
+    async with Page("giraff", bob) as other:
+        await other.expect("hello")
+        await other.observe()
+    may_go_on.set()
+    await page.expect("session/granted")
 
 
 async def page_of(kind, robot, user):
@@ -284,14 +254,13 @@ async def test_offer_of_an_old_page_carries_valid_credentials(
     assert int(server.username.partition(":")[0]) > now + 8 * 3600
 
 
-async def test_more_offers_than_a_page_needs_are_refused(bridge, ada):
-    async with Page("giraff", ada) as page:
-        await page.observe()
-        for _ in range(40):
-            await page.say("signal", m.SdpOffer(sdp="v=0"))
-        assert await page.denied() == ("signal", "rate")
-        await page.say("signal", m.Candidate(candidate="candidate:1", sdp_mid="0"))
-        await page.settle(bridge)
+async def test_more_offers_than_a_page_needs_are_refused(bridge, page):
+    await page.observe()
+    for _ in range(40):
+        await page.say("signal", m.SdpOffer(sdp="v=0"))
+    assert await page.denied() == ("signal", "rate")
+    await page.say("signal", m.Candidate(candidate="candidate:1", sdp_mid="0"))
+    await page.settle(bridge)
     sent = [message for _, _, message in bridge.sent]
     assert 5 <= sum(isinstance(message, m.SdpOffer) for message in sent) <= 12
     assert sum(isinstance(message, m.Candidate) for message in sent) == 1

@@ -5,17 +5,15 @@ import threading
 import pytest
 from asgiref.sync import sync_to_async
 from django.contrib.auth import get_user_model
-from django.utils import timezone
 
 from robots.api import messages as m
-from robots.models import Robot, RobotPermit
+from robots.models import RobotPermit
 from sessions import protocol
 from sessions.consumers import page_session, queries
 from sessions.leases.terms import Terms
 from tests.support import words
-from tests.support.browsers.pages import Page, until
-from tests.support.patience import patient
-from tests.support.robots import create_robot
+from tests.support.browsers.pages import Page
+from tests.support.patience import patient, until
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -40,11 +38,6 @@ def person(name, robot=None):
     return user
 
 
-@pytest.fixture
-def ada(db):
-    return person("ada")
-
-
 def say_all(bridge):
     bridge.say("giraff", "state", words.state(seq=5))
     bridge.say("giraff", "pose", words.pose())
@@ -54,51 +47,46 @@ def say_all(bridge):
     bridge.say_picture("giraff", 5.0, JPEG)
 
 
-async def test_observers_receive_nothing_of_a_private_drive(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
-        await driver.take()
-        assert bridge.leases[-1][1].private
-        room = await other.expect("room", lambda room: room.private)
-        assert (room.driver, "Ada" in str(other.seen)) == ("", False)
-        await other.say("session/observe", protocol.Observe())
-        assert (await other.expect("session/refused")).reason == "private"
-        await other.say("signal", OFFER)
-        assert (await other.expect("denied")).suffix == "signal"
-        await other.say("command/picture", m.PictureRequest(stamp=1.0))
-        await other.expect("denied", lambda denied: denied.suffix == "command/picture")
-        say_all(bridge)
-        await driver.expect("event")
-        await other.settle(bridge)
-        assert not OF_THE_ROBOT & {suffix for suffix, _ in other.seen}
-        assert not [suffix for _, suffix, _ in bridge.sent if suffix.startswith("signal/")]
+async def test_observers_receive_nothing_of_a_private_drive(bridge, driver, other):
+    assert bridge.leases[-1][1].private
+    room = await other.expect("room", lambda room: room.private)
+    assert (room.driver, "Ada" in str(other.seen)) == ("", False)
+    await other.say("session/observe", protocol.Observe())
+    assert (await other.expect("session/refused")).reason == "private"
+    await other.say("signal", OFFER)
+    assert (await other.expect("denied")).suffix == "signal"
+    await other.say("command/picture", m.PictureRequest(stamp=1.0))
+    await other.expect("denied", lambda denied: denied.suffix == "command/picture")
+    say_all(bridge)
+    await driver.expect("event")
+    await other.settle(bridge)
+    assert not OF_THE_ROBOT & {suffix for suffix, _ in other.seen}
+    assert not [suffix for _, suffix, _ in bridge.sent if suffix.startswith("signal/")]
 
 
-async def test_watching_ends_when_a_private_drive_begins(bridge, robot, ada, bob):
-    async with Page("giraff", bob) as watcher, Page("giraff", ada) as driver:
-        await watcher.observe()
-        await watcher.say("command/picture", m.PictureRequest(stamp=1.0))
-        await until(lambda: bridge.commands("command/picture"))
-        own = (await driver.take()).peer
-        assert (await watcher.expect("session/refused")).reason == "private"
-        ((suffix, bye),) = [one[1:] for one in bridge.sent if one[1].startswith("signal/")]
-        assert bye == m.Bye(reason="left")
-        assert own not in suffix
-        say_all(bridge)
-        await watcher.settle(bridge)
-        assert not OF_THE_ROBOT & {suffix for suffix, _ in watcher.seen}
+async def test_watching_ends_when_a_private_drive_begins(bridge, other, page):
+    await other.observe()
+    await other.say("command/picture", m.PictureRequest(stamp=1.0))
+    await until(lambda: bridge.commands("command/picture"))
+    own = (await page.take()).peer
+    assert (await other.expect("session/refused")).reason == "private"
+    ((suffix, bye),) = [one[1:] for one in bridge.sent if one[1].startswith("signal/")]
+    assert bye == m.Bye(reason="left")
+    assert own not in suffix
+    say_all(bridge)
+    await other.settle(bridge)
+    assert not OF_THE_ROBOT & {suffix for suffix, _ in other.seen}
 
 
-async def test_waiting_visitor_watches_again_after_a_private_drive(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
-        await driver.take()
-        await other.queue()
-        await other.say("session/observe", protocol.Observe())
-        assert (await other.expect("session/refused")).reason == "private"
-        await driver.say("session/leave", protocol.Leave())
-        await other.expect("room", lambda room: not room.private)
-        await other.expect("session/observing")
-        bridge.say("giraff", "state", words.state(seq=7))
-        assert (await other.expect("state")).seq == 7
+async def test_waiting_visitor_watches_again_after_a_private_drive(bridge, driver, other):
+    await other.queue()
+    await other.say("session/observe", protocol.Observe())
+    assert (await other.expect("session/refused")).reason == "private"
+    await driver.say("session/leave", protocol.Leave())
+    await other.expect("room", lambda room: not room.private)
+    await other.expect("session/observing")
+    bridge.say("giraff", "state", words.state(seq=7))
+    assert (await other.expect("state")).seq == 7
 
 
 @pytest.mark.parametrize("who", ["operator", "rosa"])
@@ -120,14 +108,12 @@ async def test_operators_and_watchers_named_by_the_terms_see_a_private_drive(
                 assert page.told("session/refused") == []
 
 
-async def test_page_that_opens_before_the_lease_arrives_reads_the_database(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as driver:
-        await driver.take()
-        bridge.delivery.known["giraff"].lease = None
-        async with Page("giraff", bob) as other:
-            assert (await other.expect("room")).private
-            await other.say("session/observe", protocol.Observe())
-            assert (await other.expect("session/refused")).reason == "private"
+async def test_page_that_opens_before_the_lease_arrives_reads_the_database(bridge, driver, bob):
+    bridge.delivery.known["giraff"].lease = None
+    async with Page("giraff", bob) as other:
+        assert (await other.expect("room")).private
+        await other.say("session/observe", protocol.Observe())
+        assert (await other.expect("session/refused")).reason == "private"
 
 
 async def test_watching_is_refused_while_the_database_does_not_answer(
@@ -151,11 +137,9 @@ async def test_watching_is_refused_while_the_database_does_not_answer(
         may_answer.set()
 
 
-async def test_drive_that_is_not_private_is_visible(bridge, robot, ada, bob, terms):
+async def test_drive_that_is_not_private_is_visible(bridge, page, watcher, terms):
     terms.terms = Terms()
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
-        await driver.take()
-        await other.observe()
-        await other.expect("room", lambda room: room.driver == "Ada" and not room.private)
-        say_all(bridge)
-        await other.expect("event")
+    await page.take()
+    await watcher.expect("room", lambda room: room.driver == "Ada" and not room.private)
+    say_all(bridge)
+    await watcher.expect("event")

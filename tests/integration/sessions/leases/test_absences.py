@@ -6,7 +6,6 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.absences import WebAbsences, end_of, faults_of, note_manager_absence
 from sessions.leases.fault_side import MANAGER, WEB, FaultAttribution
@@ -16,7 +15,7 @@ from sessions.manager.membership import Membership
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from sessions.shards import rows
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 from tests.support.sessions.rows import chunk_row
 
 pytestmark = pytest.mark.django_db
@@ -29,9 +28,7 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
-    )
+    return online_robot()
 
 
 @pytest.fixture
@@ -118,9 +115,7 @@ def test_scheduler_records_the_absence_before_it_ends_the_session(giraff, drive)
 
 
 def test_session_manager_records_the_absence_of_the_previous_one(drive, tmp_path):
-    rhodon = create_robot(
-        name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
-    )
+    rhodon = online_robot("rhodon")
     ben = User.objects.create(username="ben")
     other = store.take(rhodon, ben, "peer-2", now=after(-500.0)).session
     store.end(other, "completed", "left", after(-400.0))

@@ -12,7 +12,6 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
-from accounts.models import User
 from robots.api import topics
 from robots.models import Robot, RobotPresence
 from sessions.leases import store
@@ -21,7 +20,7 @@ from sessions.leases.transitions import IDLE, ReleaseLease, RobotLink, SetState,
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
-from tests.support.robots import create_robot, update_robots
+from tests.support.robots import online_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -37,12 +36,6 @@ def link(seconds: float, **fields: Any) -> RobotLink:
     return RobotLink(since=NOW.timestamp(), last_received_at=at, state_at=at, **fields)
 
 
-def online_robot(name: str, **fields: Any) -> Robot:
-    return create_robot(
-        name=name, title=name.title(), connection="ONLINE", last_seen_at=after(1000), **fields
-    )
-
-
 QUIET = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
 
 
@@ -53,7 +46,7 @@ def turns_of_fifteen_minutes(settings):
 
 @pytest.fixture
 def giraff():
-    return online_robot("giraff", max_linear=0.3)
+    return online_robot(max_linear=0.3)
 
 
 def test_grant_contains_everything_that_page_and_robot_need(giraff, ana):
@@ -162,12 +155,6 @@ def test_grant_limits_the_turn_when_others_wait(giraff, ana, ben):
     store.take(giraff, ben, "peer-2", now=NOW)
     again = store.take(giraff, ana, "peer-1", session=first.session, now=after(60))
     assert again.turn_seconds == pytest.approx(14 * 60)
-
-
-def test_offline_robot_is_refused(giraff, ana):
-    giraff.presence.connection = "OFFLINE"
-    assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused(reason="offline")
-    assert not Session.objects.exists()
 
 
 def test_session_ends_only_once(giraff, ana):

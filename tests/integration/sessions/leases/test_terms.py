@@ -8,20 +8,17 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api import messages as m
-from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions import protocol
-from sessions.consumers import queries, relay
+from sessions.consumers import queries
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import RobotLink, SetState
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from sessions.protocol import Ended
-from tests.support import words
 from tests.support.browsers.pages import Page
-from tests.support.robots import create_robot, update_robots
-from tests.support.sessions.memory_bridge import MemoryBridge
+from tests.support.robots import online_robot, update_robots
 from tests.support.sessions.rows import session_row
 from tests.support.studies.fixed_terms import provided
 
@@ -54,16 +51,7 @@ def provider():
 
 @pytest.fixture
 def giraff():
-    # not of NOW, which was before all earlier tests
-    calls = timezone.now() + datetime.timedelta(hours=1)
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        last_seen_at=calls,
-        max_linear=0.3,
-        max_angular=0.5,
-    )
+    return online_robot(max_linear=0.3, max_angular=0.5)
 
 
 def take(
@@ -121,17 +109,8 @@ def test_session_that_must_not_begin_ends_with_the_reason(provider, giraff, ana)
 
 def test_reason_against_a_session_does_not_stop_a_driver_from_returning(provider, giraff, ana, ben):
     def ask(user: User, **more) -> store.Taken:
-        return queries.take(
-            giraff,
-            user,
-            f"peer-{user}",
-            session=None,
-            old_peer=None,
-            takeover=False,
-            device={},
-            now=after(1),
-            **more,
-        )
+        new = {"session": None, "old_peer": None, "takeover": False, "device": {}}
+        return queries.take(giraff, user, f"peer-{user}", now=after(1), **new | more)
 
     granted = take(giraff, ana, "peer-ana")
     provider.reason = "closed"
@@ -284,15 +263,6 @@ def test_leaving_completes_a_drive_only_if_its_terms_require_no_more(
 
 
 # --- the page -------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def bridge():
-    double = MemoryBridge()
-    double.stored["giraff", "connection"] = msgspec.json.encode(words.online())
-    mqtt_bridge.use(double)
-    yield double
-    mqtt_bridge.use(None)
 
 
 @pytest.mark.django_db(transaction=True)

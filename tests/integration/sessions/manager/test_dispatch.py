@@ -172,13 +172,10 @@ def test_driving_calls_autonomy_stops_and_input_of_the_page_are_activity(session
         return last_sign() == now[0] != before
 
     sent = {"session": session, "epoch": 1}
-    command = m.AppliedCommand(
-        seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0
-    )
     from_robot(intake, "state", words.state(1))
     assert sign_after("state", words.state(2, **sent))  # a page has connected
     assert not sign_after("state", words.state(3, **sent))
-    assert sign_after("state", words.state(4, applied=(command,), **sent))
+    assert sign_after("state", words.state(4, applied=(words.applied(),), **sent))
     assert sign_after("state", words.state(5, mode="goto", **sent))
     assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **sent))
     assert not sign_after("state", words.state(7, **sent))

@@ -22,7 +22,7 @@ from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
 from sessions.protocol import Offered
 from tests.support import words
-from tests.support.robots import create_robot, update_robots
+from tests.support.robots import online_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -39,13 +39,7 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return create_robot(
-        name="giraff",
-        title="Giraff",
-        connection="ONLINE",
-        last_seen_at=after(1000),
-        factsheet=FACTS,
-    )
+    return online_robot(factsheet=FACTS)
 
 
 class Situation:

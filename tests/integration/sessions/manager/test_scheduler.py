@@ -10,14 +10,14 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, topics
-from robots.models import Robot, RobotPresence
+from robots.models import RobotPresence
 from sessions import protocol
 from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Queued, TurnWarning
-from tests.support.robots import create_robot, update_robots
+from tests.support.robots import online_robot, update_robots
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -30,9 +30,7 @@ def after(seconds):
 @pytest.fixture
 def drive():
     """The session of a driver, while another visitor waits."""
-    giraff = create_robot(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
-    )
+    giraff = online_robot()
     ana, ben = (User.objects.create(username=name) for name in ("ana", "ben"))
     session = store.take(giraff, ana, "p1", now=NOW).session
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW)
@@ -189,9 +187,7 @@ def test_two_versions_of_a_lease_never_have_the_same_number(drive, monkeypatch):
 
 def test_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settings):
     """As after an upgrade, or a manual change of the database."""
-    rhodon = create_robot(
-        name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
-    )
+    rhodon = online_robot("rhodon")
     other = store.take(rhodon, User.objects.create(username="cem"), "p3", now=NOW).session
     Session.objects.filter(pk=drive).update(terms={"driver": "x", "study": {"slug": "s"}})
     scheduler = Scheduler()

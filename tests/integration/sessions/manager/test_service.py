@@ -38,7 +38,6 @@ from tests.support.patience import patient
 from tests.support.robots import update_robots
 from tests.support.sessions.recorder_rig import (
     HOST,
-    ManagerProcess,
     ScriptedRobot,
     running_manager,
     running_mosquitto,
@@ -150,49 +149,6 @@ def receiving(signal: Signal, receiver: Callable[..., None]) -> Iterator[None]:
 
 
 # --- a drive --------------------------------------------------------------------------------------
-
-
-@pytest.mark.nightly
-async def test_every_state_of_a_drive_is_recorded(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        robot.drives = True
-        session = await drive(visitors["ana"])
-        await wait_for(
-            lambda: Session.objects.get(pk=session).first_motion_at, what="the first motion"
-        )
-        assert await leave(session, visitors["ana"])
-        await complete(session, robot)
-        # After a late state, the record is closed again.
-        whole = len(robot.sent[session])
-        closed = await closed_record(session, summary__states=whole)
-        assert closed.outcome == "completed"
-        assert closed.summary["missing"] == 0
-        assert closed.summary["methods"]["keyboard"] > 0
-        assert closed.summary["distance"] == pytest.approx(0.01 * (whole - 1), abs=0.02)
-        assert robot.asked == []
-
-
-@pytest.mark.nightly
-async def test_lease_is_renewed_with_growing_numbers_and_empty_without_a_driver(
-    broker, giraff, visitors
-):
-    async with driven(broker, visitors["ana"]) as (robot, session):
-        await wait_for(lambda: len(list(filter(None, robot.leases))) >= 3, 10, "three renewals")
-        leases = list(filter(None, robot.leases))
-        renewals = [lease.renewal for lease in leases]
-        assert renewals == sorted(set(renewals))
-        named = {(lease.session, lease.peer, lease.ttl) for lease in leases}
-        assert named == {(session, "peer-ana", 10.0)}
-        await leave(session, visitors["ana"])
-        await wait_for(lambda: robot.leases[-1] is None, what="the empty lease")
-        assert robot.session is None
-
-
-async def test_lease_carries_the_limits_of_the_robots_row(broker, giraff, visitors):
-    await sync_to_async(update_robots)(max_linear=0.25, max_angular=0.5)
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        await drive(visitors["ana"])
-        assert robot.leases[-1].limits == messages.LeaseLimits(linear=0.25, angular=0.5)
 
 
 async def test_presence_follows_the_robot(broker, giraff):
@@ -391,18 +347,6 @@ async def test_missing_last_states_are_requested_after_the_session(broker, giraf
 
 
 @pytest.mark.nightly
-async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, visitors):
-    async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot:
-        session = await drive(visitors["ana"])
-        await wait_for(lambda: len(stored_seqs(session)) > 10)
-        again = robot.sent[session][:10]
-        for seq in again:
-            await robot.publish("state", robot.buffer[seq])
-        await wait_for(lambda: manager.active.recorder.counts["duplicates"] >= len(again))
-        await leave_and_complete(session, visitors["ana"], robot)
-
-
-@pytest.mark.nightly
 async def test_states_that_the_agent_no_longer_has_are_counted_as_missing(broker, giraff, visitors):
     async with driven(broker, visitors["ana"]) as (robot, session):
         first = robot.seq + 2
@@ -419,31 +363,6 @@ async def test_states_that_the_agent_no_longer_has_are_counted_as_missing(broker
         await leave(session, visitors["ana"])
         closed = await closed_record(session)
         assert closed.summary["missing"] == 4
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("how", ["kill", "stop"])
-async def test_drive_and_record_go_on_when_the_session_manager_is_replaced(
-    broker, giraff, visitors, how
-):
-    with ManagerProcess(broker.url) as first:
-        async with ScriptedRobot("giraff", broker.url) as robot:
-            await first.connected()
-            robot.drives = True
-            session = await drive(visitors["ana"])
-            await wait_for(lambda: len(robot.sent[session]) > 30)
-            getattr(first, how)()
-            before = len(robot.leases)
-            await wait_for(lambda: len(robot.sent[session]) > 50)  # without a session manager
-            with ManagerProcess(broker.url) as second:
-                await second.connected()
-                await wait_for(lambda: len(robot.leases) > before + 1, 15, "renewals")
-                assert robot.session == session, "the drive goes on"
-                assert {lease.epoch for lease in robot.leases if lease} == {1}
-                await leave_and_complete(session, visitors["ana"], robot)
-                closed = await closed_record(session)
-            assert (closed.outcome, closed.summary["missing"]) == ("completed", 0)
-            assert await SessionEvent.objects.filter(session=session, type="ended").acount() == 1
 
 
 @pytest.mark.parametrize("forget", [False, True])
@@ -479,46 +398,6 @@ async def test_retained_lease_from_before_a_crash_is_cleared(broker, giraff):
 # --- outcomes, queue, turns, grace ----------------------------------------------------------------
 
 
-async def test_session_without_motion_is_cancelled_when_the_visitor_leaves(
-    broker, giraff, visitors
-):
-    async with driven(broker, visitors["ana"]) as (_, session):
-        await leave(session, visitors["ana"])
-        assert (await state_of(session, "ended")).outcome == "cancelled"
-
-
-async def test_visitor_who_never_connects_ends_with_connection_refused(
-    broker, giraff, visitors, settings
-):
-    settings.START_SECONDS = 1.5
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
-        robot.silence = None
-        await wait_for(lambda: Robot.objects.get(name="giraff").is_online(timezone.now()))
-        taken = await take(visitors["ana"])
-        assert (await state_of(taken.session, "ended")).outcome == "connection_refused"
-        await wait_for(lambda: robot.session is None)
-
-
-@pytest.mark.nightly
-async def test_lost_visitor_ends_with_connection_lost_after_the_grace_period(
-    broker, giraff, visitors, settings
-):
-    settings.GRACE_SECONDS = 2.0
-    async with driven(broker, visitors["ana"]) as (robot, session):
-        robot.silence = 30.0
-        await state_of(session, "reconnecting")
-        robot.silence = 0.1
-        await state_of(session, "driving")
-        robot.silence = 30.0
-        ended = await state_of(session, "ended")
-        assert (ended.outcome, ended.outcome_reason) == ("connection_lost", "visitor_silent")
-        events = SessionEvent.objects.filter(session=session, source="server")
-        # written after the session's row
-        await wait_for(lambda: events.filter(type="ended").exists(), what="the note that it ended")
-        types = [event.type async for event in events]
-        assert types == ["driving", "reconnecting", "driving", "reconnecting", "ended"]
-
-
 @pytest.mark.nightly
 async def test_robot_that_stays_offline_ends_the_session_as_a_robot_fault(
     broker, giraff, visitors, monkeypatch
@@ -533,15 +412,6 @@ async def test_robot_that_stays_offline_ends_the_session_as_a_robot_fault(
             session,
             {"outcome": "robot_fault", "reason": "robot_offline"},
         )
-
-
-async def test_operators_stop_ends_the_session_and_the_lease(broker, giraff, visitors):
-    async with driven(broker, visitors["ana"]) as (robot, session):
-        assert await sync_to_async(store.end)(
-            session, Session.Outcome.STOPPED_BY_OPERATOR, "by staff", timezone.now()
-        )
-        await wait_for(lambda: robot.session is None, 5, "the end of the lease")
-        assert (await state_of(session, "ended")).outcome == "stopped_by_operator"
 
 
 class Notices:
@@ -592,27 +462,6 @@ async def test_turn_ends_if_others_wait_and_the_next_is_offered_the_robot(
         assert isinstance(await take(visitors["ben"]), store.TakeGranted)
         await state_of(ben.session, "driving")
         await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
-
-
-@pytest.mark.nightly
-async def test_idle_driver_is_asked_and_then_replaced_by_the_next(
-    broker, giraff, visitors, settings, monkeypatch
-):
-    settings.IDLE_SECONDS = 1.0
-    monkeypatch.setattr("sessions.leases.transitions.ANSWER_SECONDS", 1.0)
-    monkeypatch.setattr("sessions.leases.transitions.ROUND_TRIP_MARGIN_S", 0.5)
-    async with (
-        notices_of(broker) as notices,
-        driven(broker, visitors["ana"]) as (_, ana),
-    ):
-        ben = await take(visitors["ben"])
-        assert isinstance(ben, store.Queued)
-        assert (await notices.of(ana, protocol.PresenceAsked)).seconds == 1.0
-        ended = await notices.of(ana, protocol.Ended)
-        assert (ended.outcome, ended.reason) == ("timed_out", "idle")
-        await notices.of(ben.session, protocol.Offered)
-        asked = SessionEvent.objects.filter(session=ana, source="server", type="asked_there")
-        assert await asked.acount() == 1
 
 
 # --- other parts of the record --------------------------------------------------------------------
@@ -692,24 +541,6 @@ async def test_robot_cannot_write_into_the_record_of_another_robots_session(
         await wait_for(lambda: manager.active.recorder.counts["foreign_session"] > 10)
         await leave_and_complete(session, visitors["ana"], robot)
         assert not await SessionEvent.objects.filter(type="collision").aexists()
-
-
-@pytest.mark.nightly
-async def test_malformed_messages_do_not_disturb_a_drive(broker, giraff, visitors):
-    junk = [b"", b"{", b"[]", b'{"seq": NaN}', b"\xff\xfe", b'{"boot": 1}']
-    junk += [b"[" * 20_000, b"x" * 40_000]
-    async with (
-        driven(broker, visitors["ana"]) as (robot, session),
-        aiomqtt.Client(HOST, broker.port) as sender,
-    ):
-        for payload in junk:
-            for suffix in ("state", "event", "heartbeat", "connection", "factsheet", "action"):
-                await sender.publish(topics.of("giraff", suffix), payload)
-            await sender.publish(protocol.page_reports(session), payload)
-            await sender.publish(topics.session_notices(session), payload)
-        count = len(robot.sent[session])
-        await wait_for(lambda: len(robot.sent[session]) > count + 20)
-        await leave_and_complete(session, visitors["ana"], robot)
 
 
 @pytest.mark.nightly

@@ -19,7 +19,6 @@ from sessions.shards.rows import name_of
 from tests.support.sessions.recorder_rig import (
     ManagerProcess,
     ScriptedRobot,
-    running_manager,
     running_mosquitto,
     wait_for,
 )
@@ -142,22 +141,6 @@ async def test_drives_go_on_while_session_managers_join_are_killed_stopped_and_l
                     await drives.go_on("one has left")
                     await drives.end()
                     assert "Traceback" not in third.output + second.output + first.output
-
-
-async def test_drive_goes_on_while_its_robot_moves_to_another_manager_and_back():
-    for name in NAMES:
-        await Robot.objects.acreate(name=name, title=name)
-    with running_mosquitto() as broker:
-        async with running_manager(broker.url) as first, robots_in_use(broker.url) as drives:
-            await drives.begin()
-            async with running_manager(broker.url) as second:
-                await served_by(0, 1)
-                await drives.go_on("another has joined")
-                for manager in (first, second):
-                    assert manager.active.report()["prepared"] == [0, 1]
-            await served_by(0, 0)
-            await drives.go_on("it has left")
-            await drives.end()
 
 
 async def stopped_and_replaced(process: ManagerProcess, drives: Drives) -> None:

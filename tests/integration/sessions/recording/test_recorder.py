@@ -34,6 +34,7 @@ from sessions.recording.recorder import BufferLimits, Recorder
 from sessions.recording.store import RecordStore, new_key
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
+from tests.support import words
 from tests.support.patience import patient
 from tests.support.sessions.rows import session_row
 
@@ -54,19 +55,9 @@ def state_item(
     boot: str = "b",
     robot: str = "giraff",
     payload: bytes | None = None,
-    **changes,
 ) -> StateItem:
-    state = messages.State(
-        stamp=NOW + seq * 0.25,
-        boot=boot,
-        seq=seq,
-        session=None if session is None else str(session.pk),
-        epoch=1,
-        pose=messages.Pose(x=0, y=0, theta=0),
-        velocity=messages.Velocity(linear=0, angular=0),
-        battery=messages.Battery(charge=1),
-        **changes,
-    )
+    own = {"session": None if session is None else str(session.pk), "epoch": 1}
+    state = words.state(seq, stamp=NOW + seq * 0.25, boot=boot, **own)
     return StateItem(robot, state, payload or codec.encode(state), NOW + seq * 0.25, 0.01)
 
 

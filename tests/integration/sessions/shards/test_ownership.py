@@ -30,7 +30,7 @@ from tests.support import words
 from tests.support.examples import repetitions
 from tests.support.paths import ROOT
 from tests.support.programs.postgres import running_postgres
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 from tests.support.sessions.fence_races import race
 
 NOW = timezone.now()
@@ -43,7 +43,7 @@ def at(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff(db):
-    return create_robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=at(1000))
+    return online_robot()
 
 
 @pytest.fixture

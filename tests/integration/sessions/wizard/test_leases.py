@@ -4,12 +4,10 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import User
-from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Lease, Session
 from sessions.wizard import leases
-from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db

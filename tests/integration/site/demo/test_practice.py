@@ -13,6 +13,7 @@ from sessions.practice import PracticePlace, choose
 from telepresence_site.practice import robots
 from telepresence_site.practice.pool import AGAIN, LINGER, Demand, decide
 from telepresence_site.practice.supervisor import Supervisor
+from tests.support.sessions.rows import session_row
 
 NAMES = ["practice-1", "practice-2"]
 NOW = 1_000_000.0
@@ -97,9 +98,7 @@ def process(supervisor: Supervisor):
 
 
 def visit(visitor: User, robot: Robot, **changes) -> Session:
-    fields = {"live_key": f"{robot.pk}:{visitor.pk}", "queued_at": timezone.now()}
-    fields |= {"seen_at": timezone.now(), **changes}
-    return Session.objects.create(robot=robot, visitor=visitor, **fields)
+    return session_row(robot, visitor, **{"seen_at": timezone.now(), **changes})
 
 
 def drives(visitor: User) -> Session:

@@ -18,7 +18,6 @@ from robots.models import FloorPlan, Robot
 from surveys.models import Questionnaire
 from telepresence_site.demo.supervision import DemoPart, PartLostError
 from telepresence_site.rehearsal import sandbox
-from tests.support.sessions.site import wait_for
 from tests.support.studies.wizard_study import wizard_study
 
 

@@ -80,87 +80,42 @@ ENCRYPTED = ["mqtts://broker.example.org", "wss://broker.example.org/mqtt"]
 NEAR = ["mqtt://127.0.0.1:1883", "mqtt://[::1]", "mqtt://10.0.0.7", "mqtt://broker"]
 
 
-@pytest.mark.parametrize("url", MALFORMED)
-@pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
-def test_malformed_broker_address_is_an_error(settings, name, url):
-    setattr(settings, name, url)
-    assert found_by(checks.check_mqtt) == ["telepresence.E001"]
+LOCAL = ["", *ENCRYPTED, ", ".join(ENCRYPTED), *NEAR, "mqtt://pi.local"]
+WEBSOCKETS = ("", "ws://127.0.0.1:8188", "wss://janus.example.org")
+ICE = {"STUN_URLS": ["stun:a"], "TURN_URLS": ["turn:a"], "TURN_SECRET": "s"}
+BEHIND_TLS = {"SECURE_PROXY_SSL_HEADER": ("HTTP_X_FORWARDED_PROTO", "https")}
+MAIL, PROXIES, HTTP = "ACCOUNT_EMAIL_VERIFICATION", "TRUSTED_PROXIES", "HTTP_ONLY"
+TWO_HOSTS = {"ALLOWED_HOSTS": ["127.0.0.1", "robots.example.org"]}
+# check, settings, and the id that it reports
+REPORTS = [
+    *((checks.check_mqtt, {"MQTT_URL": url}, "E001") for url in MALFORMED),
+    *((checks.check_mqtt, {"MQTT_PUBLIC_URL": url}, "E001") for url in MALFORMED),
+    *((checks.check_mqtt, {"MQTT_PUBLIC_URL": url}, "W001") for url in PUBLIC),
+    *((checks.check_mqtt, {"MQTT_PUBLIC_URL": url}, "") for url in LOCAL),
+    (checks.check_ice, ICE, ""),
+    (checks.check_ice, {**ICE, "TURN_SECRET": ""}, "E003"),
+    (checks.check_ice, {"STUN_URLS": ["turn:a"], "TURN_URLS": []}, "E002"),
+    *((checks.check_sfu, {"JANUS_URL": url}, "") for url in WEBSOCKETS),
+    (checks.check_sfu, {"JANUS_URL": "http://127.0.0.1:8088/janus"}, "E009"),
+    (checks.check_mail, {MAIL: "mandatory", "EMAIL_HOST": ""}, "W002"),
+    (checks.check_mail, {MAIL: "always", "EMAIL_HOST": ""}, "E004"),
+    (checks.check_mail, {MAIL: "optional", "EMAIL_HOST": ""}, ""),
+    *((checks.check_numbers, {"GRACE_SECONDS": one}, "E005") for one in (0.0, -1.0, float("nan"))),
+    (checks.check_numbers, {"SOCKETS_PER_ADDRESS": 0}, "E005"),
+    (checks.check_numbers, {"SOCKETS_PER_USER": 0}, "E005"),
+    (checks.check_numbers, {"IDLE_SECONDS": 0.0}, ""),
+    (checks.check_numbers, {"IDLE_SECONDS": -1.0}, "E005"),
+    (checks.check_proxies, {PROXIES: ["10.0.0.1", "10.0.0.0/8", "::1", "proxy"]}, "E006"),
+    (checks.check_visitors_addresses, {**BEHIND_TLS, PROXIES: []}, "W008"),
+    (checks.check_visitors_addresses, {**BEHIND_TLS, PROXIES: ["127.0.0.1"]}, ""),
+    (checks.check_visitors_addresses, {"SECURE_PROXY_SSL_HEADER": None, PROXIES: []}, ""),
+    (checks.check_plain_http, {**TWO_HOSTS, HTTP: True}, "W003"),
+    (checks.check_plain_http, {**TWO_HOSTS, HTTP: False}, ""),
+]
 
 
-@pytest.mark.parametrize("url", PUBLIC)
-def test_unencrypted_tokens_over_a_public_network_are_a_warning(settings, url):
-    settings.MQTT_PUBLIC_URL = url
-    assert found_by(checks.check_mqtt) == ["telepresence.W001"]
-
-
-@pytest.mark.parametrize("url", ["", *ENCRYPTED, ", ".join(ENCRYPTED), *NEAR, "mqtt://pi.local"])
-def test_encrypted_or_local_broker_is_accepted(settings, url):
-    settings.MQTT_PUBLIC_URL = url
-    assert found_by(checks.check_mqtt) == []
-
-
-def test_ice_servers_are_checked(settings):
-    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = ["stun:a"], ["turn:a"], "s"
-    assert found_by(checks.check_ice) == []
-    settings.TURN_SECRET = ""
-    assert found_by(checks.check_ice) == ["telepresence.E003"]
-    settings.STUN_URLS, settings.TURN_URLS = ["turn:a"], []
-    assert found_by(checks.check_ice) == ["telepresence.E002"]
-
-
-def test_sfu_address_must_be_of_a_websocket(settings):
-    for url in ("", "ws://127.0.0.1:8188", "wss://janus.example.org"):
-        settings.JANUS_URL = url
-        assert found_by(checks.check_sfu) == []
-    settings.JANUS_URL = "http://127.0.0.1:8088/janus"
-    assert found_by(checks.check_sfu) == ["telepresence.E009"]
-
-
-def test_verification_by_mail_is_checked(settings):
-    settings.ACCOUNT_EMAIL_VERIFICATION, settings.EMAIL_HOST = "mandatory", ""
-    assert found_by(checks.check_mail) == ["telepresence.W002"]
-    settings.ACCOUNT_EMAIL_VERIFICATION = "always"
-    assert found_by(checks.check_mail) == ["telepresence.E004"]
-    settings.ACCOUNT_EMAIL_VERIFICATION = "optional"
-    assert found_by(checks.check_mail) == []
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
-def test_times_must_be_positive(settings, value):
-    settings.GRACE_SECONDS = value
-    assert found_by(checks.check_numbers) == ["telepresence.E005"]
-
-
-@pytest.mark.parametrize("name", ["SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER"])
-def test_limit_that_admits_no_visitor_is_an_error(settings, name):
-    setattr(settings, name, 0)
-    assert found_by(checks.check_numbers) == ["telepresence.E005"]
-
-
-def test_presence_question_may_be_off_but_not_negative(settings):
-    settings.IDLE_SECONDS = 0.0
-    assert found_by(checks.check_numbers) == []
-    settings.IDLE_SECONDS = -1.0
-    assert found_by(checks.check_numbers) == ["telepresence.E005"]
-
-
-def test_proxy_must_be_an_address_or_a_network(settings):
-    settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.0/8", "::1", "proxy"]
-    assert found_by(checks.check_proxies) == ["telepresence.E006"]
-
-
-def test_server_behind_an_unnamed_proxy_is_a_warning(settings):
-    settings.SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
-    settings.TRUSTED_PROXIES = []
-    assert found_by(checks.check_visitors_addresses) == ["telepresence.W008"]
-    settings.TRUSTED_PROXIES = ["127.0.0.1"]
-    assert found_by(checks.check_visitors_addresses) == []
-    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = None, []
-    assert found_by(checks.check_visitors_addresses) == []
-
-
-def test_plain_http_for_other_computers_is_a_warning(settings):
-    settings.HTTP_ONLY, settings.ALLOWED_HOSTS = True, ["127.0.0.1", "robots.example.org"]
-    assert found_by(checks.check_plain_http) == ["telepresence.W003"]
-    settings.HTTP_ONLY = False
-    assert found_by(checks.check_plain_http) == []
+@pytest.mark.parametrize(("check", "changed", "reported"), REPORTS, ids=str)
+def test_check_reports_wrong_settings_and_accepts_right_ones(settings, check, changed, reported):
+    for name, value in changed.items():
+        setattr(settings, name, value)
+    assert found_by(check) == ([f"telepresence.{reported}"] if reported else [])

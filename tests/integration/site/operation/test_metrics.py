@@ -9,12 +9,13 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
-from sessions.models import Lease, ManagerBeat, Session
+from sessions.models import Lease, ManagerBeat
 from sessions.shards.rows import NAME, name_of
 from tests.support.people import person
-from tests.support.robots import create_robot
+from tests.support.robots import online_robot
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.sessions.query_plans import session_reads
+from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db(transaction=True)
 TOKEN = "t" * 32
@@ -33,22 +34,13 @@ def bridge():
 def site(settings):
     settings.METRICS_TOKEN = TOKEN
     now = timezone.now()
-    presence = {"connection": "ONLINE", "last_seen_at": now, "report": {"battery": {"charge": 0.5}}}
-    giraff = create_robot(name="giraff", title="Giraff", **presence)
+    giraff = online_robot(report={"battery": {"charge": 0.5}})
     Robot.objects.create(name="attic", title="Attic")
     Robot.objects.create(name="practice-1", title="Practice", practice=True)
     ada, bert, cleo = person("ada"), person("bert"), person("cleo")
     rows = [(ada, "driving", ""), (bert, "waiting", ""), (cleo, "ended", "completed")]
     made = [
-        Session.objects.create(
-            robot=giraff,
-            visitor=user,
-            state=state,
-            outcome=outcome,
-            live_key=f"{user.pk}",
-            queued_at=now,
-        )
-        for user, state, outcome in rows
+        session_row(giraff, user, state=state, outcome=outcome) for user, state, outcome in rows
     ]
     Lease.objects.create(robot=giraff, session=made[0], changed_at=now)
     report = {

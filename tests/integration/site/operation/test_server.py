@@ -15,13 +15,13 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.protocol import State
 
-from robots.api import codec, topics
+from robots.api import topics
 from sessions import protocol
 from sessions.audience.audience import BEAT_SECONDS
 from sessions.audience.board import HAND_SECONDS
 from tests.support import words
-from tests.support.browsers.pages import decode
-from tests.support.patience import patient
+from tests.support.browsers.pages import Expecting, decode
+from tests.support.patience import patient, until
 from tests.support.programs.server import running_server
 from tests.support.sessions.recorder_rig import ScriptedRobot
 from tests.support.sessions.site import wait_for
@@ -38,8 +38,8 @@ def server(tmp_path_factory):
         yield server
 
 
-class Tab:
-    """A page's WebSocket through the proxy; `seen` are the suffixes of its messages."""
+class Tab(Expecting):
+    """A page's WebSocket through the proxy."""
 
     def __init__(self, server, name):
         self.server, self.name, self.seen = server, name, []
@@ -67,17 +67,12 @@ class Tab:
                     break
         self.hello = await self.expect("hello")
 
-    async def say(self, suffix, message):
-        await self.socket.send(codec.encode_frame(suffix, message))
+    async def say_frame(self, frame):
+        await self.socket.send(frame)
 
-    async def expect(self, wanted, condition=lambda _: True):
-        """Return the next message of this kind."""
-        async with asyncio.timeout(patient(SECONDS)):
-            while True:
-                suffix, message = decode(await self.socket.recv())
-                self.seen.append(suffix)
-                if suffix == wanted and condition(message):
-                    return message
+    async def next(self):
+        self.seen.append(decode(await self.socket.recv()))
+        return self.seen[-1]
 
     async def listen(self, seconds):
         """Read for a while, as a page does: a page that reads nothing is disconnected."""
@@ -85,13 +80,6 @@ class Tab:
             async with asyncio.timeout(seconds):
                 while True:
                     await self.socket.recv()
-
-
-async def until(condition, what):
-    deadline = time.monotonic() + patient(SECONDS)
-    while not condition():
-        assert time.monotonic() < deadline, what
-        await asyncio.sleep(0.02)
 
 
 @contextlib.asynccontextmanager
@@ -113,9 +101,8 @@ def each_serves_one(server):
 async def test_hands_and_questions_reach_the_driver_on_the_other_process(server):
     async with online_robot(server), Tab(server, "ada") as ada, Tab(server, "bob") as bob:
         assert each_serves_one(server)
-        await ada.say("session/take", protocol.Take())
-        await ada.expect("session/granted")
-        await bob.say("session/observe", protocol.Observe())
+        await ada.take()
+        await bob.observe()
         await bob.expect("audience", lambda audience: audience.open)
         await bob.say("audience/hand", protocol.RaiseHand(raised=True))
         await bob.say("audience/ask", protocol.AskQuestion(text="Why?"))
@@ -136,10 +123,9 @@ async def test_raised_hand_survives_the_kill_of_a_web_process(server):
     async with online_robot(server), contextlib.AsyncExitStack() as stack:
         tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
         ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]
-        await ada.say("session/take", protocol.Take())
-        await ada.expect("session/granted")
+        await ada.take()
         for watcher in watchers:
-            await watcher.say("session/observe", protocol.Observe())
+            await watcher.observe()
             await watcher.expect("audience", lambda audience: audience.open)
             await watcher.say("audience/hand", protocol.RaiseHand(raised=True))
         await ada.expect("audience", lambda audience: audience.hands == len(watchers))
@@ -170,8 +156,7 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
     async with online_robot(server) as robot, Tab(server, "ada") as ada, Tab(server, "bob") as bob:
         assert each_serves_one(server)
 
-        await ada.say("session/take", protocol.Take())
-        driving = await ada.expect("session/granted")
+        driving = await ada.take()
         await until(lambda: robot.session == driving.session, "the robot has its driver")
         await bob.say("session/observe", protocol.Observe())
         await bob.expect("state", lambda state: state.session == driving.session)
@@ -184,12 +169,10 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
         await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
         assert (await bob.expect("denied")).suffix == "command/velocity"
 
-        await bob.say("session/take", protocol.Take())
-        assert (await bob.expect("session/queued")).place == 1
+        assert (await bob.queue()).place == 1
         await ada.say("session/leave", protocol.Leave())
         await bob.expect("session/offered")
-        await bob.say("session/take", protocol.Take())
-        second = await bob.expect("session/granted")
+        second = await bob.take()
         assert second.epoch > driving.epoch
         await until(lambda: robot.session == second.session, "the robot has its next driver")
 
@@ -197,11 +180,10 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
         mine = next(web for web in WEB if server.figure(web, DRIVER) == 1)
         server.site.processes[mine].kill()
         server.site.processes.pop(mine).wait()
-        with pytest.raises((ConnectionClosed, TimeoutError)):
+        with pytest.raises((ConnectionClosed, AssertionError)):
             await bob.expect("never")
         await bob.open()
-        await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
-        again = await bob.expect("session/granted")
+        again = await bob.take(session=second.session, peer=second.peer)
         assert (again.session, again.epoch) == (second.session, second.epoch)
         assert again.resumed
         count = len(robot.driven)

@@ -16,6 +16,7 @@ from telepresence_site.web.pages import PER_PAGE
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
 from tests.support.robots import create_robot, create_robots, unsaved_robot
+from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db
 RESET = [f"account_reset_password{step}" for step in ("", "_done", "_from_key_done")]
@@ -59,11 +60,7 @@ def robots():
 
 
 def visit(robot: Robot, username: str, state: str) -> Session:
-    user = person(username)
-    times = {"queued_at": timezone.now(), "seen_at": timezone.now()}
-    return Session.objects.create(
-        robot=robot, visitor=user, state=state, live_key=f"{robot.pk}:{user.pk}", **times
-    )
+    return session_row(robot, person(username), state=state, seen_at=timezone.now())
 
 
 def card_of(client, name: str) -> dict:

@@ -35,9 +35,7 @@ def collected(tmp_path_factory) -> Path:
 
 
 @pytest.mark.nightly
-def test_static_files_collected_with_a_strict_umask_are_readable(
-    collected,
-):
+def test_static_files_collected_with_a_strict_umask_are_readable(collected):
     shut = [
         path
         for path in collected.rglob("*")
@@ -73,17 +71,17 @@ def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(colle
     assert imports > len(list((ROOT / "static/js").rglob("*.js")))
 
 
-def test_delivered_scripts_differ_from_their_sources_only_in_import_names(
-    collected,
-):
+def test_delivered_scripts_differ_from_their_sources_only_in_import_names(collected):
     for plain, path in modules_of(collected).items():
         assert HASH.sub("", path.read_text()) == (ROOT / "static" / plain).read_text(), plain
 
 
 def test_every_script_is_also_stored_compressed(collected):
-    for path in modules_of(collected).values():
-        copy = path.with_name(f"{path.name}.gz")
-        assert not copy.exists() or gzip.decompress(copy.read_bytes()) == path.read_bytes()
+    copies = {path.with_name(f"{path.name}.gz"): path for path in modules_of(collected).values()}
+    stored = [copy for copy in copies if copy.exists()]
+    assert len(stored) > len(copies) / 2, "but for those that are too small"
+    for copy in stored:
+        assert gzip.decompress(copy.read_bytes()) == copies[copy].read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -76,32 +76,6 @@ def test_hands_are_listed_in_the_order_in_which_they_were_raised_one_a_person():
     assert not board.view("eve").raised
 
 
-def test_a_hand_is_lowered_when_its_page_closes():
-    board = opened()
-    raises(board, "ada")
-    board.leave("ada")
-    assert names(board) == ()
-
-
-def test_only_moderators_see_waiting_questions_and_names():
-    board = opened()
-    first, second = asks(board, "ada", 1.0, "One?"), asks(board, "bob", 2.0, "Two?")
-    raises(board, "ada")
-    assert [(one.text, one.who) for one in board.view("", moderates=True).questions] == [
-        ("One?", "Ada"),
-        ("Two?", "Bob"),
-    ]
-    assert states(board, "ada", moderates=False) == [("One?", "waiting")]
-    board.mark(second, "answering")
-    (own, shown) = board.view("ada").questions
-    assert (own.own, own.who, shown.own, shown.who) == (True, "", False, "")
-    assert shown.state == "answering"
-    assert board.view("ada").names == ()
-    board.mark(first, "declined")
-    assert states(board, "ada", moderates=False)[0] == ("One?", "declined")
-    assert states(board) == [("Two?", "answering")]
-
-
 def test_one_question_is_being_answered_at_a_time():
     board = opened()
     first, second = asks(board, "ada", 1.0, "One?"), asks(board, "bob", 2.0, "Two?")
@@ -152,14 +126,6 @@ def test_an_empty_question_is_refused():
     assert opened().ask(Asked("x", "ada", "Ada", sanitize(" \n "), 1.0)) == "empty"
 
 
-def test_the_next_drive_starts_with_an_empty_board():
-    board = opened()
-    raises(board, "ada")
-    asks(board, "ada")
-    board.begin("s2")
-    assert board.view("ada", moderates=True) == AudienceState(open=True, moderates=True)
-
-
 # --- several web processes ------------------------------------------------------------------------
 
 
@@ -177,16 +143,6 @@ def test_two_processes_have_one_list():
     talk(one, two)
     assert names(one) == names(two) == ()
     assert not one.view("ada").raised
-
-
-def test_a_visitor_lowers_their_hand_from_another_process():
-    one, two = opened("a"), opened("b")
-    raises(one, "ada")
-    talk(one, two)
-    assert two.view("ada").raised
-    two.lower_hand("ada")
-    talk(one, two)
-    assert names(one) == names(two) == ()
 
 
 def test_a_process_that_starts_late_or_misses_an_update_gets_everything():

@@ -98,17 +98,6 @@ DRIVERS_ACTIONS = [
 ]
 
 
-def test_a_drivers_velocity_carries_the_session_and_epoch_of_the_grant():
-    assert say(driver(), words.velocity(seq=5, **FORGED)) == (
-        Publish("command/velocity", words.velocity(seq=5, session=SESSION, epoch=7), wanted=False),
-    )
-
-
-def test_a_heartbeat_carries_the_peer_that_the_server_made():
-    (effect,) = say(driver(), m.CommandHeartbeat(n=1, stamp=1.0, peer="somebody-else"))
-    assert effect.message.peer == PEER
-
-
 each_action = pytest.mark.parametrize("asked", DRIVERS_ACTIONS, ids=lambda one: type(one).__name__)
 
 
@@ -182,13 +171,6 @@ def test_an_operator_needs_no_lease_for_actions_of_its_role(kind):
     assert (effect.message.role, effect.message.session, effect.message.epoch) == ("staff", None, 0)
 
 
-def test_the_server_fills_in_a_drivers_offer():
-    evil = (m.IceServer(urls=("turn:evil.example.org",)),)
-    forged = m.SdpOffer(sdp="v=0", role="screen", who="Mallory", ice_servers=evil, **FORGED)
-    own = m.SdpOffer(sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE)
-    assert say(driver(), forged) == (Publish(f"signal/{PEER}", own),)
-
-
 def through_sfu():
     authorization = observer()
     authorization.observe(by_sfu=True)
@@ -224,13 +206,6 @@ def test_driver_no_longer_watches_through_the_sfu():
     page = through_sfu()
     page.drive(SESSION, 7, PEER)
     assert not page.by_sfu
-
-
-def test_an_observers_offer_has_the_role_observer():
-    (effect,) = say(observer(), m.SdpOffer(sdp="v=0", role="driver", session=SESSION, epoch=7))
-    assert effect == Publish(
-        "signal/peer-2", m.SdpOffer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE)
-    )
 
 
 @pytest.mark.parametrize("signal", [m.Candidate(candidate="c", sdp_mid="0"), m.Bye(reason="left")])
@@ -334,19 +309,8 @@ def test_the_longest_reports_of_our_page_pass():
     layout = {"interface": "technical", "layout": "upright", "touch": False, "bot": True}
     numbers = ["width", "height", "screen_width", "screen_height", "density"]
     layout |= dict.fromkeys(numbers, 719.3333129882812)
-    parts = [
-        "server",
-        "browser",
-        "picture",
-        "way",
-        "detour",
-        "microphone",
-        "camera",
-        "gamepad",
-        "overall",
-        "app",
-    ]
-    check = dict.fromkeys((*parts, "overall", "app"), "unsupported")
+    parts = ["server", "browser", "picture", "way", "detour", "microphone", "camera", "gamepad"]
+    check = dict.fromkeys([*parts, "overall", "app"], "unsupported")
     answer = {"id": "answer-" + "0" * 24, "choice": "again", "photo": "p" * 64}
     figures = ["round_trip", "loss", "jitter", "fps", "freezes", "bitrate", "frame_age"]
     network = protocol.PageNetwork(
@@ -390,13 +354,6 @@ def test_a_stop_passes_when_everything_else_has_been_used_up():
         say(authorization, words.velocity())
         say(authorization, action(m.Photo))
     assert isinstance(say(authorization, action(m.Stop))[0], Halt)
-
-
-def test_a_flood_ends_the_connection_and_a_short_burst_does_not():
-    authorization = driver()
-    effects = [authorization.receive("nonsense", LEASE, 0.0) for _ in range(800)]
-    assert (Close(protocol.FLOODED),) not in effects[:400]
-    assert effects[-1] == (Close(protocol.FLOODED),)
 
 
 def test_only_a_page_that_drove_over_its_socket_sends_a_stop_when_it_leaves():
@@ -531,26 +488,12 @@ def test_claims_of_a_page_about_itself_do_not_reach_the_robot(message, place, op
 WANTED = m.PictureRequest(stamp=1.0, peer="somebody-else", seen=0.5, round_trip=0.02)
 
 
-@pytest.mark.parametrize("make", [driver, observer])
-def test_driver_and_observer_may_request_a_picture_under_their_real_peer(make):
-    authorization = make()
-    own = msgspec.structs.replace(WANTED, peer=authorization.peer)
-    assert say(authorization, WANTED) == (Publish("command/picture", own, wanted=False),)
-
-
 def test_one_request_is_answered_with_one_picture():
     authorization = observer()
     assert not authorization.may_see_picture(LEASE)
     say(authorization, WANTED)
     say(authorization, WANTED)
     assert authorization.may_see_picture(LEASE)
-    assert not authorization.may_see_picture(LEASE)
-
-
-@pytest.mark.parametrize("make", [guest, waiting])
-def test_a_page_that_does_not_watch_gets_no_picture(make):
-    authorization = make()
-    assert denied(authorization, WANTED) == "no_role"
     assert not authorization.may_see_picture(LEASE)
 
 
@@ -589,13 +532,6 @@ def test_photos_are_rate_limited_and_a_stop_still_passes():
 # --- dots on what the driver shares ---------------------------------------------------------------
 
 DOT = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="somebody-else", **FORGED)
-
-
-def test_a_drivers_dot_carries_role_peer_session_and_epoch_of_the_grant():
-    wanted = m.PointCommand(
-        stamp=5.0, at=(0.5, 0.25), role="driver", peer=PEER, session=SESSION, epoch=7
-    )
-    assert say(driver(), DOT) == (Publish("command/point", wanted, wanted=False),)
 
 
 def test_only_the_driver_may_point():

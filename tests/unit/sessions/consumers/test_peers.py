@@ -72,14 +72,6 @@ def test_page_that_waits_and_watches_counts_as_waiting_only(known):
     assert peers.describe(known, 0.0).observers == 2
 
 
-def test_the_reason_of_a_pause_is_sent_while_there_is_no_driver(known):
-    peers = room(direct=0)
-    peers.pause = "returning: dock"
-    assert peers.describe(known, 0.0).pause == "returning: dock"
-    known.take_lease(lease(), 0.0)
-    assert peers.describe(known, 0.0).pause == ""
-
-
 def test_a_robot_is_read_again_after_each_lease_and_at_intervals_for_all_pages(known):
     peers = room(direct=3)
     assert peers.is_to_be_read(known, 0.0)

@@ -6,7 +6,7 @@ import pytest
 from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
-from sessions.consumers.authorization import DenyFrame, Halt, Publish
+from sessions.consumers.authorization import DenyFrame, Publish
 from sessions.consumers.screen_authorization import ScreenAuthorization
 from tests.support import words
 
@@ -43,13 +43,6 @@ def test_messages_of_a_screen_have_the_role_screen(authorization, message):
     effect = say(authorization, "command/action", msgspec.structs.replace(message, **FORGED))
     assert isinstance(effect, Publish)
     assert {name: getattr(effect.message, name) for name in STAMPED} == STAMPED
-
-
-@pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_a_screen_stops_the_robot_under_its_own_name(authorization, kind):
-    effect = say(authorization, "command/action", asked(kind, **FORGED))
-    assert isinstance(effect, Halt)
-    assert (effect.message.role, effect.message.user) == ("screen", "Giraff")
 
 
 def test_the_number_of_a_screens_stop_kills_no_command_of_the_driver(authorization):

@@ -9,8 +9,8 @@ from sessions import protocol
 from sessions.consumers.relay import Outgoing
 from sessions.consumers.send_queue import SendQueue
 from sessions.consumers.sender import Sender
-from tests.support.browsers.pages import until
 from tests.support.host_jitter import watched
+from tests.support.patience import until
 
 
 async def test_frames_keep_their_order():

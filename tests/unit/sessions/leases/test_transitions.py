@@ -10,11 +10,9 @@ from sessions.leases.transitions import (
     IDLE,
     ROBOT_SILENCE,
     ROUND_TRIP_MARGIN_S,
-    ReleaseLease,
     RobotLink,
     SetState,
     TurnLimited,
-    TurnUnlimited,
     WithdrawOffer,
 )
 from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
@@ -156,12 +154,6 @@ def test_a_disabled_robot_ends_the_session_as_stopped_by_operator(world):
     assert world.tick() == (ended(session, "stopped_by_operator", "robot_disabled"),)
 
 
-def test_a_turn_has_no_limit_without_a_queue(world):
-    session = drive(world)
-    assert pass_time(world, 10 * RULES.turn) == []
-    assert world.sessions[session].turn_ends_at is None
-
-
 def test_a_turn_ends_after_its_minutes_and_a_warning_while_a_visitor_waits(world):
     start = world.now
     session = drive(world)
@@ -186,15 +178,6 @@ def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
     pass_time(world, RULES.warning - 1.0)
     assert world.sessions[session].state == "driving"
     assert ended(session, "timed_out", "turn_over") in pass_time(world, 2.0)
-
-
-def test_the_limit_ends_with_the_queue(world):
-    session = drive(world)
-    world.take("ben")
-    world.tick()
-    world.end(world.session_of("ben").id, "cancelled", "left_queue")
-    assert world.tick() == (TurnUnlimited(session),)
-    assert pass_time(world, 2 * RULES.turn) == []
 
 
 def test_a_waiting_session_with_a_closed_page_ends_no_turn(world):
@@ -252,18 +235,6 @@ def test_no_session_ends_by_an_outage_of_the_session_manager(world):
     assert world.tick(started) == ()
     world.now += RULES.grace + 0.1
     assert world.tick(started) == (ended(session, "connection_lost", "visitor_silent"),)
-
-
-def test_a_grant_of_a_process_that_was_killed_is_completed(world):
-    session = world.session_of("ana").id
-    world.change(session, state="waiting")
-    assert world.tick() == (SetState(session, "connecting"),)
-
-
-def test_a_lease_of_an_ended_session_is_released(world):
-    epoch = world.hold.epoch
-    world.sessions.clear()
-    assert world.tick() == (ReleaseLease(epoch),)
 
 
 def test_a_session_without_its_lease_is_ended(world):

@@ -20,6 +20,7 @@ from sessions.sfu.mountpoint import (
 )
 from sessions.sfu.robot_leg import CONNECT_SECONDS, STAY_SECONDS, RobotLeg
 from tests.support import words
+from tests.support.patience import until
 from tests.support.sessions.memory_bridge import MemoryBridge
 
 ANSWER = m.SdpAnswer(sdp="v=0 answer")
@@ -170,12 +171,6 @@ async def broadcast(janus, bridge):
     made = Broadcast("giraff", mountpoint_of("secret", "giraff"), bridge, janus.open, lambda: None)
     yield made
     await made.close()
-
-
-async def until(condition):
-    async with asyncio.timeout(20.0):
-        while not condition():
-            await asyncio.sleep(0.001)
 
 
 async def test_signalling_of_a_page_reaches_janus(page, janus):
