@@ -615,8 +615,7 @@ class Guard:
     def look(self, now: float) -> None:
         self.watch_server(now)
         acts = self.alone or self.starting
-        if acts:
-            self.node.cancel_docking()
+        self.node.cancel_docking(own=self.alone)
         if (acts and self.busy) or self.found:
             self.cancel(now)
         at_rest = self.standstill.is_proved or now - self.standstill.measured_at > STALE
