@@ -248,7 +248,7 @@ class GuardedNode:
 
     def cancel_docking(self, *, own: bool) -> None:
         """Call the cancel service every CANCEL_AGAIN until an earlier docking has ended, with `own`
-        also one of this run.
+        also one of this run, which the agent is told: the robot reports no such end.
 
         An earlier cancel may still be answered, and so is not abandoned for the next one.
         """
@@ -258,6 +258,8 @@ class GuardedNode:
         number = self.docking.cancelling(own=own)
         if number is not None:
             self.docking_cancelled_at = now
+            if own:
+                self.say(op="docking_cancelled")
             threading.Thread(target=self.call_cancel_dock, args=(number,), daemon=True).start()
 
     def call_cancel_dock(self, number: int) -> None:

@@ -286,6 +286,15 @@ async def test_two_cancels_at_once_share_one_call():
     assert bus.calls == ["/cancel_dock"]
 
 
+@pytest.mark.parametrize("docks", [True, False], ids=["docking", "goto"])
+async def test_a_docking_that_the_guard_has_cancelled_fails_and_no_other_action(docks):
+    adapter, _ = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
+    action = Dock(action_id="a", stamp=0.0) if docks else Goto(action_id="a", stamp=0.0, x=1.0)
+    adapter.pending_actions.begin(adapter._pending(action))
+    adapter.docking_cancelled()
+    assert adapter.pending_actions.drive.failure == ("heartbeat_lost" if docks else "")
+
+
 async def test_the_guard_learns_of_the_end_of_a_docking_and_of_no_other_action():
     adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
     await adapter.start(Dock(action_id="d", stamp=0.0))

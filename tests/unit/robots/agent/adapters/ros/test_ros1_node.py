@@ -466,6 +466,15 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_absent():
         assert node.answers == []
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_the_agent_is_told_of_a_cancel_of_its_own_docking(monkeypatch, own):
+    sent = []
+    node = DockedNode(DONE)
+    monkeypatch.setattr(node, "say", lambda **message: sent.append(message["op"]))
+    node.cancel_docking(own=own)
+    assert sent == (["docking_cancelled"] if own else [])
+
+
 def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
     sent = queue.Queue()
     node = DockedNode(DONE)
