@@ -125,6 +125,10 @@ class MoosRig(RcaRig):
         self.running, self.world.hung = not on, on
         self.loop.call_soon_threadsafe(self._client.hang, on)
 
+    def give_up(self):
+        """End what OpenMORA does without an event, as a CANCEL_NAVIGATION of another client."""
+        self.loop.call_soon_threadsafe(self._cancel)
+
     def resume(self, goal):
         """Let OpenMORA start a journey."""
         self.loop.call_soon_threadsafe(self._go_to, (goal.x, goal.y))

@@ -117,7 +117,9 @@ class Robot:
         for topic, kind in wish["hears"].items():
             self.hear(topic, kind, **wish.get("listens", {}))
         for service in wish.get("services", ()):
-            self.node.create_service(Trigger, self.namespace + service, self.serve(service))
+            answer = self.serve(service, wish.get("late", {}).get(service, 0.0))
+            name, group = self.namespace + service, ReentrantCallbackGroup()
+            self.node.create_service(Trigger, name, answer, callback_group=group)
         self.planner = Planner(self.node, self.namespace + "/navigate_to_pose")
 
     def hear(self, topic, kind, *, latched=False, best_effort=False):
@@ -128,8 +130,9 @@ class Robot:
             quality(latched=latched, best_effort=best_effort),
         )
 
-    def serve(self, service):
+    def serve(self, service, late):
         def answer(_request, response):
+            time.sleep(late)
             say(service, {})
             response.success = True
             return response

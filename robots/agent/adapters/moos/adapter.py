@@ -10,6 +10,8 @@ What OpenMORA does with these variables (its sources, by module and file):
   cancels the navigator and the plans, sets PARKING 0 and publishes ROBOT_CONTROL_MODE 0, each time,
   also when the mode was 0 before. MOTION_REQUEST pauses the navigator, so that its velocities
   cannot pass through the agent.
+- A journey that something else cancels, and a docking that AutoDocking_Laser/CDockingApp.cpp gives
+  up (PARKING 0), end without an event: only the mode becomes manual, and stays so.
 - With `use_client_alive_ack`, it sends CANCEL_NAVIGATION again and again while CLIENT_MQTT_ACK has
   not come for `max_client_ack_interval` seconds (2 as shipped) and the robot is not charging. That
   is the guard: it ends navigation, docking and driving alike when the agent or its link is lost.
@@ -58,6 +60,7 @@ SUBSCRIBED = (
 )
 PLANS: dict[Kind, str] = {"goto": "0", "dock": "505", "undock": "1"}  # their number at its end
 LANDING = 2.0  # seconds that the place may come after the end of the journey
+GIVEN_UP = 5.0  # seconds of manual mode, after which a journey has ended elsewhere
 ASKING = 0.3  # seconds between two questions for the head's angle while it turns
 
 log = structlog.stdlib.get_logger(__name__)
@@ -90,7 +93,8 @@ class MoosAdapter(OpenMoraAdapter):
         self.place = f"the MOOSDB at {options.host}:{options.port}"
         self._client: MoosClient | None = None
         self._connected_at = self._asked_at = 0.0
-        self._manual_at = -math.inf  # monotonic
+        # when the manual mode was published last, and since when without another mode; monotonic
+        self._manual_at, self._manual_since = -math.inf, math.inf
         self._arrived = ""  # the action that has reached its goal
         self._controller = ""  # the name of the RobotControlManager in this mission
         self._voltage: float | None = None
@@ -161,6 +165,9 @@ class MoosAdapter(OpenMoraAdapter):
                 self._plan_finished(text.split()[1:3])
             case "ROBOT_CONTROL_MODE", openmora.MANUAL:
                 self._manual_at = time.monotonic()
+                self._manual_since = min(self._manual_since, self._manual_at)
+            case "ROBOT_CONTROL_MODE", _:
+                self._manual_since = math.inf
             case (("MOTION_CMD_V" | "MOTION_CMD_W"), float(speed)):
                 self._moved_by(mail.source, speed)
 
@@ -226,6 +233,12 @@ class MoosAdapter(OpenMoraAdapter):
             pending.failure = ReasonCode.STOPPED_SHORT
         elif not pending.seen_running and now - pending.began > openmora.SETTING_OUT:
             pending.failure = ReasonCode.DOES_NOT_START
+        elif pending.seen_running and self._has_given_up(pending, now):
+            pending.failure = ReasonCode.STOPPED_SHORT
+
+    def _has_given_up(self, pending: PendingAction, now: float) -> bool:
+        is_docked = pending.kind == "dock" and self.readings.charger_contact
+        return not is_docked and now - max(self._manual_since, pending.began) > GIVEN_UP
 
     def _finish(self, pending: PendingAction, now: float) -> None:
         """Cancel the navigator, which would restart; its confirmed end finishes the action."""

@@ -565,6 +565,11 @@ class RosAdapter(RemoteAdapter):
         if self._navigator is not None:
             self._navigator.server_ended()
 
+    def docking_cancelled(self) -> None:
+        drive = self.pending_actions.drive
+        if drive is not None and drive.kind != "goto":
+            drive.failure = drive.failure or ReasonCode.HEARTBEAT_LOST
+
     # --- velocities, speed limit and lock of the robot --------------------------------------------
 
     def _navigate(self, message: dict[str, Any]) -> None:

@@ -52,6 +52,9 @@ class Goals(Protocol):
     def server_ended(self) -> None:
         """The action server has ended, and with it all goals."""
 
+    def docking_cancelled(self) -> None:
+        """The guard has cancelled the docking, because the agent had not responded."""
+
 
 class Bus(Protocol):
     """A connection to a ROS system; only awaited calls may block. After a loss, each call raises

@@ -21,6 +21,7 @@ OLDEST = 0.25  # s after which a velocity that waited for this process is droppe
 HEARTBEAT = 0.5  # s without a line from the agent, after which the guard stops the robot
 CANCEL_AGAIN = 0.5  # s between two cancels
 MOST_CANCELS = 10  # of a docking that wait for an answer at a time
+SETTLED_WITHIN = 6.0  # s in which the cancels before a docking have to be answered
 STILL_FOR = 0.3  # s of measured standstill, after which the robot is at rest
 HEARING = 3.0  # s for a subscriber to be found by a message that waits for it
 BACKLOG = 500  # lines of readings that wait for the agent
@@ -97,54 +98,75 @@ class DockingCalls:
     It may from the call of its service until the agent reports its end, the service refuses, or the
     cancel service has answered. A cancel that was sent before the call was answered proves nothing:
     the robot may start afterwards.
+
+    No service that docks is called while a cancel is under way, as after connecting: ROS keeps no
+    order between two services, and a cancel that arrives second would end the docking unnoticed.
     """
 
     def __init__(self) -> None:
         self.services: Any = ()
         self.cancel_service = ""
-        self.is_active = False
+        self.is_left = False  # one of an earlier run may, or one whose cancel was not answered
+        self.is_called = False  # one of this run may
         self.number = 0
-        self.lock = threading.Lock()  # each call and each cancel has a thread
+        self.cancels = 0  # how many are under way
+        self.changed = threading.Condition()  # each call and each cancel has a thread
         self.unanswered: Any = {}  # when each call was made that has no answer, by its number
 
     @property
-    def is_left(self) -> bool:
-        """Whether an earlier run may have left one, and this one has called none."""
-        return self.is_active and not self.number
+    def is_active(self) -> bool:
+        return self.is_left or self.is_called
 
     def begin(self, services: Any, cancel_service: str) -> None:
         """Set the services; an earlier run may have left a docking."""
         self.services, self.cancel_service = services, cancel_service
-        self.is_active = bool(cancel_service)
+        self.is_left = bool(cancel_service)
 
     def called(self, service: str) -> int:
         """Note a call; return its number, 0 for a service that does not dock."""
         if service not in self.services or not self.cancel_service:
             return 0
-        with self.lock:
+        with self.changed:
             self.number += 1
             self.unanswered[self.number] = time.monotonic()
-            self.is_active = True
+            self.is_called = True
             return self.number
+
+    def settled(self, within: float) -> bool:
+        """Wait until an earlier docking has ended and no cancel is under way, at most so many
+        seconds; return whether that is so.
+        """
+        with self.changed:
+            return self.changed.wait_for(lambda: not self.is_left and not self.cancels, within)
 
     def answered(self, number: int, answer: Any) -> None:
         """Note the answer of a call: `values`, or a `problem` that is `absent` without a server."""
         refused = answer.get("absent") or answer.get("values", {}).get("success") is False
-        with self.lock:
+        with self.changed:
             self.unanswered.pop(number, None)
             if number and number == self.number and refused:
-                self.is_active = False
+                self.is_called = False
 
-    def cancelling(self) -> int:
-        """Return the argument of `cancelled` for a cancel that is sent now."""
+    def cancelling(self, *, own: bool) -> Any:
+        """Note a cancel that is sent now, with `own` also of a docking of this run; return the
+        first argument of `cancelled`, None when there is nothing to cancel.
+        """
         oldest = time.monotonic() - ANSWERED_WITHIN
-        with self.lock:
+        with self.changed:
+            if not (self.is_left or (own and self.is_called)) or self.cancels >= MOST_CANCELS:
+                return None
+            self.cancels += 1
             return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
 
-    def cancelled(self, number: int) -> None:
-        with self.lock:
-            if number == self.number:
-                self.is_active = False
+    def cancelled(self, number: int, answer: Any) -> None:
+        """Note the answer of a cancel, as in `answered`; without one, it may still arrive."""
+        is_over = "values" in answer or "absent" in answer
+        with self.changed:
+            self.cancels -= 1
+            self.is_left = not is_over
+            if is_over and number == self.number:
+                self.is_called = False
+            self.changed.notify_all()
 
 
 class MissingTypeError(Exception):
@@ -159,7 +181,6 @@ class GuardedNode:
         self.say = self.link.say
         self.standstill, self.docking = Standstill(), DockingCalls()
         self.docking_cancelled_at = -math.inf
-        self.docking_cancels: Any = []  # threads that wait for the answers
         self.publishers: Any = {}
         self.beaten_at = time.monotonic()
         # (topic of velocities, its subscribers) as reported last, and as they are
@@ -199,14 +220,18 @@ class GuardedNode:
         pass
 
     def do_docking_ended(self) -> None:
-        self.docking.is_active = False
+        self.docking.is_called = False
 
     def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
         docking = self.docking.called(service)
 
         def call() -> None:
             try:
-                answer = self.answer_of(service, kind, arguments, docking=docking)
+                if docking and not self.docking.settled(SETTLED_WITHIN):
+                    why = self.docking.cancel_service + " does not answer"
+                    answer = {"problem": why, "absent": True}
+                else:
+                    answer = self.answer_of(service, kind, arguments, docking=docking)
             except Exception as error:  # the agent, and the docking, need an answer to every call
                 traceback.print_exc()
                 answer = {"problem": str(error) or type(error).__name__}
@@ -221,25 +246,28 @@ class GuardedNode:
         """
         raise NotImplementedError
 
-    def cancel_docking(self) -> None:
-        """Call the cancel service every CANCEL_AGAIN until the docking has ended.
+    def cancel_docking(self, *, own: bool) -> None:
+        """Call the cancel service every CANCEL_AGAIN until an earlier docking has ended, with `own`
+        also one of this run, which the agent is told: the robot reports no such end.
 
         An earlier cancel may still be answered, and so is not abandoned for the next one.
         """
         now = time.monotonic()
-        self.docking_cancels = [each for each in self.docking_cancels if each.is_alive()]
-        is_due = now - self.docking_cancelled_at > CANCEL_AGAIN
-        if self.docking.is_active and is_due and len(self.docking_cancels) < MOST_CANCELS:
+        if now - self.docking_cancelled_at <= CANCEL_AGAIN:
+            return
+        number = self.docking.cancelling(own=own)
+        if number is not None:
             self.docking_cancelled_at = now
-            cancel = threading.Thread(target=self.call_cancel_dock, daemon=True)
-            self.docking_cancels.append(cancel)
-            cancel.start()
+            if own:
+                self.say(op="docking_cancelled")
+            threading.Thread(target=self.call_cancel_dock, args=(number,), daemon=True).start()
 
-    def call_cancel_dock(self) -> None:
-        number = self.docking.cancelling()
-        answer = self.answer_of(self.docking.cancel_service, "std_srvs/Trigger", {})
-        if "values" in answer or "absent" in answer:
-            self.docking.cancelled(number)
+    def call_cancel_dock(self, number: int) -> None:
+        answer: Any = {}
+        try:
+            answer = self.answer_of(self.docking.cancel_service, "std_srvs/Trigger", {})
+        finally:
+            self.docking.cancelled(number, answer)
 
     def do_guard(self, **settings: Any) -> None:
         self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]

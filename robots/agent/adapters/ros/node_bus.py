@@ -133,6 +133,8 @@ class NodeBus:
                 number in self._calls and not self._calls[number].done()
             ):
                 self._calls[number].set_result(message)
+            case {"op": "docking_cancelled"} if self._goals is not None:
+                self._goals.docking_cancelled()
             case {"op": "listeners", "topic": topic, "count": int(count)} if (
                 topic in self._listeners
             ):

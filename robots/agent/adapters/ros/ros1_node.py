@@ -11,7 +11,7 @@ to reconnect.
                     ask (answered when the subscribers of velocities have responded),
                     graph (and which of the `old` nodes still run without the master's knowledge),
                     guard (what to cancel and stop), beat (the agent's heartbeat)
-    node -> agent   ready, publish, response, listeners, gone, lost
+    node -> agent   ready, publish, response, listeners, docking_cancelled, gone, lost
 
 TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
 each velocity the node therefore calls getPid on every subscriber. A subscriber that does not answer
@@ -615,8 +615,7 @@ class Guard:
     def look(self, now: float) -> None:
         self.watch_server(now)
         acts = self.alone or self.starting
-        if acts:
-            self.node.cancel_docking()
+        self.node.cancel_docking(own=self.alone)
         if (acts and self.busy) or self.found:
             self.cancel(now)
         at_rest = self.standstill.is_proved or now - self.standstill.measured_at > STALE

@@ -604,7 +604,7 @@ class Ros2Node(guarded.GuardedNode):
         """Brake, and cancel what may move the robot, despite any errors."""
         is_over = False
         while not is_over:
-            for work in (self.stop_wheels, self.attend, self.cancel_docking):
+            for work in (self.stop_wheels, self.attend, lambda: self.cancel_docking(own=True)):
                 self.attempt(work)
             time.sleep(PERIOD)
             is_over = self.attempt(lambda: not self.may_move(began))
@@ -645,8 +645,7 @@ class Ros2Node(guarded.GuardedNode):
             self.moved_at = None
             self.stop_wheels()
         self.report_listeners(self.settings["driving"], self.subscriber_count())
-        if self.docking.is_left:
-            self.cancel_docking()
+        self.cancel_docking(own=False)
         self.attend()
 
     def attend(self) -> None:

@@ -87,6 +87,18 @@ class TestGiraff(RcaConformance):
         await wait_for(near_dock, lambda _: self.rig.world.cancels > before + 1)
         assert near_dock.pending_actions.of("d").failure == "does_not_start"
 
+    @pytest.mark.parametrize("kind", ["goto", "dock"])
+    async def test_journey_that_openmora_gives_up_has_failed(self, near_dock, kind, monkeypatch):
+        monkeypatch.setattr("robots.agent.adapters.moos.adapter.GIVEN_UP", 1.0)
+        goal = self.rig.world.truth.compose(Pose2D(-1.0, 0.0, 0.0))
+        goto = Goto(action_id="a", stamp=0.0, x=goal.x, y=goal.y)
+        await near_dock.start(goto if kind == "goto" else Dock(action_id="a", stamp=0.0))
+        await wait_for(near_dock, lambda _: near_dock.pending_actions.drive.seen_running)
+        self.rig.world.hung = True
+        self.rig.give_up()
+        last = (await heard(near_dock, ended("a")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "stopped_short")
+
     async def test_bumpers_count_each_contact_once(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts
         self.rig.bumped = 1.0

@@ -5,6 +5,7 @@ import contextlib
 import os
 import signal
 import socket
+import time
 from xmlrpc.client import ServerProxy
 
 import pytest
@@ -13,15 +14,18 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.ros.bus import Subscription
 from robots.agent.adapters.ros.graph import master_restarted
-from robots.agent.adapters.ros.guarded_node import HEARING
+from robots.agent.adapters.ros.guarded_node import HEARING, HEARTBEAT
 from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.robot_interface import AdapterError
-from robots.api.messages import Velocity
+from robots.api.messages import Dock, Velocity
+from robots.api.reasons import ReasonCode
 from tests.support.architectures.adapter_conformance import drive, some, wait_for
 from tests.support.architectures.rca_conformance import (
     RcaConformance,
     again,
     connected,
+    ended,
+    heard,
     lost,
     sees_grey,
     standing,
@@ -47,6 +51,17 @@ class TestRhodon(RcaConformance):
         await asyncio.to_thread(self.rig.call, self.rig.loses_its_driver())
         await wait_for(adapter, lambda _: adapter._bus.listeners("/cmd_vel") == 0)
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+
+    async def test_docking_that_its_guard_cancels_fails(self, near_dock):
+        """The connection stays, while the agent does not respond."""
+        world = self.rig.world
+        world.hung = True  # so that it does not dock before
+        await near_dock.start(Dock(action_id="d", stamp=0.0))
+        before, until = world.cancels, time.monotonic() + patient(HEARTBEAT + 1.0)
+        while world.cancels == before and time.monotonic() < until:
+            time.sleep(0.02)
+        last = (await heard(near_dock, ended("d")))[-1]
+        assert (last.status, last.reason) == ("FAILED", ReasonCode.HEARTBEAT_LOST)
 
     def restart_master(self):
         self.rig.master.kill()

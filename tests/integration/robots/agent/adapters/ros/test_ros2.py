@@ -20,7 +20,7 @@ from robots.agent.adapters.ros import base, ros2
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
 from robots.api.geometry import Pose2D
-from robots.api.messages import Goto, Velocity
+from robots.api.messages import Dock, Goto, Velocity
 from tests.support.agents.agent_process import wait
 from tests.support.architectures.adapter_conformance import drive, some, stands, wait_for
 from tests.support.architectures.goal_client import going
@@ -31,6 +31,7 @@ from tests.support.architectures.rca_conformance import (
     heard,
     sees_grey,
 )
+from tests.support.architectures.rca_world import BEFORE_DOCK
 from tests.support.architectures.ros2_robot import PYTHON, Ros2Rig
 from tests.support.architectures.ros_robot import STAMPED, RosRobot
 from tests.support.paths import ROOT
@@ -198,6 +199,17 @@ rclpy.spin(node)
 def children(pid):
     found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(each) for each in found.split()]
+
+
+async def test_docking_right_after_connecting_is_not_ended_by_the_cancel_of_an_earlier_one():
+    with Ros2Rig("giraff", late={"/cancel_dock": 1.0}) as rig:
+        rig.reset(BEFORE_DOCK["giraff"])
+        async with connected(rig.adapter()) as adapter:
+            await adapter.start(Dock(action_id="d", stamp=0.0))
+            assert rig.world.cancels > 0
+            before = rig.world.cancels
+            assert (await heard(adapter, ended("d"), 15.0))[-1].status == "FINISHED"
+            assert rig.world.cancels == before
 
 
 # --- qualities of service -------------------------------------------------------------------------

@@ -210,21 +210,72 @@ async def test_a_docking_call_without_an_answer_is_cancelled_for_a_while(monkeyp
     assert await docks.cancel()
 
 
-async def test_the_answer_to_a_cancel_applies_only_to_its_docking(monkeypatch):
+@pytest.fixture
+async def slow(monkeypatch):
+    """A docking with a cancel under way, whose service answers once `bus.answers` is set."""
     monkeypatch.setattr(docking, "CANCEL_TIME", 0.01)
+    monkeypatch.setattr(docking, "SETTLED_WITHIN", 0.05)
     bus = LateDock()
     docks = TriggerDocking("/cancel_dock", bus, lambda: True)
     bus.answer.set_result((True, ""))
-    cancelled = asyncio.Event()
-    bus.cancelled = cancelled.wait
+    bus.answers = asyncio.Event()
+    bus.cancelled = bus.answers.wait
     await docks.start("/dock")
     assert not await docks.cancel()
-    cancelled.set()
-    await asyncio.sleep(0.01)
     bus.calls.clear()
+    return docks, bus
+
+
+async def test_the_answer_to_a_cancel_applies_only_to_its_docking(slow):
+    docks, bus = slow
+    bus.answers.set()
+    await asyncio.sleep(0.01)
     await docks.start("/undock")
     assert await docks.cancel()
     assert bus.calls == ["/undock", "/cancel_dock"]
+
+
+async def test_the_next_docking_waits_for_the_answer_to_a_cancel(slow, monkeypatch):
+    monkeypatch.setattr(docking, "SETTLED_WITHIN", 60.0)
+    docks, bus = slow
+    starting = asyncio.ensure_future(docks.start("/undock"))
+    await asyncio.sleep(0.01)
+    assert bus.calls == []
+    bus.answers.set()
+    await starting
+    assert bus.calls == ["/undock"]
+
+
+async def test_the_next_docking_is_refused_until_a_cancel_is_answered(slow):
+    docks, bus = slow
+    for _ in range(2):
+        with pytest.raises(ActionRefusedError, match="rca: /cancel_dock does not answer"):
+            await docks.start("/undock")
+    bus.cancelled = unanswered
+    bus.answers.set()
+    docks._cancelling.cancel()
+    await asyncio.sleep(0)
+    with pytest.raises(ActionRefusedError, match="rca: /cancel_dock does not answer"):
+        await docks.start("/undock")
+    bus.cancelled = bus.answers.wait
+    await docks.start("/undock")
+    assert bus.calls == ["/cancel_dock", "/cancel_dock", "/undock"]
+
+
+async def unanswered():
+    raise UnansweredError("/cancel_dock does not answer")
+
+
+async def test_a_docking_that_is_cancelled_while_it_waits_does_not_begin(slow, monkeypatch):
+    monkeypatch.setattr(docking, "SETTLED_WITHIN", 60.0)
+    docks, bus = slow
+    starting = asyncio.ensure_future(docks.start("/undock"))
+    await asyncio.sleep(0)
+    assert not await docks.cancel()
+    bus.answers.set()
+    with pytest.raises(ActionRefusedError, match="cancelled"):
+        await starting
+    assert bus.calls == []
 
 
 async def test_two_cancels_at_once_share_one_call():
@@ -233,6 +284,15 @@ async def test_two_cancels_at_once_share_one_call():
     bus.cancelled = lambda: asyncio.sleep(0.05)
     assert await asyncio.gather(docks.cancel(), docks.cancel()) == [True, True]
     assert bus.calls == ["/cancel_dock"]
+
+
+@pytest.mark.parametrize("docks", [True, False], ids=["docking", "goto"])
+async def test_a_docking_that_the_guard_has_cancelled_fails_and_no_other_action(docks):
+    adapter, _ = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
+    action = Dock(action_id="a", stamp=0.0) if docks else Goto(action_id="a", stamp=0.0, x=1.0)
+    adapter.pending_actions.begin(adapter._pending(action))
+    adapter.docking_cancelled()
+    assert adapter.pending_actions.drive.failure == ("heartbeat_lost" if docks else "")
 
 
 async def test_the_guard_learns_of_the_end_of_a_docking_and_of_no_other_action():

@@ -249,7 +249,7 @@ class GuardRig:
             say=lambda **message: self.sent.append(message["op"]),
             standstill=Standstill(),
             docking=DockingCalls(),
-            cancel_docking=lambda: None,
+            cancel_docking=lambda **_: None,
             attempt=lambda work: work(),
             beaten_at=self.now,
         )
@@ -399,25 +399,29 @@ def test_a_guard_that_fails_to_cancel_still_brakes(guard):
     assert guard.zeros == 3
 
 
+DONE = {"values": {"success": True}}
+UNANSWERED = {"problem": "no answer"}
+
+
 @pytest.fixture
 def docking():
     made = DockingCalls()
     made.begin(["/dock"], "/cancel_dock")
-    made.cancelled(made.cancelling())
+    made.cancelled(made.cancelling(own=False), DONE)
     return made
 
 
 def test_a_docking_is_active_until_a_cancel_that_was_sent_after_its_answer(docking):
     assert not docking.is_active
     call = docking.called("/dock")
-    early = docking.cancelling()
-    docking.cancelled(early)
+    early = docking.cancelling(own=True)
+    docking.cancelled(early, DONE)
     assert docking.is_active
-    docking.answered(call, {"values": {"success": True}})
+    docking.answered(call, DONE)
     assert docking.is_active
-    docking.cancelled(early)
+    docking.cancelled(early, DONE)
     assert docking.is_active
-    docking.cancelled(docking.cancelling())
+    docking.cancelled(docking.cancelling(own=True), DONE)
     assert not docking.is_active
 
 
@@ -446,14 +450,14 @@ class DockedNode(GuardedNode):
 
     def cancels(self):
         self.docking_cancelled_at = -1.0
-        self.cancel_docking()
-        for each in self.docking_cancels:
-            each.join()
+        self.cancel_docking(own=False)
+        with self.docking.changed:
+            assert self.docking.changed.wait_for(lambda: not self.docking.cancels, SOON)
 
 
 def test_docking_is_cancelled_until_its_service_answers_or_is_absent():
     for last in ({"values": {"success": True}}, {"problem": "there is none", "absent": True}):
-        node = DockedNode({"problem": "no answer"}, last)
+        node = DockedNode(UNANSWERED, last)
         node.cancels()
         assert node.docking.is_active
         node.cancels()
@@ -462,16 +466,26 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_absent():
         assert node.answers == []
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_the_agent_is_told_of_a_cancel_of_its_own_docking(monkeypatch, own):
+    sent = []
+    node = DockedNode(DONE)
+    monkeypatch.setattr(node, "say", lambda **message: sent.append(message["op"]))
+    node.cancel_docking(own=own)
+    assert sent == (["docking_cancelled"] if own else [])
+
+
 def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
     sent = queue.Queue()
-    node = DockedNode()
+    node = DockedNode(DONE)
+    node.cancels()
     monkeypatch.setattr(node, "say", lambda **message: sent.put(message))
     monkeypatch.setattr(node, "answer_of", lambda *_, **__: 1 / 0)
     node.do_call(7, "/dock", "std_srvs/Trigger", {})
     answer = {"op": "response", "number": 7, "problem": "division by zero"}
     assert sent.get(timeout=5.0) == answer
     assert node.docking.is_active
-    node.docking.cancelled(node.docking.cancelling())
+    node.docking.cancelled(node.docking.cancelling(own=True), DONE)
     assert not node.docking.is_active
 
 
@@ -487,9 +501,9 @@ def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins(docking)
             return super().__gt__(other)
 
     docking.unanswered[docking.called("/dock")] = Time(-math.inf)
-    cancel = docking.cancelling()
+    cancel = docking.cancelling(own=True)
     calling.join()
-    docking.cancelled(cancel)
+    docking.cancelled(cancel, DONE)
     assert docking.is_active
 
 

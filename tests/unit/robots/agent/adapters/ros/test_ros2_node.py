@@ -6,6 +6,7 @@ import array
 import base64
 import math
 import queue
+import threading
 from itertools import pairwise
 from types import ModuleType, SimpleNamespace
 
@@ -14,8 +15,10 @@ import pytest
 from robots.agent.adapters.ros import guarded_node, ros2_node
 from robots.agent.adapters.ros.graph import TopicPeers, chosen_stamped
 from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
+from tests.support.patience import patient
 
 EXECUTING = 2
+SOON = 0.1  # s in which a started thread would do something
 
 
 class Record(SimpleNamespace):
@@ -223,7 +226,8 @@ class FailingGuard(ros2_node.Ros2Node):
     def attend(self):
         self.part("cancel")
 
-    def cancel_docking(self):
+    def cancel_docking(self, *, own):
+        assert own
         self.part("dock")
 
     def may_move(self, _since):
@@ -312,6 +316,9 @@ def test_a_guard_brakes_with_the_type_that_the_agent_would_choose(monkeypatch, k
     assert chosen_stamped(graph, "/cmd_vel", stamped=False) == (published == "TwistStamped")
 
 
+DONE, UNANSWERED = {"values": {"success": True}}, {"problem": "no answer"}
+
+
 class DockedNode(ros2_node.Ros2Node):
     """A node that may have a docking of an earlier run, whose cancel service answers when the test
     does.
@@ -320,15 +327,25 @@ class DockedNode(ros2_node.Ros2Node):
     def __init__(self, clock):
         guarded_node.GuardedNode.__init__(self, None)
         self.clock, self.settings, self.moved_at = clock, {"driving": ""}, None
-        self.answers = queue.Queue()
+        self.answers, self.said = queue.Queue(), queue.Queue()
+        self.docked = threading.Event()  # the docking service was called
+        self.say = lambda **message: self.said.put(message)
         self.do_guard(linear=0.02, angular=0.05, docks=["/dock"], cancel_dock="/cancel_dock")
 
     def attend(self):
         pass
 
+    def report_listeners(self, topic, count):
+        pass
+
     def answer_of(self, service, kind, arguments, *, docking=0):
-        assert service == "/cancel_dock"
+        if service == "/dock":
+            self.docked.set()
+            return DONE
         return self.answers.get()
+
+    def call_dock(self):
+        self.do_call(7, "/dock", "std_srvs/Trigger", {})
 
     def guards_for(self, seconds):
         """Time passes in rounds of the guard; return the times at which it cancelled."""
@@ -341,10 +358,10 @@ class DockedNode(ros2_node.Ros2Node):
         return times[1:]
 
     def answers_all(self, answer):
-        for _ in self.docking_cancels:
+        for _ in range(self.docking.cancels):
             self.answers.put(answer)
-        for each in self.docking_cancels:
-            each.join()
+        with self.docking.changed:
+            assert self.docking.changed.wait_for(lambda: not self.docking.cancels, patient(1.0))
 
 
 def test_a_docking_of_an_earlier_run_is_cancelled_every_half_second_until_confirmed(clock):
@@ -352,16 +369,16 @@ def test_a_docking_of_an_earlier_run_is_cancelled_every_half_second_until_confir
     times = node.guards_for(2.0)
     assert len(times) == 4
     assert all(0.5 <= after - before < 0.6 for before, after in pairwise(times))
-    node.answers_all({"problem": "no answer"})
+    node.answers_all(UNANSWERED)
     assert len(node.guards_for(1.0)) == 2
-    node.answers_all({"values": {"success": True}})
+    node.answers_all(DONE)
     assert node.guards_for(2.0) == []
 
 
 def test_a_docking_of_this_run_is_not_cancelled_while_the_agent_lives(clock):
     node = DockedNode(clock)
     node.guards_for(0.1)
-    node.answers_all({"values": {"success": True}})
+    node.answers_all(DONE)
     node.docking.called("/dock")
     assert node.guards_for(2.0) == []
 
@@ -369,4 +386,32 @@ def test_a_docking_of_this_run_is_not_cancelled_while_the_agent_lives(clock):
 def test_cancels_that_wait_for_an_answer_are_bounded(clock):
     node = DockedNode(clock)
     assert len(node.guards_for(20.0)) == guarded_node.MOST_CANCELS
-    node.answers_all({"problem": "no answer"})
+    node.answers_all(UNANSWERED)
+
+
+@pytest.mark.parametrize("cancelled_first", [True, False])
+def test_a_docking_waits_until_no_cancel_of_an_earlier_one_can_end_it(clock, cancelled_first):
+    node = DockedNode(clock)
+    if cancelled_first:
+        node.guards_for(0.6)
+    node.call_dock()
+    node.guards_for(0.6)
+    assert not node.docked.wait(SOON)
+    node.answers_all(UNANSWERED)
+    assert not node.docked.wait(SOON)
+    node.guards_for(0.6)
+    node.answers_all(DONE)
+    assert node.docked.wait(patient(1.0))
+    assert node.guards_for(2.0) == []
+
+
+def test_a_docking_is_refused_while_its_cancel_service_does_not_answer(clock, monkeypatch):
+    monkeypatch.setattr(guarded_node, "SETTLED_WITHIN", SOON)
+    node = DockedNode(clock)
+    node.guards_for(0.6)
+    node.call_dock()
+    answer = node.said.get(timeout=patient(1.0))
+    assert (answer["problem"], answer["absent"]) == ("/cancel_dock does not answer", True)
+    assert not node.docked.is_set()
+    assert node.guards_for(0.6), "an earlier one may still run"
+    node.answers_all(DONE)
