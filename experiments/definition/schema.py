@@ -283,11 +283,11 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def reveals_condition(self) -> bool:
-        """Whether instructions or the drive page show something of it before any video."""
-        places = {(one.access, one.robot, one.site) for one in self.conditions}
+        """Whether instructions, robot or drive page show something of it before any video."""
         parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
         looks = set(map(parts, self.conditions))
-        return self.has_condition_specific_pages or len(looks) > len(places)
+        accesses = {one.access for one in self.conditions}
+        return self.has_condition_specific_pages or len(looks) > len(accesses)
 
     @property
     def tells_of_operator(self) -> bool:
