@@ -17,13 +17,13 @@ from django.contrib.admin.models import LogEntry
 from django.contrib.auth import SESSION_KEY
 from django.contrib.sessions.models import Session as BrowserSession
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Max, QuerySet
 from django.utils import timezone
 
 from accounts import audit
 from experiments.export import reports
 from experiments.extraction.people import EXPOSED, stages_of
-from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
+from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, Study, not_drawn
 from experiments.participation import progress, questions
 from sessions.leases import store
 from sessions.models import Session, Snapshot
@@ -194,7 +194,8 @@ def _replace(participant: Participant) -> None:
     """
     begin = _begin_of(participant.withdrawn_at or participant.seen_at.date())
     kept = {name: getattr(participant, name) for name in KEPT}
-    fields = {**kept, "language": "", "created_at": begin, "seen_at": begin}
+    times = {"created_at": _published_before(participant) or begin, "seen_at": begin}
+    fields = {**kept, "language": "", **times}
     slot = _slot_after(participant)
     with transaction.atomic():
         row, _made = Participant.objects.get_or_create(slot=slot, defaults=fields)
@@ -202,6 +203,15 @@ def _replace(participant: Participant) -> None:
         participant.draws.all().delete()  # their numbers are unique
         Draw.objects.bulk_create(Draw(participant=row, **draw) for draw in draws)
         Participant.objects.filter(pk=participant.pk).delete()
+
+
+def _published_before(participant: Participant) -> datetime | None:
+    """Return when the version was published that was the newest when a participant joined: it tells
+    which plans are older than their data, and nothing about the person.
+    """
+    versions = Study.objects.filter(slug=participant.study.slug)
+    before = versions.filter(published_at__lte=participant.created_at)
+    return before.aggregate(last=Max("published_at"))["last"]
 
 
 def _slot_after(participant: Participant) -> str:
