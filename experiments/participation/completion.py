@@ -81,11 +81,15 @@ def conclude(participant: Participant, now: datetime.datetime) -> None:
 
 
 def close(participant: Participant, status: str, ending: Ending, now: datetime.datetime) -> None:
-    """End an active participation, or update one that has ended with this status."""
+    """End an active participation, or update one that has ended with this status. Its end is when
+    this ending was reached first: a second visit does not make the first one longer.
+    """
     given = codes(participant.study).get(ending, "")
+    is_reached = participant.completion == ending and participant.finished_at is not None
+    ended = participant.finished_at if is_reached else now
     status_in = (Participant.Status.ACTIVE, status)
     rows = Participant.objects.filter(pk=participant.pk, status__in=status_in)
-    rows.update(status=status, finished_at=now, completion=ending, completion_code=given)
+    rows.update(status=status, finished_at=ended, completion=ending, completion_code=given)
     participant.refresh_from_db()
 
 

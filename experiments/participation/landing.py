@@ -17,9 +17,10 @@ from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
 # In the order in which they are checked: the first that holds decides.
-OfParticipant = Literal["recognized", "other_account", "finished", "under_way", "screened_out"]
+OfPerson = Literal["withdrawn", "recognized", "other_account"]
+OfParticipant = Literal["finished", "under_way", "screened_out"]
 OfStudy = Literal["closed", "shut", "personal", "full"]
-Admission = Literal[OfParticipant, OfStudy, "device", "anonymous", "stranger", "welcome"]
+Admission = Literal[OfPerson, OfParticipant, OfStudy, "device", "anonymous", "stranger", "welcome"]
 _WEEK = 7
 
 
@@ -29,6 +30,7 @@ def landing(
     own: Participant | None,
     *,
     known: Participant | None = None,
+    has_withdrawn: bool = False,
     has_device: bool = True,
     is_recruited: bool = False,
     language: str,
@@ -38,12 +40,14 @@ def landing(
     maximal time of driving, `wait` the maximal wait for a robot, in minutes, while others have the
     robots; `opens_at` is in the study's time zone. `own` is the visitor's participation, `known`
     that of another user with the id of a recruitment site that their link names; `is_recruited`
-    tells whether it names one.
+    tells whether it names one, `has_withdrawn` whether they took part before and withdrew.
     """
     definition = study.as_definition()
-    if known is not None:
+    if has_withdrawn:
+        admission: Admission = "withdrawn"
+    elif known is not None:
         is_guest = known.user is not None and known.user.is_guest
-        admission: Admission = "recognized" if is_guest else "other_account"
+        admission = "recognized" if is_guest else "other_account"
     else:
         admission = _admission(study, user, own, now, has_device=has_device)
     return {

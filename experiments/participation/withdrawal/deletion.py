@@ -25,6 +25,7 @@ from experiments.export import reports
 from experiments.extraction.people import EXPOSED, stages_of
 from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, Study, not_drawn
 from experiments.participation import progress, questions
+from experiments.recruitment import recognition
 from sessions.leases import store
 from sessions.models import Session, Snapshot
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -35,6 +36,7 @@ WITHDRAWN = "withdrawn"  # the reason of a session that was ended by it
 # The fields of the row that stays; all others have their defaults.
 KEPT = (
     *("study", "kind", "access", "status", "cell", "conditions", "draws_applied", "stage"),
+    "recruitment_id",  # only a keyed hash: experiments/recruitment/recognition.py
     *("completion", "completion_code", "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
 )
 # Of each of their draws, so that those of others can still be checked; not the time, the seed, and
@@ -110,11 +112,12 @@ def _strip(participant: Participant, now: datetime) -> None:
         "age": None,
         "language": "",
         "recruitment": {},
-        "recruitment_id": "",
     }
-    Participant.objects.filter(pk=participant.pk).update(
-        slot=str(participant.pk),
+    slot = str(participant.pk)
+    Participant.objects.filter(pk=participant.pk).exclude(slot=slot).update(
+        slot=slot,
         recruited_as=not_drawn(),
+        recruitment_id=recognition.kept_after_withdrawal(participant),
         seen_at=_begin_of(now.date()),
         **none,
     )

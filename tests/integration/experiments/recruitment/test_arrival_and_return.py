@@ -1,6 +1,7 @@
 """From the recruitment site and back: every ending, every device, with nothing but its id."""
 
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import pytest
@@ -327,8 +328,38 @@ def test_a_withdrawal_after_the_end_keeps_the_completion_code(ada):
     assert COMPLETE + code in [one.attributes.get("href") for one in page.all("a")]
     left = Participant.objects.get()
     # all participants with this ending have the code, so it does not identify one
-    assert (left.recruitment_id, left.recruitment, left.completion_code) == ("", {}, code)
-    assert "5f0c" not in left.recruited_as
+    assert (left.recruitment, left.completion_code) == ({}, code)
+    assert "5f0c" not in left.recruited_as + left.recruitment_id
+    assert sha256(b"5f0c").hexdigest() not in left.recruited_as + left.recruitment_id
+
+
+def test_an_id_that_withdraws_after_the_draw_cannot_join_again(recruit, ada, publish):
+    ada.finish()
+    receipt = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
+    assert "you can't take part a second time" in receipt.text
+    Study.objects.update(status="closed")
+    for study in (ada.study, publish(version=2)):
+        again = recruit(study)
+        page = again.arrive()
+        assert faults(page) == []
+        assert "You have left this study" in page.text
+        assert again.client.post(FRONT).url == FRONT
+    assert Participant.objects.count() == 1
+    assert recruit(ada.study, PROLIFIC_PID="b0b").join().url == STEP
+
+
+def test_an_account_that_withdraws_after_the_draw_cannot_join_again(publish, client):
+    study, user = publish(), person("ada")
+    client.force_login(user)
+    for status in ("withdrawn", "welcome"):
+        one = p.comer(study, user)
+        if status == "withdrawn":
+            p.assign(one, "giraff_open")
+        asked = read(client.get(f"/taking-part/{one.code}/withdraw/"))
+        assert ("can't take part in this study again" in asked.text) == (status == "withdrawn")
+        client.post(f"/taking-part/{one.code}/withdraw/")
+        assert client.get(FRONT).context["page"]["admission"] == status
+        Participant.objects.all().delete()
 
 
 def test_declining_the_consent_returns_the_code_of_leaving(recruit, ada):
