@@ -12,7 +12,7 @@ from experiments.definition import opening_hours
 from experiments.definition.design import Controller
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import DONE, TIMED_OUT, Participant, Study
-from experiments.participation import journey, progress
+from experiments.participation import completion, journey, progress
 from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
@@ -114,14 +114,17 @@ def _admission(
 
 def may_take_part_again(participant: Participant, now: datetime.datetime) -> bool:
     """Tell whether a participant who has finished may take part again. A recruitment site pays
-    once, so its participants may only after a failure, or for a second session.
+    once, so its participants may only after a failure, if they left before they drove, or for a
+    second session.
     """
     study, asked = participant.study, participant.study.as_definition().appointments
     if not progress.is_open(study, now):
         return False
     has_second = asked is not None and asked.second_after_days is not None
-    is_paid = bool(participant.recruitment_id) and participant.completion in {DONE, TIMED_OUT}
-    return not is_paid or (has_second and participant.visit == 1)
+    ending, is_over = participant.completion, False
+    if participant.recruitment_id:
+        is_over = ending in {DONE, TIMED_OUT} or completion.has_left_drive(participant)
+    return not is_over or (has_second and participant.visit == 1)
 
 
 def driving_minutes(definition: StudyDefinition) -> int:

@@ -195,12 +195,14 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
     def filled(text: Text) -> str:
         return questions.with_answers(participant, spoken(text, language), language=language)
 
+    left_drive = completion.has_left_drive(participant)
     may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
         "text": filled(progress.step_of(participant).end_text),
         "operator": filled(definition.operator_text) if may_have_met else "",
         "may_take_part_again": may_return,
-        "may_try_again": may_return and participant.completion in MAY_TRY_AGAIN,
+        "left_drive": left_drive,
+        "may_try_again": may_return and not left_drive and participant.completion in MAY_TRY_AGAIN,
         **return_button(participant),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)

@@ -134,8 +134,8 @@ def _described(one: Participant) -> dict[str, Any]:
 
 
 def _withdrawn(one: Participant, identifier: str) -> dict[str, Any]:
-    """Describe a participant who withdrew to a researcher who knows the id: only what is due, without
-    the code of the row that stays, which leads to the assigned condition.
+    """Describe a participant who withdrew to a researcher who knows the id: only what is due. The
+    code of the row that stays would lead to the assigned condition.
     """
     unknown = dict.fromkeys(("started", "lastSeen", "finished", "minutes"))
     due = {"outcome": one.completion or LEFT, "completionCode": one.completion_code}

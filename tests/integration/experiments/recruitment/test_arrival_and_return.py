@@ -12,6 +12,7 @@ from accounts.models import EntryCode, User
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress
 from experiments.recruitment import recognition
+from sessions.leases.absences import note_page_closed
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
@@ -288,6 +289,56 @@ def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(ada):
     assert ada.participant.visit == 2
     ada.finish()
     leads_back(ada, "done")
+
+
+@pytest.mark.parametrize(("outcome", "reason"), [("cancelled", "left"), ("timed_out", "idle")])
+def test_leaving_after_the_first_motion_is_not_completion(ada, outcome, reason):
+    page = ada.finish(outcome, reason=reason)
+    assert faults(page) == []
+    assert "You left before the task was done" in page.text
+    assert "Try the drive again" not in page.text
+    leads_back(ada, "left")
+    assert ada.client.post(FRONT).url == STEP
+    assert ada.participant.visit == 1, "drives that displease are not repeated"
+
+
+def test_closing_the_page_after_the_first_motion_is_leaving(ada):
+    ada.go_to("task")
+    drive = ada.walker.drive("connection_lost", moved=True)
+    note_page_closed(str(drive.session_id), 1001, timezone.now())
+    ada.walker.look()
+    ada.go_to("thanks")
+    leads_back(ada, "left")
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "ending"),
+    [
+        ("completed completed", "done"),
+        ("completed timed_out", "done"),
+        ("timed_out timed_out", "timed_out"),
+        ("completed cancelled", "left"),
+        ("cancelled completed", "left"),
+        ("completed robot_fault", "done"),
+        ("robot_fault robot_fault", "technical_failure"),
+        ("cancelled,completed completed", "done"),
+        ("completed queue", "left"),
+        ("completed -", "done"),
+    ],
+)
+def test_completion_needs_a_fair_drive_in_every_condition(robot, outcomes, ending):
+    study = p.published(p.of("assistance"))
+    one = p.assign(p.comer(study, person("ada")), "alone", "assisted")
+    for number, some in enumerate(outcomes.split()):
+        Participant.objects.filter(pk=one.pk).update(round=number, step="task")
+        one.refresh_from_db()
+        progress.see(one, timezone.now())
+        for outcome in some.split(","):
+            if outcome == "queue":
+                p.session_of(robot, one, outcome="cancelled", granted=False, reason="left")
+            elif outcome != "-":
+                p.drive_of(robot, one, outcome=outcome, moved=True)
+    assert completion.ending_of(one) == ending
 
 
 def test_a_participant_idle_until_the_page_gave_up_has_left(ada):
