@@ -85,8 +85,8 @@ def has_left_drive(participant: Participant) -> bool:
 
 
 def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:
-    """Return the ending of a round in which the robot never moved, by its drives, and by the sessions
-    that never got the robot.
+    """Return the ending of a round in which the robot never moved: by its drives, and by the
+    sessions that never got the robot.
     """
     sessions = [drive.session for drive in drives]
     task = participant.study.as_definition().task

@@ -23,7 +23,16 @@ from django.utils import timezone
 from accounts import audit
 from experiments.export import reports
 from experiments.extraction.people import EXPOSED, stages_of
-from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, Study, not_drawn
+from experiments.models import (
+    Contact,
+    Draw,
+    Drive,
+    Participant,
+    ParticipantKind,
+    PersonalLink,
+    Study,
+    not_drawn,
+)
 from experiments.participation import progress, questions
 from experiments.recruitment import recognition
 from sessions.leases import store
@@ -93,6 +102,23 @@ def withdraw_everywhere(instance: Any, **_more: Any) -> None:
     LogEntry.objects.filter(object_id=str(instance.pk)).delete()
     if instance.is_guest:  # made for one study: when it was made is when they joined
         audit.unlink([f"user:{instance.pk}"], person=instance)
+
+
+def forget_undecided(before: datetime, *, dry_run: bool) -> int:
+    """Delete who those are who did not agree to the consent and were last seen before a moment, and
+    by which link they came; return their number. Their rows still count who came.
+    """
+    rows = Participant.objects.filter(seen_at__lt=before, consents=None, cell="").exclude(user=None)
+    undecided = [
+        one
+        for one in rows.filter(kind=ParticipantKind.PARTICIPANT).select_related("study")
+        if one.study.as_definition().consent is not None
+    ]
+    for one in () if dry_run else undecided:
+        none: dict[str, Any] = {"user": None, "recruitment": {}, "recruitment_id": ""}
+        own = {"slot": str(one.pk), "recruited_as": not_drawn()}
+        Participant.objects.filter(pk=one.pk).update(**none, **own)
+    return len(undecided)
 
 
 def _strip(participant: Participant, now: datetime) -> None:
