@@ -70,7 +70,7 @@ def _quality_flags(row: Participant) -> str | SafeString:
 def _drives(row: Participant) -> SafeString:
     drives = (
         (one.pk, f"{one.number} · {one.condition} · {one.outcome or NOTHING}")
-        for one in row.drives.order_by("number")
+        for one in row.drives.order_by("granted_at")
     )
     page = "admin:experiments_drive_change"
     return by_line("{}", ([link_to(page, text, key)] for key, text in drives))
