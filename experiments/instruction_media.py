@@ -14,7 +14,7 @@ from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
 
 from experiments.definition.steps.instructions import OWN_MEDIA
-from experiments.models import InstructionMedia
+from experiments.models import InstructionMedia, Study
 
 MB = 1024 * 1024
 MOST_PICTURE, MOST_VIDEO = 2 * MB, 8 * MB  # bytes
@@ -64,6 +64,16 @@ def titles(slug: str, used: Iterable[str]) -> dict[str, str]:
     names = [name for name in used if name.startswith(OWN_MEDIA)]
     rows = InstructionMedia.objects.filter(Q(slug=slug) | Q(name__in=names))
     return dict(rows.values_list("name", "title"))
+
+
+def forget(instance: Study, **_more: Any) -> None:
+    """Delete the media of a study with its last version, except those that other studies show."""
+    if Study.objects.filter(slug=instance.slug).exists():
+        return
+    shown = str(list(Study.objects.values_list("definition", flat=True)))
+    own = InstructionMedia.objects.filter(slug=instance.slug)
+    names = [name for name in own.values_list("name", flat=True) if name not in shown]
+    own.filter(name__in=names).delete()
 
 
 @require_safe

@@ -258,7 +258,8 @@ class Participant(UuidModel):
     # parameters of the link
     recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)
     # The id of a recruitment site, and "<study's name>:<its hash>" or a random word: unique, so
-    # that one id is one participant in all versions of the study.
+    # that one id is one participant in all versions of the study. After a withdrawal, the id is a
+    # keyed hash (experiments/recruitment/recognition.py).
     recruitment_id = models.CharField(
         _("recruitment id"), max_length=100, blank=True, db_index=True
     )

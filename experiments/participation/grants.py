@@ -2,9 +2,10 @@
 
 Called by sessions (sessions/leases/terms.py) in the process that grants the robot, perhaps by two
 processes at once and again after one was killed: every answer equals the first. Participants are
-assigned at the first grant, or on reaching instructions that only some conditions have. Those who
-were not exposed give up their place and are drawn again, unless they have learned of their
-condition in another way.
+assigned at the first grant, or earlier: on reaching instructions that only some conditions have,
+or a drive whose robot depends on the condition, which participants must not choose. Those who were
+not exposed give up their place and are drawn again, unless they have learned of their condition in
+another way.
 
 Assignment does not rely on transactions. A draw is a row with a number that is unique in its study;
 it considers the places of all draws before that number, so that of two participants drawn at once
@@ -32,7 +33,7 @@ from experiments.definition.step import DriveStep
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
 from experiments.participation.assignment import Cell
-from experiments.participation.drive_status import kind_of, status_at
+from experiments.participation.drive_status import conditions_on_robot, kind_of, status_at
 from experiments.participation.robot_eligibility import may_use
 from experiments.versions import versions_of
 from robots.access import may_operate
@@ -68,15 +69,8 @@ class PendingDrive:
     assigned: Condition | None
 
     @property
-    def cells(self) -> list[Cell]:
-        access, number = progress.access_of(self.participant), self.participant.round
-        offered = []
-        for cell in assignment.cells(self.definition, access):
-            key = cell.conditions[number] if number < len(cell.conditions) else ""
-            condition = self.definition.condition(key)
-            if condition is not None and is_for(condition, self.robot):
-                offered.append(cell)
-        return offered
+    def cells(self) -> tuple[Cell, ...]:
+        return _cells_of(self.participant)
 
     def why_not(self, now: datetime) -> str:
         one = self.participant
@@ -158,10 +152,11 @@ def _pending_drives(user: User, robots: Sequence[Robot]) -> dict[Any, PendingDri
         step = definition.drive(participant.step)
         if step is None:
             continue
-        condition = progress.wanted_condition(participant, definition)
+        assigned = progress.wanted_condition(participant, definition)
+        fitting = conditions_on_robot(participant)
         for robot in robots:
-            drive = PendingDrive(participant, definition, step, robot, condition)
-            if is_for(condition, robot) if condition is not None else drive.cells:
+            if any(is_for(condition, robot) for condition in fitting):
+                drive = PendingDrive(participant, definition, step, robot, assigned)
                 found.setdefault(robot.pk, drive)
     return found
 
@@ -244,9 +239,14 @@ def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Cond
     raise AssignmentContention(participant.study.slug)
 
 
-def assign_reader(participant: Participant, now: datetime) -> Condition | None:
-    study, access = participant.study.as_definition(), progress.access_of(participant)
-    return draw(participant, assignment.cells(study, access), now)
+def assign(participant: Participant, now: datetime) -> Condition | None:
+    """Draw a participant's cell before they ask for a robot, as `draw`."""
+    return draw(participant, _cells_of(participant), now)
+
+
+def _cells_of(participant: Participant) -> tuple[Cell, ...]:
+    definition = participant.study.as_definition()
+    return assignment.cells(definition, progress.access_of(participant))
 
 
 def _new_draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Draw | None:

@@ -555,6 +555,22 @@ def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
     assert stored().steps[-1].leaves[0].picture == name
 
 
+def test_pictures_of_a_deleted_study_are_deleted_unless_another_study_shows_them(client, study):
+    address = press(client, study, "steps", "add:instructions").headers["Location"]
+    for number, name in enumerate(("a.png", "b.png")):
+        send(client, address, "add:leaves")
+        png = SimpleUploadedFile(name, b"\x89PNG\r\n\x1a\n" + name.encode())
+        send(client, address, **{f"leaves__{number}__picture__file": png})
+    shown, unshown = (leaf.picture for leaf in stored().steps[-1].leaves)
+    steps = list(msgspec.to_builtins(stored().steps))
+    leaf = {**steps[-1]["leaves"][0], "text": {"en": "Read"}}
+    steps[-1] = {**steps[-1], "title": {"en": "Read"}, "leaves": [leaf]}
+    publishing.store(small_study(slug="another", steps=steps), NOW)
+    Study.objects.get(slug=study.slug).delete()
+    assert client.get(reverse("study_media", args=[shown])).status_code == 200
+    assert client.get(reverse("study_media", args=[unshown])).status_code == 404
+
+
 def test_leaves_are_moved_with_what_was_typed_in_them(client, study):
     press(client, study, "steps", "add:instructions")
     address = section(study, "steps", 2)

@@ -5,8 +5,11 @@ import datetime
 import pytest
 from django.utils import timezone
 
+from experiments.dataset.counting import attempted, counting
+from experiments.extraction.build import dataset_of
 from experiments.models import Draw, Drive, Participant
 from experiments.participation import grants, places
+from experiments.participation.withdrawal.deletion import withdraw
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame, Seen
 from experiments.tasks.runner import Runner
@@ -16,7 +19,7 @@ from sessions.models import SessionEvent
 from sessions.protocol import PageEvent
 from tests.support.people import person
 from tests.support.studies import participants as p
-from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.studies import PRACTICE, STUDY, small_study
 from tests.support.studies.task_session import begin, cabin_robot, close, small_conditions, write
 
 pytestmark = pytest.mark.django_db
@@ -85,6 +88,37 @@ def test_condition_that_the_page_shows_before_any_video_is_never_drawn_again(rob
     (place,) = places.held(drive.participant.study, "participant", later)
     assert place.stage == "left"
     assert come_back(robot, drive.participant).condition == drive.condition
+
+
+def test_video_of_practice_shows_the_condition_and_fills_no_place(robot):
+    steps = [PRACTICE, *STUDY["steps"]]
+    study = p.published(small_study(steps=steps, allocation={"quota": 1}))
+    drive = begin(robot, "ada", study)
+    at = timezone.now().timestamp()
+    write(drive, [FirstFrame(at, repr(at)), *docked(at)])
+    drive = ended(drive, at + 5.0)
+    assert (drive.step, drive.participant.stage) == ("try", "under_way")
+    later = timezone.now() + datetime.timedelta(hours=25)
+    for when, stage in ((timezone.now(), "under_way"), (later, "left")):
+        assert [one.stage for one in places.held(study, "participant", when)] == [stage]
+    assert not attempted(counting(dataset_of(study))), "the analysis does not count it either"
+    Participant.objects.update(step="task")
+    assert come_back(robot, drive.participant).condition == drive.condition
+    withdraw(drive.participant, timezone.now())
+    assert Participant.objects.get().stage == "freed"
+
+
+def test_video_of_the_task_fills_the_place_whether_or_not_the_robot_moved(robot):
+    conditions = [*small_conditions()]
+    conditions[1] = {**conditions[1], "interface": "expert"}
+    drive = begin(robot, "ada", p.published(small_study(conditions=conditions)))
+    at = timezone.now().timestamp()
+    write(drive, [FirstFrame(at, repr(at)), *docked(at)])
+    drive = ended(drive, at + 40.0)
+    later = timezone.now() + datetime.timedelta(hours=25)
+    (place,) = places.held(drive.participant.study, "participant", later)
+    assert (drive.moved, place.stage) == (False, "filled")
+    assert attempted(counting(dataset_of(drive.participant.study)))
 
 
 def test_exposure_is_known_while_the_drive_lives(robot):
