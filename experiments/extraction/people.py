@@ -9,6 +9,7 @@ from django.db.models import Q, QuerySet
 
 from experiments.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
 from experiments.dataset.records import PageRecord, ParticipantRecord
+from experiments.definition.factors import steps_about_drive
 from experiments.definition.schema import StudyDefinition
 from experiments.extraction.selection import Selection
 from experiments.models import (
@@ -95,7 +96,8 @@ def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
         exposed.add(who)
         ended.update([who] if any(outcomes) else [])
     responses = StepResponse.objects.filter(own, response__finished_at__isnull=False)
-    asked = responses.filter(response__questionnaire__slug=definition.analysis.statements)
+    step = definition.asked.get(definition.statements)
+    asked = responses.filter(step=step.key if step is not None else "")
     answered = set(asked.values_list("participant_id", flat=True))
 
     def stage(row: Row) -> str:
@@ -114,8 +116,7 @@ def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> 
     """Return the displayed pages in order; `sessions` has the code of each round's drive."""
     visits = StepVisit.objects.filter(participant__in=people_of(study, choice))
     rows = visits.exclude(participant__status=Row.Status.WITHDRAWN).select_related("participant")
-    definition = study.as_definition()
-    own = {step.key for step in definition.steps if step.repeat or step == definition.task}
+    own = steps_about_drive(study.as_definition())
     found = []
     for row in rows.order_by("participant__code", "began_at", "id"):
         place = (row.participant_id, row.visit, row.round)
