@@ -132,6 +132,7 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
 
 def doubts(study: StudyDefinition) -> Iterator[Problem]:
     """Yield settings that are allowed but probably a mistake; the publisher confirms them."""
+    yield from _unasked_sharing(study)
     task = study.task
     if task is None or not factors.participants_do_several(study):
         return
@@ -145,6 +146,18 @@ def doubts(study: StudyDefinition) -> Iterator[Problem]:
                 "about the whole study."
             )
             yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
+
+
+def _unasked_sharing(study: StudyDefinition) -> Iterator[Problem]:
+    consent = study.consent
+    if consent is not None and not any(consent.sharing.values()):
+        words = _(
+            "it does not ask whether data may be published (“Agreement to publishing”), and you "
+            "cannot ask later. A public dataset would have everybody who takes part: publish none "
+            "unless the text and the ethics approval allow it."
+        )
+        place = ProblemPlace("steps", study.steps.index(consent))
+        yield from within([Problem(words)], place, _("Step"), consent.key)
 
 
 def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:

@@ -17,6 +17,7 @@ from experiments.models import (
     ConsentReceipt,
     Draw,
     Drive,
+    ParticipantKind,
     StepResponse,
     StepVisit,
     Study,
@@ -37,9 +38,21 @@ def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
     rows = Row.objects.filter(study=study).order_by("code")
     if not (choice.public and asks_for_sharing(study.as_definition())):
         return rows
-    agreed = ConsentReceipt.objects.filter(participant__study=study, sharing=True)
-    keys = list(agreed.values_list("participant_id", flat=True))
-    return rows.filter(Q(pk__in=keys) | Q(status=Row.Status.WITHDRAWN))
+    receipts = ConsentReceipt.objects.filter(participant__study=study).order_by("agreed_at")
+    newest = dict(receipts.values_list("participant_id", "sharing"))
+    agreed = [key for key, shares in newest.items() if shares]
+    return rows.filter(Q(pk__in=agreed) | Q(status=Row.Status.WITHDRAWN))
+
+
+def numbers_of_public(study: Study) -> tuple[int, int]:
+    """Return how many participants, pilots and bots aside, a public dataset has, and how many one
+    of everybody; those who withdrew are in neither.
+    """
+    everybody = Row.objects.filter(kind=ParticipantKind.PARTICIPANT)
+    everybody = everybody.exclude(status=Row.Status.WITHDRAWN)
+    kinds = (people_of(study, Selection(public=public)) for public in (True, False))
+    public, whole = ((rows & everybody).count() for rows in kinds)
+    return public, whole
 
 
 def asks_for_sharing(study: StudyDefinition) -> bool:
