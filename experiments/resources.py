@@ -28,6 +28,15 @@ from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.scoring import scales_of, topic_scales
 
+METRIC_GROUPS = {
+    "success": _("Drive: success and time"),
+    "motion": _("Drive: path and speed"),
+    "safety": _("Drive: collisions and clearance"),
+    "commands": _("Drive: commands and input"),
+    "network": _("Drive: network and video"),
+    "record": _("Drive: quality of the record"),
+}
+
 
 def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     """Return why a study cannot run with the sites, robots and questionnaires of this server."""
@@ -53,11 +62,13 @@ def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
 def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     """Return titles of measures by group and key: metrics; scores, topics and items of answers."""
     # loads the columns of datasets, which pages about a study without analyses do not need
-    from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
+    from experiments.analysis.metrics.definitions import GROUPS, METRICS  # noqa: PLC0415
 
-    names = {one.name: one.name.replace("_", " ").capitalize() for one in METRICS}
-    units = {one.name: f" ({one.unit})" if one.unit else "" for one in METRICS}
-    found = {gettext("Metrics of a drive"): {key: names[key] + units[key] for key in names}}
+    found: dict[str, dict[str, str]] = {gettext(title): {} for title in METRIC_GROUPS.values()}
+    for metric in METRICS:
+        unit = f" ({metric.unit})" if metric.unit else ""
+        group = found[gettext(METRIC_GROUPS[GROUPS[metric.name]])]
+        group[metric.name] = metric.name.replace("_", " ").capitalize() + unit
     asked = {(one.questionnaire, one.version): one for one in definition.questionnaire_steps}
     known = {(one.slug, one.version): one for one in _questionnaires(asked)}
     for variable, step in definition.asked.items():

@@ -18,6 +18,7 @@ from experiments.export.files import export_files
 from experiments.extraction.build import dataset_of
 from experiments.extraction.selection import Selection
 from experiments.models import Participant, StepVisit
+from experiments.resources import measures_here
 from tests.support.analysis.tables import rows, value
 from tests.support.people import person
 from tests.support.studies import participants as p
@@ -76,6 +77,16 @@ def test_a_questionnaire_before_and_after_the_drive_is_two_variables(pre_post, t
     (row,) = table(pre_post, tmp_path, "description-conditions")
     assert row["experience.before.overall"] == "-2"
     assert row["experience.experience.overall"] == "2"
+
+
+def test_researchers_choose_the_measures_of_each_step_in_its_order(pre_post):
+    groups = measures_here(pre_post.as_definition())
+    steps = [title for title in groups if title.endswith((" (before)", " (experience)"))]
+    first, second = (groups[title] for title in steps)
+    assert "– Before (before)" in steps[0]
+    assert "experience.before.overall" in first
+    assert "experience.experience.overall" in second
+    assert max(len(group) for group in groups.values()) < 20, "metrics have several groups"
 
 
 def test_an_export_has_the_step_that_asked_in_the_order_of_the_study(pre_post, tmp_path):
