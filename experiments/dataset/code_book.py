@@ -76,7 +76,8 @@ def layouts(dataset: Dataset, more: Tables) -> Iterator[tuple[str, Sequence[Colu
         yield name, [replace(one, levels=named.get(one.name, one.levels)) for one in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
-        steps = {key: named["step"][key] for key in _asking(dataset, slug)}
+        asking = (one for one in dataset.study.questionnaire_steps if one.questionnaire == slug)
+        steps = {one.key: named["step"][one.key] for one in asking}
         yield slug, list(_wide(versions, dataset.language, steps))
 
 
@@ -102,12 +103,6 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
         "robot": {one.name: one.title for one in dataset.robots},
         "questionnaire": {one.slug: say(one.title) for one in dataset.questionnaires},
     }
-
-
-def _asking(dataset: Dataset, slug: str) -> Iterator[str]:
-    """Yield the keys of the steps that ask a questionnaire, in their order."""
-    steps = dataset.study.questionnaire_steps
-    yield from (step.key for step in steps if step.questionnaire == slug)
 
 
 # The columns about a response before its answers, which are fields of AnswerRecord.

@@ -398,11 +398,8 @@ class Dataset:
 
     def asking(self, response: ResponseRecord) -> AskingStep | None:
         """Return the step that asked a response; of earlier releases, the first that may have."""
-        own = [
-            one
-            for one in self.study.questionnaire_steps
-            if one.questionnaire == response.questionnaire
-        ]
+        slug = response.questionnaire
+        own = [one for one in self.study.questionnaire_steps if one.questionnaire == slug]
         return next((one for one in own if one.key == response.step), next(iter(own), None))
 
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:

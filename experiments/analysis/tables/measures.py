@@ -30,6 +30,8 @@ class StudyMeasures:
     def unknown(self, test: str, measure: str) -> str:
         """Return why a measure has no value: it is misspelt, or the test is not for it."""
         variable, point, item = measure.rpartition(".")
+        if point and any(name.startswith(f"{variable}.") for name in self.dataset.study.asked):
+            return "several steps ask it"
         if not (self._scale(variable, item) if point else measure in NAMES):
             return "no such measure"
         return f"not one of {test}" if test in FAMILIES and KINDS.get(measure) != test else ""
