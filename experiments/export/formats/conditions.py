@@ -41,8 +41,8 @@ ABOUT = (
     ),
     flag(
         "attempted",
-        "1 when the results on success and times have the row: a drive counts, or the participant"
-        " saw the video and never moved the robot, which is a failure",
+        "1 when the results on success and times have the row: a drive counts, or `counts_why` is"
+        " a reason for which only these results have it",
     ),
     Column(
         "session", "", "code of the last drive that counts; without any, of the last attempted one"
