@@ -28,6 +28,15 @@ from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.scoring import scales_of, topic_scales
 
+METRIC_GROUPS = {
+    "success": _("Drive: success and time"),
+    "motion": _("Drive: path and speed"),
+    "safety": _("Drive: collisions and clearance"),
+    "commands": _("Drive: commands and input"),
+    "network": _("Drive: network and video"),
+    "record": _("Drive: quality of the record"),
+}
+
 
 def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     """Return why a study cannot run with the sites, robots and questionnaires of this server."""
@@ -53,22 +62,30 @@ def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
 def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     """Return titles of measures by group and key: metrics; scores, topics and items of answers."""
     # loads the columns of datasets, which pages about a study without analyses do not need
-    from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
+    from experiments.analysis.metrics.definitions import GROUPS, METRICS  # noqa: PLC0415
 
-    names = {one.name: one.name.replace("_", " ").capitalize() for one in METRICS}
-    units = {one.name: f" ({one.unit})" if one.unit else "" for one in METRICS}
-    found = {gettext("Metrics of a drive"): {key: names[key] + units[key] for key in names}}
-    asked = {(step.questionnaire, step.version) for step in definition.questionnaire_steps}
-    for one in _questionnaires(asked):
+    found: dict[str, dict[str, str]] = {gettext(title): {} for title in METRIC_GROUPS.values()}
+    for metric in METRICS:
+        unit = f" ({metric.unit})" if metric.unit else ""
+        group = found[gettext(METRIC_GROUPS[GROUPS[metric.name]])]
+        group[metric.name] = metric.name.replace("_", " ").capitalize() + unit
+    asked = {(one.questionnaire, one.version): one for one in definition.questionnaire_steps}
+    known = {(one.slug, one.version): one for one in _questionnaires(asked)}
+    for variable, step in definition.asked.items():
+        one = known.get((step.questionnaire, step.version))
+        if one is None:
+            continue
         language = language_for(one, get_language() or "")
         title = questionnaires.listed_title(one.slug, spoken(one.title, language))
+        if "." in variable:
+            title = f"{title} – {spoken(step.title, get_language() or '')} ({step.key})"
         overall = gettext("overall score of %(title)s") % {"title": title}
         scales = (*scales_of(one), *topic_scales(one))
         named = {it.key: spoken(it.label, language) or overall for it in scales}
         for item in one.questions():
             if item.item.is_number:
                 named.setdefault(item.key, spoken(item.text, language))
-        texts = {f"{one.slug}.{key}": text for key, text in named.items()}
+        texts = {f"{variable}.{key}": text for key, text in named.items()}
         found.setdefault(title, {}).update(texts)
     return found
 
@@ -82,12 +99,11 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
     no_item = _("the questionnaire has no item, topic or score %(name)s.")
     unfit = _("the test does not fit %(name)s; choose one of: %(tests)s.")
     known = {name for group in measures_here(definition).values() for name in group}
-    asked = {step.questionnaire for step in definition.questionnaire_steps}
     for n, one in enumerate(definition.analyses):
         found = []
         for name in one.measures:
-            questionnaire, point, _item = name.partition(".")
-            if name not in known and (not point or questionnaire in asked):
+            variable, point, _item = name.rpartition(".")
+            if name not in known and (not point or variable in definition.asked):
                 found.append(Problem(no_item if point else no_metric, {"name": name}))
             if tests := unfit_for(one.test, name):
                 found.append(Problem(unfit, {"name": name, "tests": tests}))

@@ -23,6 +23,7 @@ urlpatterns: list[URLPattern | URLResolver] = [
     path("taking-part/", views.enter_code, name="study_code"),
     path("taking-part/receipt.txt", receipt_text, name="withdrawal_receipt"),
     path("taking-part/<slug:code>/withdraw/", own_views.withdraw, name="study_withdraw"),
+    path("taking-part/<slug:code>/unshare/", own_views.unshare, name="study_unshare"),
     path(
         "taking-part/<slug:code>/consent/<slug:step>.txt", own_views.receipt, name="study_receipt"
     ),

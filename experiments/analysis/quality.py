@@ -90,14 +90,17 @@ def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | Non
 
 
 def _speeding(dataset: Dataset) -> Iterator[Flag]:
-    asked = {step.key: step.questionnaire for step in dataset.study.questionnaire_steps}
+    asked = {step.key: name for name, step in dataset.study.asked.items()}
     pages = [one for one in dataset.pages if one.finished and one.step in asked]
     times: dict[str, list[float]] = {}
     for page in pages:
         times.setdefault(asked[page.step], []).append(page.seconds)
+    # in datasets of earlier releases, pages have no session if their step is not repeated
     answered = {
-        (one.participant, one.questionnaire, one.session): len(one.values)
-        for one in dataset.responses
+        (one.participant, name, session): len(one.values)
+        for name in asked.values()
+        for one in dataset.answers_to(name)
+        for session in ("", one.session)
         if one.finished
     }
     for page in pages:

@@ -80,13 +80,11 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 
 
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
-    about_person = {
-        step.questionnaire for step in study.questionnaire_steps if step.is_about_person
-    }
+    asked = {one.questionnaire: key for key, one in study.asked.items() if one.is_about_person}
     named = {AGE: _("Age")}
-    for one in (one for one in resources.usable() if one.slug in about_person):
+    for one in (one for one in resources.usable() if one.slug in asked):
         items = (item for item in one.questions() if not item.item.is_free_text)
-        named |= {f"{one.slug}.{item.key}": spoken(item.text, language) for item in items}
+        named |= {f"{asked[one.slug]}.{it.key}": spoken(it.text, language) for it in items}
     return named
 
 

@@ -76,13 +76,19 @@ def layouts(dataset: Dataset, more: Tables) -> Iterator[tuple[str, Sequence[Colu
         yield name, [replace(one, levels=named.get(one.name, one.levels)) for one in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
-        yield slug, list(_wide(versions, dataset.language))
+        asking = (one for one in dataset.study.questionnaire_steps if one.questionnaire == slug)
+        steps = {one.key: named["step"][one.key] for one in asking}
+        yield slug, list(_wide(versions, dataset.language, steps))
 
 
 def _named(dataset: Dataset) -> Mapping[str, Levels]:
     """Return the levels of the columns whose words are the study's own."""
     study, say = dataset.study, dataset.say
     steps = {one.key: f"{one.kind}: {say(one.title)}" for one in study.steps}
+    steps |= {
+        one.key: f"{one.kind}, {study.when(one)}: {say(one.title)}"
+        for one in study.questionnaire_steps
+    }
     conditions = {one.key: say(one.title) for one in study.conditions}
     doors = chain.from_iterable(plan.doors for plan in dataset.plans.values())
     closed = dict.fromkeys(chain.from_iterable(one.doors_closed for one in study.conditions), "")
@@ -100,12 +106,13 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
 
 
 # The columns about a response before its answers, which are fields of AnswerRecord.
-ABOUT_RESPONSE = ("response", "version", "participant", "session", "finished")
+ABOUT_RESPONSE = ("response", "version", "participant", "session", "finished", "step")
 
 
-def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
-    """Yield the columns of a table with a line a response."""
+def _wide(versions: Sequence[Definition], language: str, steps: Levels) -> Iterator[Column]:
+    """Yield the columns of a table with a line a response, which one of `steps` asked."""
     known = {column.name: column for column in declared(AnswerRecord)}
+    known["step"] = replace(known["step"], levels=steps)
     for one in versions:
         for question in one.questions():
             known |= {column.name: column for column in _asked(one, question, language)}

@@ -17,7 +17,7 @@ from experiments.dataset import levels
 from experiments.dataset.exclusions import excluded_participants, exclusions
 from experiments.dataset.levels import PLATFORM, Kind
 from experiments.dataset.records import Dataset, PlanExclusion, ResponseRecord, SessionRecord
-from experiments.definition.factors import conditions_together
+from experiments.definition.factors import conditions_together, steps_about_drive
 from experiments.definition.schema import StudyDefinition
 
 PARTICIPANTS: tuple[Kind, ...] = ("participant",)
@@ -187,19 +187,18 @@ def _selected(dataset: Dataset, plan: CountingPlan) -> Dataset:
 def _answers(
     dataset: Dataset, sessions: Iterable[SessionRecord], people: Collection[str]
 ) -> Iterator[ResponseRecord]:
-    """Yield the responses about the person and about drives that count. A questionnaire that is
-    asked once after several drives needs one drive of the participant that counts.
+    """Yield the responses about the person and about drives that count. One that is about several
+    conditions is about none of their drives, and needs one drive of the participant that counts.
     """
     ids = {one.id for one in sessions}
     drivers = {one.participant for one in sessions}
-    about_person = {
-        one.questionnaire for one in dataset.study.questionnaire_steps if one.is_about_person
-    }
-    repeated = {one.questionnaire for one in dataset.study.questionnaire_steps if one.repeat}
-    is_within = dataset.study.allocation.design == "within"
+    about_drive = steps_about_drive(dataset.study)
     for one in dataset.responses:
-        if one.participant not in people:
+        step = dataset.asking(one)
+        if one.participant not in people or step is None:
             continue
-        is_of_all = is_within and one.questionnaire not in repeated and one.participant in drivers
-        if one.questionnaire in about_person or one.session in ids or is_of_all:
-            yield one
+        if step.key in about_drive:
+            if one.session in ids:
+                yield one
+        elif step.is_about_person or one.participant in drivers:
+            yield replace(one, session="")

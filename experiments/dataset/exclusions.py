@@ -83,20 +83,25 @@ def as_answer(value: object) -> str:
 
 
 def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
-    """Yield the finished pages that were too fast, except those about uncounted drives."""
-    steps = {
-        one.key
-        for one in dataset.study.questionnaire_steps
-        if one.questionnaire == rule.questionnaire
-    }
-    other = {one.id for one in dataset.others}
-    finished = (one for one in dataset.pages if one.finished and one.step in steps)
-    pages = [one for one in finished if one.session not in other]
-    limit, in_words = _limit(rule, pages)
-    for page in pages:
-        if page.seconds < limit:
-            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
-            yield PlanExclusion(page.participant, "", levels.SPEEDER, value)
+    """Yield the finished pages that were too fast, of responses that count. Each step that asks the
+    questionnaire has its own median.
+    """
+    for variable, step in dataset.study.asked.items():
+        if step.questionnaire != rule.questionnaire:
+            continue
+        # in datasets of earlier releases, pages have no session if their step is not repeated
+        counting = {
+            (one.participant, session)
+            for one in dataset.answers_to(variable)
+            for session in (one.session, "")
+        }
+        finished = (one for one in dataset.pages if one.finished and one.step == step.key)
+        pages = [one for one in finished if (one.participant, one.session) in counting]
+        limit, in_words = _limit(rule, pages)
+        for page in pages:
+            if page.seconds < limit:
+                value = f"{variable}: {page.seconds:.1f} s, less than {in_words}"
+                yield PlanExclusion(page.participant, "", levels.SPEEDER, value)
 
 
 def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
@@ -126,8 +131,7 @@ def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
 
 
 def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:
-    finished = [one for one in dataset.responses if one.finished and one.participant == who]
-    for step in dataset.study.questionnaire_steps:
-        answers = (one for one in finished if one.questionnaire == step.questionnaire)
-        if not any(not step.repeat or one.session in sessions for one in answers):
-            yield f"no answers to {step.questionnaire} ({condition})"
+    for variable, step in dataset.study.asked.items():
+        own = (one for one in dataset.answers_to(variable) if one.participant == who)
+        if not any(one.finished and (not step.repeat or one.session in sessions) for one in own):
+            yield f"no answers to {variable} ({condition})"

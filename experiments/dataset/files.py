@@ -97,7 +97,8 @@ def _wide_rows(dataset: Dataset, slug: str) -> Iterator[list[Any]]:
     for one in dataset.responses:
         if one.questionnaire == slug:
             own = table.row(known.get(one.version), one.values, one.missing)
-            yield [one.id, one.version, one.participant, one.session, one.finished, *own]
+            about = (one.id, one.version, one.participant, one.session, one.finished, one.step)
+            yield [*about, *own]
 
 
 def _about(dataset: Dataset, more: Tables) -> Iterator[File]:

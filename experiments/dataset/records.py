@@ -19,6 +19,7 @@ from experiments.dataset.levels import PLATFORM, Kind
 from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import PublicationDetails
 from experiments.definition.schema import Course, StudyDefinition
+from experiments.definition.step import AskingStep
 from robots.api.floorplan import FloorPlan
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -278,6 +279,7 @@ class AnswerRecord:
     participant: str = column(REQUIRED, "who answered")
     session: str = column(REQUIRED, "session that it was asked about, if any")
     finished: bool = column(REQUIRED, "1 when it was submitted")
+    step: str = word("step of the study that asked it", late=True)
     item: str = word("question")
     value: str = word("JSON: what was answered; empty when nothing was")
     missing: str = word("why there is no value", levels.MISSING)
@@ -296,7 +298,9 @@ TABLES |= {"events": EventRecord, "pages": PageRecord, "answers": AnswerRecord}
 
 @dataclass(frozen=True)
 class ResponseRecord:
-    """A filled-in questionnaire; `missing` tells why an item has no value."""
+    """A filled-in questionnaire; `missing` tells why an item has no value. Datasets of earlier
+    releases have no `step`.
+    """
 
     id: str
     questionnaire: str
@@ -307,11 +311,12 @@ class ResponseRecord:
     finished: bool = True
     missing: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
+    step: str = ""
 
     def answers(self) -> Iterator[AnswerRecord]:
         """Yield its items as rows; without items, one row."""
         of_study = self.id, self.questionnaire, self.version
-        about = (*of_study, self.participant, self.session, self.finished)
+        about = (*of_study, self.participant, self.session, self.finished, self.step)
         for item in dict.fromkeys((*self.values, *self.missing)) or [""]:
             given = self.values.get(item)
             value = "" if given is None else json.dumps(given, ensure_ascii=False)
@@ -328,6 +333,7 @@ class ResponseRecord:
             *(first.version, first.session, first.finished),
             {one.item: one.missing for one in items if one.missing},
             {one.item: one.seconds for one in items if one.seconds == one.seconds},
+            first.step,
         )
 
 
@@ -382,9 +388,22 @@ class Dataset:
 
     @property
     def registration(self) -> str:
-        """The questionnaire about the person; empty when the study has none."""
-        about_person = (step for step in self.study.questionnaire_steps if step.is_about_person)
-        return next((step.questionnaire for step in about_person), "")
+        """The variable about the person (`StudyDefinition.asked`); empty without any."""
+        asked = self.study.asked.items()
+        return next((name for name, step in asked if step.is_about_person), "")
+
+    def answers_to(self, variable: str) -> list[ResponseRecord]:
+        """Return the responses to a questionnaire, at its step where several steps ask it."""
+        step = self.study.asked.get(variable)
+        slug, point, _key = variable.partition(".")
+        own = (one for one in self.responses if one.questionnaire == slug)
+        return [one for one in own if not point or (step is not None and one.step == step.key)]
+
+    def asking(self, response: ResponseRecord) -> AskingStep | None:
+        """Return the step that asked a response; of earlier releases, the first that may have."""
+        slug = response.questionnaire
+        own = [one for one in self.study.questionnaire_steps if one.questionnaire == slug]
+        return next((one for one in own if one.key == response.step), next(iter(own), None))
 
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
         wanted = set(participants)
@@ -402,8 +421,9 @@ class Dataset:
         return next((one for one in self.study.courses if (one.robot, one.site) == place), None)
 
     def questionnaire(self, name: str) -> Definition | None:
-        """Return the newest version of a questionnaire."""
-        versions = (one for one in self.questionnaires if one.slug == name)
+        """Return the newest version of a questionnaire, by its name or that of a variable."""
+        slug = name.partition(".")[0]
+        versions = (one for one in self.questionnaires if one.slug == slug)
         return max(versions, key=lambda one: one.version, default=None)
 
     @property

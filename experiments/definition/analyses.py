@@ -9,8 +9,10 @@ from msgspec import Meta
 from experiments.definition.design import TitledPart
 from surveys.documents import DocumentPart, Key, Text
 
-# "metric", or "questionnaire.item" with an item, topic or "overall"
-Measure = Annotated[str, Meta(pattern=r"^([a-z][a-z0-9-]{0,39}\.)?[a-z][a-z0-9_]{0,39}$")]
+# "metric", or "questionnaire.item" with an item, topic or "overall"; where several steps ask the
+# questionnaire, "questionnaire.step.item"
+_VARIABLE = r"([a-z][a-z0-9-]{0,39}\.([a-z][a-z0-9_]{0,39}\.)?)?"
+Measure = Annotated[str, Meta(pattern=rf"^{_VARIABLE}[a-z][a-z0-9_]{{0,39}}$")]
 # a factor, one of EFFECTS, or the interaction of factors: "delay:assistance"
 ModelEffect = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,39}(:[a-z][a-z0-9_]{0,39}){0,3}$")]
 EFFECTS = frozenset({"condition", "period", "order"})  # of models, beside factors

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from experiments.definition.design import Factor, Level, Setting
 from experiments.definition.schema import Condition, Impairment, StudyDefinition
+from experiments.definition.step import AskingStep
 from surveys.documents import Problem, ProblemPlace, duplicates, within
 from surveys.documents import gettext_noop as _
 
@@ -90,6 +91,24 @@ def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
     if study.allocation.design == "within":
         return [tuple(one.key for one in group) for group in parts]
     return [(one.key,) for group in parts for one in group]
+
+
+def participants_do_several(study: StudyDefinition) -> bool:
+    return any(len(keys) > 1 for keys in conditions_together(study))
+
+
+def steps_about_drive(study: StudyDefinition) -> frozenset[str]:
+    """Return the keys of the steps that belong to the drive of their round. A questionnaire that
+    participants answer once, though they do several conditions, is about none of these.
+    """
+    is_once = participants_do_several(study)
+    return frozenset(
+        step.key
+        for step in study.steps
+        if step.repeat
+        or step == study.task
+        or (isinstance(step, AskingStep) and not (step.is_about_person or is_once))
+    )
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import combinations
 
 from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
@@ -131,8 +132,9 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
 
 def doubts(study: StudyDefinition) -> Iterator[Problem]:
     """Yield settings that are allowed but probably a mistake; the publisher confirms them."""
+    yield from _unasked_sharing(study)
     task = study.task
-    if task is None or not participants_do_several(study):
+    if task is None or not factors.participants_do_several(study):
         return
     task_index = study.steps.index(task)
     for n, step in enumerate(study.steps):
@@ -146,8 +148,16 @@ def doubts(study: StudyDefinition) -> Iterator[Problem]:
             yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
 
 
-def participants_do_several(study: StudyDefinition) -> bool:
-    return any(len(keys) > 1 for keys in factors.conditions_together(study))
+def _unasked_sharing(study: StudyDefinition) -> Iterator[Problem]:
+    consent = study.consent
+    if consent is not None and not any(consent.sharing.values()):
+        words = _(
+            "it does not ask whether data may be published (“Agreement to publishing”), and you "
+            "cannot ask later. A public dataset would have everybody who takes part: publish none "
+            "unless the text and the ethics approval allow it."
+        )
+        place = ProblemPlace("steps", study.steps.index(consent))
+        yield from within([Problem(words)], place, _("Step"), consent.key)
 
 
 def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
@@ -249,18 +259,23 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
     if not one.measures:
         yield Problem(_("it measures nothing; add at least one measure."))
     yield from duplicates(_("Measure"), one.measures)
-    asked = {step.questionnaire for step in study.questionnaire_steps}
-    for measure in one.measures:
-        questionnaire, point, _rest = measure.partition(".")
-        if point and questionnaire not in asked:
+    for variable in dict.fromkeys(it.rpartition(".")[0] for it in one.measures if "." in it):
+        several = [name for name in study.asked if name.startswith(f"{variable}.")]
+        if several:
+            words = _(
+                "several steps ask the questionnaire %(name)s; name the step in its measures, as"
+                " in %(example)s.overall."
+            )
+            yield Problem(words, {"name": variable, "example": several[-1]})
+        elif variable not in study.asked:
             words = _("the study does not ask the questionnaire %(name)s.")
-            yield Problem(words, {"name": questionnaire})
-        elif point and _is_asked_once(questionnaire, study):
+            yield Problem(words, {"name": variable})
+        elif not study.asked[variable].repeat and _compares_within(one, study):
             words = _(
                 "%(name)s is asked only once, so it cannot be compared between conditions that "
                 "each participant does: repeat its step."
             )
-            yield Problem(words, {"name": questionnaire})
+            yield Problem(words, {"name": variable})
     known = {condition.key for condition in study.conditions}
     named = [*one.conditions, *(key for it in one.contrasts for key in (*it.first, *it.second))]
     for key in dict.fromkeys(named):
@@ -273,12 +288,19 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
     yield from _of_model(one, study)
 
 
-def _is_asked_once(questionnaire: str, study: StudyDefinition) -> bool:
-    """Tell whether a participant answers a questionnaire once for all conditions."""
-    is_apart = any(factor.design == "between" for factor in study.factors)
-    steps = [step for step in study.questionnaire_steps if step.questionnaire == questionnaire]
-    is_repeated = any(step.repeat for step in steps)
-    return not is_repeated and not is_apart and participants_do_several(study)
+def _compares_within(one: DeclaredAnalysis, study: StudyDefinition) -> bool:
+    """Tell whether an analysis compares conditions that one participant does."""
+    if one.is_model:
+        apart = {factor.key for factor in study.factors if factor.design == "between"}
+        names = {name for effect in one.effects for name in effect.split(":")}
+        return factors.participants_do_several(study) and not names <= apart
+    alone = [(key,) for key in one.conditions or (it.key for it in study.conditions)]
+    sides = [(it.first, it.second) for it in one.contrasts] or [*combinations(alone, 2)]
+    return any(
+        set(keys).intersection(first) and set(keys).intersection(second)
+        for keys in factors.conditions_together(study)
+        for first, second in sides
+    )
 
 
 def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
@@ -293,12 +315,9 @@ def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem
     if one.contrasts or one.post_hoc:
         yield Problem(_("a model has effects, and neither contrasts nor post-hoc tests."))
     yield from duplicates(_("Covariate"), one.covariates)
-    about_person = {
-        step.questionnaire for step in study.questionnaire_steps if step.is_about_person
-    }
+    about_person = {name for name, step in study.asked.items() if step.is_about_person}
     for covariate in one.covariates:
-        questionnaire, point, _rest = covariate.partition(".")
-        if covariate != AGE and not (point and questionnaire in about_person):
+        if covariate != AGE and covariate.rpartition(".")[0] not in about_person:
             words = _(
                 "the covariate %(name)s is neither age nor an item of a questionnaire about the"
                 " person, such as %(example)s."

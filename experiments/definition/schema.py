@@ -7,6 +7,7 @@ The classes check types, problems.py the rest, feasibility.py what depends on a 
 docs/reference/studies.md explains every field.
 """
 
+from collections import Counter
 from hashlib import sha256
 from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -214,7 +215,8 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 class Analysis(DocumentPart, frozen=True, kw_only=True):
     """The data that counts in results. `drives`: which drives of one participant in one condition;
     `all` are averaged. `counts`: which response of one participant, among those about drives that
-    count. `statements` is the questionnaire of the tables of statements.
+    count. `statements` is the questionnaire of the tables of statements; of several steps that ask
+    it, they show the last.
     """
 
     drives: Literal["first", "last", "all"] = "all"
@@ -323,6 +325,33 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     @property
     def questionnaire_steps(self) -> tuple[AskingStep, ...]:
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
+
+    @property
+    def asked(self) -> dict[str, AskingStep]:
+        """The questionnaires as variables of results: each is named after its questionnaire, and
+        after questionnaire and step (`trust.before`) where several steps ask it.
+        """
+        steps = self.questionnaire_steps
+        times = Counter(step.questionnaire for step in steps)
+        names = (
+            one.questionnaire + f".{one.key}" * (times[one.questionnaire] > 1) for one in steps
+        )
+        return dict(zip(names, steps, strict=True))
+
+    def when(self, step: Step) -> str:
+        """Return on which side of the task a step is, in words."""
+        keys, task = [one.key for one in self.steps], self.task
+        if task is None or step == task:
+            return "during the task"
+        is_first = keys.index(step.key) < keys.index(task.key)
+        return "before the task" if is_first else "after the task"
+
+    @property
+    def statements(self) -> str:
+        """The variable of the tables of statements: of several steps, the last."""
+        name = self.analysis.statements
+        own = [key for key, step in self.asked.items() if step.questionnaire == name]
+        return own[-1] if own else name
 
     def step(self, key: str) -> AnyStep | None:
         return next((step for step in self.steps if step.key == key), None)

@@ -7,23 +7,49 @@ what an acquaintance may know of them with at least k − 1 others in the datase
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from django.utils.translation import gettext as _
+
 from experiments.dataset.records import Dataset
 from experiments.export.format import text_of
-from experiments.extraction.people import asks_for_sharing
+from experiments.extraction.people import asks_for_sharing, numbers_of_public
+from experiments.models import Study
 
 FEW = 5  # in a smaller group, a participant may be recognized
 
 
-def anonymity(dataset: Dataset, left_out: int) -> str:
-    """Return the README's part on a public dataset, in which `left_out` participants are not."""
+def sharing_warnings(study: Study) -> list[str]:
+    """Return what people who publish a study's public dataset have to know about who is in it."""
+    public, whole = numbers_of_public(study)
+    if not asks_for_sharing(study.as_definition()):
+        return [
+            _(
+                "The consent did not ask whether data may be published, so the public dataset has "
+                "everybody who took part. Publish it only if the consent text and the ethics "
+                "approval allow it."
+            )
+        ]
+    if public == whole:
+        return []
+    words = _(
+        "The public dataset has %(public)d of %(whole)d participants, because the others did not "
+        "agree to publishing. Its results differ from those of the report on all of them."
+    )
+    return [words % {"public": public, "whole": whole}]
+
+
+def anonymity(dataset: Dataset, public: int, whole: int) -> str:
+    """Return the README's part on a public dataset, which has `public` of `whole` participants."""
     people = _known_of(dataset)
     names = list(next(iter(people.values()), {}))
     sets = [names[:1], *([names[0], name] for name in names[1:]), names]
     rows = [_row(people, some) for some in dict.fromkeys(map(tuple, sets)) if some]
-    others = f" {left_out} participants did not agree to be in it."
+    who = f"It has {public} of the {whole} participants; the others did not agree to publishing."
+    who += " Results that were published on all of them therefore have other numbers."
+    if public == whole:
+        who = f"It has all {whole} participants, who agreed to publishing."
     if not asks_for_sharing(dataset.study):
-        others = " The consent did not ask whether the data may be published."
-    return text_of("anonymity.md").format(few=FEW, left_out=others, rows="\n".join(rows))
+        who = f"It has all {whole} participants: the consent did not ask about publishing."
+    return text_of("anonymity.md").format(few=FEW, who=who, rows="\n".join(rows))
 
 
 def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
@@ -44,10 +70,12 @@ def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
         if one.kind == "participant" and not one.withdrawn
     }
     for response in dataset.responses:
+        step = dataset.asking(response)
+        if step is None or not step.is_about_person or response.participant not in found:
+            continue
         for key in asked.get((response.questionnaire, response.version), ()):
-            if response.participant in found:
-                value = response.values.get(key, "")
-                found[response.participant][f"{response.questionnaire}.{key}"] = str(value)
+            value = response.values.get(key, "")
+            found[response.participant][f"{response.questionnaire}.{key}"] = str(value)
     return found
 
 

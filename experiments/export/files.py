@@ -17,7 +17,7 @@ from experiments.export.format import ExportSource, File, text_of
 from experiments.export.formats import chosen
 from experiments.extraction.build import ANALYSED, dataset_of, release_of
 from experiments.extraction.events import events_of
-from experiments.extraction.people import people_of
+from experiments.extraction.people import numbers_of_public
 from experiments.extraction.selection import Selection
 from experiments.extraction.sessions import drives_of
 from experiments.models import Study
@@ -48,8 +48,7 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
     dataset = dataset_of(study, choice=choice, drives=drives)
     text = read_me(dataset)
     if choice.public:
-        everybody = people_of(study, replace(choice, public=False)).count()
-        text += anonymity(dataset, everybody - len(dataset.participants))
+        text += anonymity(dataset, *numbers_of_public(study))
     yield "README.md", [text]
     tables = (one.tables_of(dataset, drives) for one in classes)
     more = {name: layout for some in tables for name, layout in some.items()}

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.dataset.levels import WITHHELD
 from experiments.dataset.records import ResponseRecord
+from experiments.definition.factors import steps_about_drive
 from experiments.extraction.people import Round, people_of
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.selection import Selection
@@ -24,22 +25,23 @@ def responses_of(
     """Yield a study's responses by participant; `sessions` has the code of each round's drive."""
     people = list(people_of(study, choice).exclude(status=Participant.Status.WITHDRAWN))
     asking = study.as_definition().questionnaire_steps
-    about_drive = {step.key: not step.is_about_person for step in asking}
+    about_person = {step.key: step.is_about_person for step in asking}
+    about_drive = steps_about_drive(study.as_definition())
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
         order = {key: place for place, key in enumerate(known)}
         rows = Row.objects.filter(
             asked_at__participant__in=list(known),
-            asked_at__step__in=list(about_drive),
+            asked_at__step__in=list(about_person),
             questionnaire__slug__in={step.questionnaire for step in asking},
         ).select_related("asked_at")
         by_person = sorted(
             answered(rows), key=lambda found: order[str(found[0].asked_at.participant_id)]
         )
         for row, definition, answers in by_person:
-            place, is_about_drive = row.asked_at, about_drive[row.asked_at.step]
+            place = row.asked_at
             person = known[str(place.participant_id)]
-            is_exact = is_about_drive or not choice.public
+            is_exact = not (about_person[place.step] and choice.public)
             values, missing = _stated(row, definition, answers, choice, is_exact=is_exact)
             seconds = {one.item: one.seconds for one in answers if one.seconds is not None}
             session = sessions.get((person.pk, place.visit, place.round), "")
@@ -49,7 +51,8 @@ def responses_of(
                 person.code,
                 values,
                 version=row.questionnaire.version,
-                session=session if is_about_drive else "",
+                session=session if place.step in about_drive else "",
+                step=place.step,
                 finished=row.finished_at is not None,
                 missing=missing,
                 seconds={key: seconds[key] for key in (*values, *missing) if key in seconds},

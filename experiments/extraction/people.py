@@ -9,6 +9,7 @@ from django.db.models import Q, QuerySet
 
 from experiments.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
 from experiments.dataset.records import PageRecord, ParticipantRecord
+from experiments.definition.factors import steps_about_drive
 from experiments.definition.schema import StudyDefinition
 from experiments.extraction.selection import Selection
 from experiments.models import (
@@ -16,6 +17,7 @@ from experiments.models import (
     ConsentReceipt,
     Draw,
     Drive,
+    ParticipantKind,
     StepResponse,
     StepVisit,
     Study,
@@ -36,9 +38,21 @@ def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
     rows = Row.objects.filter(study=study).order_by("code")
     if not (choice.public and asks_for_sharing(study.as_definition())):
         return rows
-    agreed = ConsentReceipt.objects.filter(participant__study=study, sharing=True)
-    keys = list(agreed.values_list("participant_id", flat=True))
-    return rows.filter(Q(pk__in=keys) | Q(status=Row.Status.WITHDRAWN))
+    receipts = ConsentReceipt.objects.filter(participant__study=study).order_by("agreed_at")
+    newest = dict(receipts.values_list("participant_id", "sharing"))
+    agreed = [key for key, shares in newest.items() if shares]
+    return rows.filter(Q(pk__in=agreed) | Q(status=Row.Status.WITHDRAWN))
+
+
+def numbers_of_public(study: Study) -> tuple[int, int]:
+    """Return how many participants, pilots and bots aside, a public dataset has, and how many one
+    of everybody; those who withdrew are in neither.
+    """
+    everybody = Row.objects.filter(kind=ParticipantKind.PARTICIPANT)
+    everybody = everybody.exclude(status=Row.Status.WITHDRAWN)
+    kinds = (people_of(study, Selection(public=public)) for public in (True, False))
+    public, whole = ((rows & everybody).count() for rows in kinds)
+    return public, whole
 
 
 def asks_for_sharing(study: StudyDefinition) -> bool:
@@ -95,7 +109,8 @@ def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
         exposed.add(who)
         ended.update([who] if any(outcomes) else [])
     responses = StepResponse.objects.filter(own, response__finished_at__isnull=False)
-    asked = responses.filter(response__questionnaire__slug=definition.analysis.statements)
+    step = definition.asked.get(definition.statements)
+    asked = responses.filter(step=step.key if step is not None else "")
     answered = set(asked.values_list("participant_id", flat=True))
 
     def stage(row: Row) -> str:
@@ -114,8 +129,7 @@ def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> 
     """Return the displayed pages in order; `sessions` has the code of each round's drive."""
     visits = StepVisit.objects.filter(participant__in=people_of(study, choice))
     rows = visits.exclude(participant__status=Row.Status.WITHDRAWN).select_related("participant")
-    definition = study.as_definition()
-    own = {step.key for step in definition.steps if step.repeat or step == definition.task}
+    own = steps_about_drive(study.as_definition())
     found = []
     for row in rows.order_by("participant__code", "began_at", "id"):
         place = (row.participant_id, row.visit, row.round)

@@ -93,6 +93,11 @@ def agree(
     return receipt
 
 
+def take_back_sharing(participant: Participant) -> bool:
+    """Leave a participant out of later public datasets; tell whether they were to be in them."""
+    return bool(participant.consents.filter(sharing=True).update(sharing=False))
+
+
 def as_text(receipt: ConsentReceipt) -> str:
     study = receipt.participant.study
     lines = [

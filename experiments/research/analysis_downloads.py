@@ -19,6 +19,7 @@ from accounts import audit
 from experiments.access import Role, for_role, may
 from experiments.definition.publication import from_stored
 from experiments.deposit.upload import REPOSITORIES
+from experiments.export.anonymity import sharing_warnings
 from experiments.export.formats import ON_REQUEST
 from experiments.research.analysis_cache import command, environment
 from experiments.research.analysis_query import asked_of, versions_of
@@ -66,6 +67,7 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
         "repositories": titles if may(user, slug, "owner") else {},
         "deposit": reverse("analysis_deposit", args=[slug]),
         "drafts": sorted(study.deposits.items()),
+        "warnings": sharing_warnings(study),
         "missing": labels_of(from_stored(study.publication).missing),
         "details": details if user.is_staff else "",
         "may_see_text": may(user, slug, LEAST["free_text"]),

@@ -41,5 +41,5 @@ def publish_study(now: datetime.datetime) -> str:
             StudyMember.objects.get_or_create(
                 slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER}
             )
-            publishing.publish(row, researcher, REASON, now)
+            publishing.publish(row, researcher, REASON, now, is_confirmed=True)
     return SLUG

@@ -162,7 +162,7 @@ def _label(dataset: Dataset, line: LikertRow) -> str:
     """Return the label of a row at the axis: a statement by its text, with its key in Table 4."""
     if line.kind != "statement":
         return fill(label_of(line), LABEL)
-    definition = dataset.questionnaire(dataset.study.analysis.statements)
+    definition = dataset.questionnaire(dataset.study.statements)
     question = definition.question(line.key) if definition else None
     text = dataset.say(question.text) if question else ""
     return fill(f"{text} ({label_of(line)})", LABEL) if text else label_of(line)

@@ -36,7 +36,7 @@ def score_figures(dataset: Dataset) -> Iterator[drawing.Drawing]:
     for found in scored_responses.scored_questionnaires(dataset):
         table = scores_table(dataset, found)
         title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
-        name = f"figure-scores-{found.definition.slug}"
+        name = f"figure-scores-{found.name}"
         with drawing.house_style():
             figure, behind = _draw(dataset, found, table)
         numbers = Table(name, title, HEAD, table.rows, (DRAWN, *table.notes))

@@ -34,6 +34,7 @@ def _compared(*how: str) -> frozenset[str]:
 
 
 METRICS = tuple(map(_column, _ROWS))
+GROUPS = {row["name"]: row["group"] for row in _ROWS}  # of what researchers choose from
 SEGMENT_METRICS = (
     Column("seconds", "s", "time that it took"),
     *(_column(row) for row in _ROWS if row["in_segments"] == "yes"),

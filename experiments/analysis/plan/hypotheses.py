@@ -201,9 +201,10 @@ def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bo
     exploratory.
     """
     notes, scores = figure.numbers.notes, "figure-scores-"
-    questionnaire = study.analysis.statements if figure.name.startswith("figure-8") else ""
+    questionnaire = study.statements if figure.name.startswith("figure-8") else ""
     if figure.name.startswith(scores):
-        questionnaire = figure.name.removeprefix(scores)
+        named = {name.replace(".", "-"): name for name in study.asked}
+        questionnaire = named[figure.name.removeprefix(scores)]
     if is_sensitivity:
         notes = (SENSITIVITY, *notes)
     elif questionnaire:

@@ -271,9 +271,12 @@ class _Text:
     # --- variables and analysis -------------------------------------------------------------------
 
     def _measure(self, measure: str) -> str:
-        slug, _, item = measure.partition(".")
-        if slug in self.asked and (scale := measured_scale(self.asked[slug], item)):
-            return f"- `{measure}`: {_scale(scale)}"
+        variable, _, item = measure.rpartition(".")
+        asked = self.asked.get(variable.partition(".")[0])
+        if asked is not None and (scale := measured_scale(asked, item)):
+            step = self.study.asked.get(variable)
+            when = f", {self.study.when(step)}" if step is not None and "." in variable else ""
+            return f"- `{measure}`{when}: {_scale(scale)}"
         for column in METRICS:
             if column.name == measure:
                 unit = f" ({column.unit})" if column.unit else ""

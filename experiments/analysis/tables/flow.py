@@ -70,8 +70,7 @@ class _Flow:
         both = (*dataset.sessions, *dataset.others)
         for one in sorted(both, key=lambda one: (one.visit, one.round)):
             self.drives.setdefault(one.participant, []).append(one)
-        statements = dataset.study.analysis.statements
-        answers = (one for one in dataset.responses if one.questionnaire == statements)
+        answers = dataset.answers_to(dataset.study.statements)
         self.answered = {one.participant for one in answers if one.finished}
         self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
 

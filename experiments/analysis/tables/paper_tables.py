@@ -6,7 +6,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables import comparisons
-from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES, coded, counted, note
+from experiments.analysis.tables.scored_responses import (
+    DISTRIBUTIONS,
+    RULES,
+    asked_when,
+    coded,
+    counted,
+    note,
+)
 from experiments.analysis.tables.table import Cells, Table, amount, count, number, session_count
 from experiments.dataset.records import Dataset, ResponseRecord
 from sessions.devices import OTHER
@@ -64,7 +71,7 @@ def _with_others(known: tuple[str, ...], found: Iterable[str]) -> tuple[str, ...
 
 
 def table_4(dataset: Dataset) -> Table:
-    definition = dataset.questionnaire(dataset.study.analysis.statements)
+    definition = dataset.questionnaire(dataset.study.statements)
     title = "Questions answered by the visitors after the experience."
     head = ("Topic", "", "Statement")
     if definition is None:
@@ -89,8 +96,8 @@ def lines_of(
     counted from the other end.
     """
     analysis = dataset.study.analysis
-    definition = dataset.questionnaire(analysis.statements)
-    responses = coded(dataset, counted(dataset, analysis.statements, condition))
+    definition = dataset.questionnaire(dataset.study.statements)
+    responses = coded(dataset, counted(dataset, dataset.study.statements, condition))
     if definition is None or definition.scoring != "likert":
         return [], responses
     keys = [one.key for one in definition.questions() if one.points]
@@ -125,6 +132,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
 def notes_of(dataset: Dataset, responses: Sequence[ResponseRecord]) -> Iterator[str]:
     """Yield what the numbers count (n: responses, several of a participant), and the interval."""
     yield note(dataset, responses)
+    yield from filter(None, [asked_when(dataset, dataset.study.statements)])
     several = len(responses) > len({one.participant for one in responses})
     yield (
         "n: responses that answer at least one of the row's statements, "
@@ -151,7 +159,7 @@ def notes_of(dataset: Dataset, responses: Sequence[ResponseRecord]) -> Iterator[
 
 def scale_of(dataset: Dataset) -> dict[int, str]:
     """Return the values of the scale of the statements with their labels."""
-    definition = dataset.questionnaire(dataset.study.analysis.statements)
+    definition = dataset.questionnaire(dataset.study.statements)
     scales = (one.points for one in definition.questions() if one.points) if definition else ()
     return {point.value: dataset.say(point.label) for point in next(iter(scales), ())}
 
@@ -225,6 +233,7 @@ def compare_answers(dataset: Dataset) -> Table:
         rows.append((label_of(line), (compare(values, is_paired=is_paired), [*groups.values()])))
     scores = "A participant's score is the mean of their answers. IQR: third less first quartile."
     topics = "A topic of one statement is the same test as the statement."
-    notes = (RULES[dataset.study.analysis.counts], scores, topics)
+    when = filter(None, [asked_when(dataset, dataset.study.statements)])
+    notes = (*when, RULES[dataset.study.analysis.counts], scores, topics)
     title = "Final questionnaire by condition."
     return comparisons.comparison_table("answers", title, "", [*found], rows, notes)

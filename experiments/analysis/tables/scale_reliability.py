@@ -46,7 +46,7 @@ def reliability_table(dataset: Dataset) -> Table:
     rows: list[tuple[object, ...]] = []
     notes = list(NOTES)
     for found in scored_questionnaires(dataset):
-        groups, slug = list(found.groups), found.definition.slug
+        groups, slug = list(found.groups), found.variable
         if dataset.study.allocation.design == "between" and len(groups) > 1:
             pooled = tuple(one for group in groups for one in group.responses)
             groups.append(ScoreGroup(ALL, ALL, ALL, pooled))

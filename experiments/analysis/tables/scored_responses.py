@@ -20,15 +20,14 @@ DISTRIBUTIONS = {"normal": "the normal", "t": "Student's t"}
 NO_DRIVE = "–"  # in place of condition and robot, of responses that are about no drive
 
 
-def counted(
-    dataset: Dataset, questionnaire: str, condition: str | None = None
-) -> list[ResponseRecord]:
-    """Return the finished responses that count to a questionnaire, in the order of their sessions.
-    With a condition, those about its sessions: a participant has one that counts in each condition.
+def counted(dataset: Dataset, variable: str, condition: str | None = None) -> list[ResponseRecord]:
+    """Return the finished responses that count to a variable (StudyDefinition.asked), in the order
+    of their sessions. With a condition, those about its sessions: a participant has one that counts
+    in each condition.
     """
     sessions = [one.id for one in dataset.sessions if condition in {None, one.condition}]
     order = {session: place for place, session in enumerate(sessions)}
-    own = [one for one in dataset.responses if one.questionnaire == questionnaire and one.finished]
+    own = [one for one in dataset.answers_to(variable) if one.finished]
     finished = [one for one in own if condition is None or one.session in order]
     finished.sort(key=lambda one: order.get(one.session, -1))
     rule = dataset.study.analysis.counts
@@ -96,11 +95,20 @@ def _was_asked(response: ResponseRecord, key: str) -> bool:
 
 @dataclass(frozen=True)
 class ScoredQuestionnaire:
-    """A questionnaire, its scales (whole, topics, parts of the TLX), and grouped responses."""
+    """A questionnaire as a variable (StudyDefinition.asked), its scales (whole, topics, parts of
+    the TLX), and grouped responses. `about` says at which of several steps it was asked.
+    """
 
+    variable: str
     definition: Definition
     scales: tuple[ScoredScale, ...]
     groups: tuple[ScoreGroup, ...]
+    about: str = ""
+
+    @property
+    def name(self) -> str:
+        """The variable in the names of tables."""
+        return self.variable.replace(".", "-")
 
     @property
     def conditions(self) -> list[str]:
@@ -124,26 +132,36 @@ def _named(group: ScoreGroup) -> str:
 
 def scored_questionnaires(dataset: Dataset) -> Iterator[ScoredQuestionnaire]:
     """Yield the scored questionnaires that were answered, in the order of the study's steps."""
-    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.questionnaire_steps):
-        definition = dataset.questionnaire(slug)
+    for variable in dataset.study.asked:
+        definition = dataset.questionnaire(variable)
         if definition is None:
             continue
         scales = (*scales_of(definition), *parts_of(definition))
-        groups = tuple(_groups(dataset, slug)) if scales else ()
+        groups = tuple(_groups(dataset, variable)) if scales else ()
         if groups:
-            yield ScoredQuestionnaire(definition, scales, groups)
+            about = asked_when(dataset, variable)
+            yield ScoredQuestionnaire(variable, definition, scales, groups, about)
 
 
-def _groups(dataset: Dataset, slug: str) -> Iterator[ScoreGroup]:
+def asked_when(dataset: Dataset, variable: str) -> str:
+    """Return at which step a questionnaire was asked; nothing where one step alone asks it."""
+    step = dataset.study.asked.get(variable)
+    if step is None or "." not in variable:
+        return ""
+    when = dataset.study.when(step)
+    return f"Asked at the step {step.key} ({dataset.say(step.title)}), {when}."
+
+
+def _groups(dataset: Dataset, variable: str) -> Iterator[ScoreGroup]:
     planned = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
     others = sorted({one.condition for one in dataset.sessions} - set(planned))
     robots = {one.id: one.robot for one in dataset.sessions}
     for key in (*planned, *others):
         found: dict[str, list[ResponseRecord]] = {}
-        for one in coded(dataset, counted(dataset, slug, key)):
+        for one in coded(dataset, counted(dataset, variable, key)):
             found.setdefault(robots[one.session], []).append(one)
         for robot, own in sorted(found.items()):
             yield ScoreGroup(key or NO_DRIVE, planned.get(key, key), robot, tuple(own))
     apart = tuple(one for one in dataset.responses if one.session not in robots)
-    if own := coded(dataset, counted(replace(dataset, responses=apart), slug)):
+    if own := coded(dataset, counted(replace(dataset, responses=apart), variable)):
         yield ScoreGroup(NO_DRIVE, NO_DRIVE, NO_DRIVE, tuple(own))

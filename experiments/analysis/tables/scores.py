@@ -54,8 +54,7 @@ def score_tables(dataset: Dataset) -> Iterator[Table]:
     for one in scored_questionnaires(dataset):
         yield scores_table(dataset, one)
         is_in_answers = (
-            one.definition.scoring == "likert"
-            and one.definition.slug == dataset.study.analysis.statements
+            one.definition.scoring == "likert" and one.variable == dataset.study.statements
         )
         if len(one.conditions) > 1 and not is_in_answers:
             yield score_tests(dataset, one)
@@ -83,8 +82,8 @@ def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
     interval = f"CI95: confidence interval of the mean by {distribution} distribution."
     items = (RULE_NOTES[definition.scoring], *about_items(dataset, found), RULES[analysis.counts])
     notes = (*items, COLUMNS, interval, "Each row is for one condition and one robot.")
-    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} ({definition.slug})."
-    return Table.of(f"scores-{definition.slug}", title, HEAD, rows, notes)
+    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} ({found.variable})."
+    return Table.of(f"scores-{found.name}", title, HEAD, rows, notes)
 
 
 def _spread_cells(dataset: Dataset, scale: ScoredScale, group: ScoreGroup) -> Iterator[TableCell]:
@@ -100,10 +99,11 @@ def _spread_cells(dataset: Dataset, scale: ScoredScale, group: ScoreGroup) -> It
 
 
 def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
-    """Yield which items are reverse-coded or not asked everywhere, and which versions were
-    answered.
+    """Yield at which step it was asked, which items are reverse-coded or not asked everywhere, and
+    which versions were answered.
     """
     definition = found.definition
+    yield from filter(None, [found.about])
     if definition.reversed and definition.scoring != "sus":
         yield f"Reverse-coded, and counted from the other end: {', '.join(definition.reversed)}."
     for scale in found.scales:
@@ -125,8 +125,8 @@ def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
     ]
     items = (RULE_NOTES[definition.scoring], *about_items(dataset, found))
     notes = (*items, *_about_robots(found), RULES[dataset.study.analysis.counts])
-    name = f"score-tests-{definition.slug}"
-    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} by condition."
+    name, step = f"score-tests-{found.name}", f" ({found.variable})" if found.about else ""
+    title = f"Scores of {dataset.say(definition.title).removesuffix('.')}{step} by condition."
     return comparison_table(name, title, "", found.conditions, rows, notes)
 
 

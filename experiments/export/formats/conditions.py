@@ -1,18 +1,31 @@
-"""One line a participant and condition, so that a statistical test needs no merging of tables."""
+"""One line a participant and condition, so that a statistical test needs no merging of tables. Its
+values are of the drives and responses from which a report on participants of the same kind is made.
+"""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from statistics import fmean
 from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.sessions import Measured
+from experiments.analysis.tables.drive_outcomes import sessions_of
+from experiments.analysis.tables.measures import StudyMeasures
+from experiments.analysis.tables.scored_responses import asked_when
 from experiments.dataset.columns import Column, Tables, amount_of, flag, share
-from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
+from experiments.dataset.counting import PARTICIPANTS, attempted, counting
+from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED, Kind
 from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
+from experiments.definition.factors import steps_about_drive
+from experiments.definition.schema import StudyDefinition
 from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
 from surveys.scoring import ScoredScale, parts_of, scales_of
 
+Place = tuple[str, str]  # participant and condition
+NO_DRIVE = "no_drive"
 ABOUT = (
     Column("participant", "", "code of the participant"),
     Column("kind", "", "who took part", levels=KINDS),
@@ -21,17 +34,27 @@ ABOUT = (
     amount_of("sessions", "", "drives of the participant in this condition, without practice"),
     flag("counts", "1 when a drive counts in the results on participants"),
     Column(
-        "counts_why", "", "why the last drive does not count; empty when one does", levels=UNCOUNTED
+        "counts_why",
+        "",
+        "why the last drive does not count; empty when one does",
+        levels={**UNCOUNTED, NO_DRIVE: "the participant has no drive in this condition"},
     ),
-    Column("session", "", "code of the last drive that counts, or of the last one without any"),
+    flag(
+        "attempted",
+        "1 when the results on success and times have the row: a drive counts, or `counts_why` is"
+        " a reason for which only these results have it",
+    ),
+    Column(
+        "session", "", "code of the last drive that counts; without any, of the last attempted one"
+    ),
     Column("outcome", "", "how that drive ended", levels=OUTCOMES),
 )
 
 
 class ConditionsFormat(ExportFormat):
     """One row per participant and condition, in every export. A value is the mean over the drives
-    that count, and of the last drive where none does; scores are of the answers about these drives
-    and about the person.
+    that count, of success and times over the attempted ones; scores are of the responses that count
+    about these drives, and about the person.
     """
 
     @classmethod
@@ -49,76 +72,96 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
         levels = {level.key: dataset.say(level.title) for level in one.levels}
         meaning = f"level of the factor: {dataset.say(one.title)}"
         factors.append(Column(f"factor_{one.key}", "", meaning, levels=levels))
-    for slug, scale in _scales(dataset):
+    for variable, scale in _scales(dataset):
         low, high = scale.bounds
-        meaning = f"score of: {dataset.say(scale.label) or slug} – {scale.formula}"
-        scores.append(Column(f"{slug}.{scale.key}", "", meaning, least=low, greatest=high))
+        meaning = f"score of: {dataset.say(scale.label) or variable} – {scale.formula}"
+        if when := asked_when(dataset, variable):
+            meaning = f"{meaning}. {when}"
+        scores.append(Column(f"{variable}.{scale.key}", "", meaning, least=low, greatest=high))
     # the mean of a flag is a share
     means = (share(one.name, one.meaning) if one.levels else one for one in METRICS)
     return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *means)
 
 
 def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
-    for slug in dict.fromkeys(step.questionnaire for step in dataset.study.questionnaire_steps):
-        newest = dataset.questionnaire(slug)
-        if newest is not None:
-            yield from ((slug, scale) for scale in (*scales_of(newest), *parts_of(newest)))
+    """Yield the scales of the questionnaires about drives and about the person, by variable."""
+    about_drive = steps_about_drive(dataset.study)
+    for variable, step in dataset.study.asked.items():
+        newest = dataset.questionnaire(variable)
+        if newest is not None and (step.is_about_person or step.key in about_drive):
+            yield from ((variable, scale) for scale in (*scales_of(newest), *parts_of(newest)))
 
 
 def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
     """Yield the rows, participant by participant; those who withdrew have none."""
-    dataset = source.dataset
-    drives: dict[str, dict[str, list[SessionRecord]]] = {}
-    for one in dataset.sessions:
+    drives: dict[tuple[str, str], list[SessionRecord]] = {}
+    for one in source.dataset.sessions:
         if not one.practice:
-            drives.setdefault(one.participant, {}).setdefault(one.condition, []).append(one)
-    for person in dataset.participants:
-        own = drives.get(person.id, {})
-        assigned = [key for key in person.cell.split("-") if key]
+            drives.setdefault((one.participant, one.condition), []).append(one)
+    study, found = source.dataset.study, cache(partial(_of_kind, source))
+    for person in source.dataset.participants:
         if person.withdrawn:
             continue
-        for order, key in enumerate(dict.fromkeys((*assigned, *own)), start=1):
-            yield _row(source, person, key, order, own.get(key, []))
+        assigned = [key for key in person.cell.split("-") if key]
+        driven = (key for who, key in drives if who == person.id)
+        for order, key in enumerate(dict.fromkeys((*assigned, *driven)), start=1):
+            own = drives.get((person.id, key), [])
+            yield [*_row(study, found(person.kind), person, key, order, own)]
+
+
+def _of_kind(source: ExportSource, kind: Kind) -> "_Counted":
+    """Return what counts of the participants of a kind, as in a report on that kind."""
+    dataset = counting(source.dataset, (kind,))
+    measured = [replace(source.measured[one.id], session=one) for one in attempted(dataset)]
+    attempts: dict[Place, list[Measured]] = {}
+    for one in measured:
+        attempts.setdefault((one.session.participant, one.session.condition), []).append(one)
+    measures, keys = StudyMeasures(dataset, measured), {key for _who, key in attempts}
+    scores = [
+        {key: measures.means(f"{variable}.{scale.key}", key).values for key in keys}
+        for variable, scale in _scales(dataset)
+    ]
+    return _Counted(attempts, scores)
+
+
+@dataclass(frozen=True)
+class _Counted:
+    """The attempts at each place, and of each score its values by condition and participant."""
+
+    attempts: Mapping[Place, Sequence[Measured]]
+    scores: Sequence[Mapping[str, Mapping[str, float]]]
+
+    def values(self, who: str, key: str) -> Iterator[float | None]:
+        yield from (score.get(key, {}).get(who) for score in self.scores)
+        for column in METRICS:
+            own = sessions_of(column.name, self.attempts.get((who, key), ()))
+            yield _mean(one.values[column.name] for one in own)
 
 
 def _row(
-    source: ExportSource,
+    study: StudyDefinition,
+    counted: _Counted,
     person: ParticipantRecord,
     key: str,
     order: int,
     sessions: Sequence[SessionRecord],
-) -> Sequence[Any]:
-    dataset = source.dataset
-    used = [one for one in sessions if one.counts] or [*sessions[-1:]]
-    last = used[-1] if used else None
-    condition = dataset.study.condition(key)
+) -> Iterator[Any]:
+    condition = study.condition(key)
     levels = condition.levels if condition is not None else {}
-    measured = [source.measured[one.id] for one in used]
-    of_last = (False, "not_driven", "", "")
-    if last is not None:
-        of_last = (last.counts, last.counts_why, last.id, last.outcome)
-    return (
-        *(person.id, person.kind, key),
-        *(levels.get(factor.key, "") for factor in dataset.study.factors),
-        *(order, len(sessions), *of_last),
-        *_scores(dataset, person.id, {one.id for one in used}),
-        *(_mean(one.values[column.name] for one in measured) for column in METRICS),
-    )
+    attempts = {one.session.id for one in counted.attempts.get((person.id, key), ())}
+    own = [one for one in sessions if one.counts]
+    own = own or [one for one in sessions if one.id in attempts] or [*sessions]
+    yield from (person.id, person.kind, key)
+    yield from (levels.get(factor.key, "") for factor in study.factors)
+    yield from (order, len(sessions))
+    if own:
+        last, is_attempted = own[-1], bool(attempts) and person.kind in PARTICIPANTS
+        yield from (last.counts, last.counts_why, is_attempted, last.id, last.outcome)
+    else:
+        yield from (False, NO_DRIVE, False, "", "")
+    yield from counted.values(person.id, key)
 
 
-def _scores(dataset: Dataset, person: str, sessions: set[str]) -> Iterator[float | None]:
-    versions = {(one.slug, one.version): one for one in dataset.questionnaires}
-    responses = [one for one in dataset.responses if one.participant == person]
-    own = [
-        (one.questionnaire, version.coded(one.values))
-        for one in responses
-        if one.session in {"", *sessions}
-        and (version := versions.get((one.questionnaire, one.version))) is not None
-    ]
-    for slug, scale in _scales(dataset):
-        yield _mean(scale.score(values) for name, values in own if name == slug)
-
-
-def _mean(values: Iterable[float | None]) -> float | None:
-    known = [one for one in values if one is not None and not math.isnan(one)]
+def _mean(values: Iterable[float]) -> float | None:
+    known = [one for one in values if not math.isnan(one)]
     return fmean(known) if known else None

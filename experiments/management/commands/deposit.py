@@ -15,6 +15,7 @@ from accounts import audit
 from experiments.definition.publication import from_stored
 from experiments.deposit.repository import DepositDraft, DepositError, Record, Repository
 from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
+from experiments.export.anonymity import sharing_warnings
 from experiments.export.archive import zipped
 from experiments.export.files import SUMS, export_files
 from experiments.extraction.selection import Selection
@@ -49,6 +50,8 @@ class Command(BaseCommand):
             draft = self._deposit(study, repository, is_new=options["new"])
         except DepositError as error:
             raise CommandError(str(error)) from error
+        for warning in sharing_warnings(study):
+            self.stdout.write(warning)
         self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
 
     def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:

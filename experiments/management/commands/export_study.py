@@ -9,6 +9,7 @@ from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
 from experiments.definition.publication import from_stored
+from experiments.export.anonymity import sharing_warnings
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
@@ -52,6 +53,8 @@ class Command(BaseCommand):
             _note(study, options)
             if missing := from_stored(study.publication).missing:
                 self.stderr.write(f"Publication details not filled in: {', '.join(missing)}.")
+            for warning in sharing_warnings(study) if choice.public else ():
+                self.stderr.write(warning)
         files = export_files(study, choice)
         if to_stdout:
             sys.stdout.buffer.writelines(zipped(files))

@@ -21,7 +21,7 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.models import ConsentReceipt, Participant
 from experiments.participation import progress
-from experiments.participation.consent import as_text
+from experiments.participation.consent import as_text, take_back_sharing
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
 from experiments.participation.withdrawal import deletion
@@ -122,8 +122,22 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
         more["cannot_return"] = bool(recognition.kept_after_withdrawal(participant))
+        more["shares"] = participant.consents.filter(sharing=True).exists()
         return render(request, "experiments/withdraw.html", more)
     return leave(request, participant, timezone.now())
+
+
+@never_cache
+@require_POST
+@login_required
+def unshare(request: HttpRequest, code: str) -> HttpResponse:
+    participant = _own(request, code)
+    if take_back_sharing(participant):
+        study = participant.study.slug
+        audit.note("sharing_taken_back", actor=request.user, person=request.user, study=study)
+    words = _("Public datasets that are made from now on do not have your data.")
+    messages.success(request, words)
+    return redirect("study_withdraw", code)
 
 
 @private

@@ -34,6 +34,7 @@ from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.selection import Selection
 from experiments.models import Draw, Drive, Participant, Study
+from experiments.participation.consent import take_back_sharing
 from experiments.participation.withdrawal.deletion import withdraw
 from sessions.models import StateChunk
 from surveys.models import Answer
@@ -431,9 +432,28 @@ def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(st
     for row in lines(files, "sessions"):
         assert (row["os"], row["browser"], row["network"]) == ("", "", "")
     text = files["README.md"].decode()
-    assert "2 participants did not agree to be in it." in text
+    assert "It has 2 of the 4 participants; the others did not agree to publishing." in text
     assert "| age_band | 1 | 2 of 2 |" in text
     assert "## Anonymity" not in whole["README.md"].decode()
+
+
+def test_a_public_export_warns_of_who_did_not_agree_or_was_not_asked(stored, tmp_path):
+    def warned(study, folder):
+        told = io.StringIO()
+        call_command("export_study", study.slug, "--public", "--out", str(folder), stderr=told)
+        return told.getvalue()
+
+    assert "The consent did not ask" in warned(stored.study, tmp_path / "unasked")
+    text = (tmp_path / "unasked" / "README.md").read_text()
+    assert "It has all 4 participants: the consent did not ask about publishing." in text
+    study = asking_for_sharing(stored.study)
+    for one in stored.people.values():
+        agreed(one, True)
+    assert "participants" not in warned(study, tmp_path / "all")
+    taken_back = next(iter(stored.people.values()))
+    take_back_sharing(taken_back)
+    assert "has 3 of 4 participants" in warned(study, tmp_path / "some")
+    assert taken_back.code not in (tmp_path / "some/data/description-answers_data.csv").read_text()
 
 
 @pytest.mark.parametrize(

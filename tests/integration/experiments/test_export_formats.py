@@ -16,7 +16,7 @@ import pyreadstat
 import pytest
 
 from experiments.analysis.metrics.sessions import measure_all
-from experiments.dataset.counting import counting
+from experiments.dataset.counting import attempted, counting
 from experiments.dataset.folder import read
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
@@ -70,6 +70,8 @@ def test_each_participant_has_a_line_for_each_condition(folder):
     assert len({(row["participant"], row["condition"]) for row in rows}) == len(rows)
     numbers = {one.session.id: one.values for one in measure_all(dataset)}
     kept = {one.id for one in counting(dataset).sessions}
+    reports = [counting(dataset, (kind,)) for kind in ("participant", "bot")]
+    tried = {one.id for report in reports for one in attempted(report)}
     for row in rows:
         own = [
             one
@@ -80,10 +82,12 @@ def test_each_participant_has_a_line_for_each_condition(folder):
         assert (row["kind"], row["sessions"]) == (people[row["participant"]].kind, str(len(own)))
         assert row["counts"] == str(int(bool(counted)))
         assert bool(row["counts_why"]) is not bool(counted)
-        used = counted or own[-1:]
-        assert row["session"] == used[-1].id
-        completed = [one.outcome == "completed" for one in used]
-        assert float(row["completed"]) == pytest.approx(np.mean(completed))
+        assert row["session"] == (counted or own)[-1].id
+        used = [one for one in own if one.id in tried]
+        assert bool(row["completed"]) is bool(used)
+        if used:
+            completed = [one.outcome == "completed" for one in used]
+            assert float(row["completed"]) == pytest.approx(np.mean(completed))
         times = [numbers[one.id]["task_time"] for one in used]
         known = [one for one in times if not math.isnan(one)]
         assert float(row["task_time"] or "nan") == pytest.approx(

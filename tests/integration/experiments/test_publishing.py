@@ -106,6 +106,18 @@ def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
     assert publishing.problems_of(stored("Write to Ada; see note [1].")) == []
 
 
+def test_a_consent_that_does_not_ask_about_publishing_data_is_confirmed():
+    cabin_with_giraff()
+    consent = {"kind": "consent", "key": "consent", "title": {"en": "Consent"}}
+    consent["text"] = {"en": "Drive."}
+    asking = {**consent, "sharing": {"en": "My data may be published."}}
+    row = publishing.store(small_study(steps=[consent, *STUDY["steps"]]), NOW)
+    with pytest.raises(publishing.NotPublishableError, match="whether data may be published"):
+        publishing.publish(row, None, WHY, NOW)
+    publishing.save_draft(row, small_study(steps=[asking, *STUDY["steps"]]))
+    assert publishing.publish(Study.objects.get(), None, WHY, NOW).status == "published"
+
+
 # --- problems here --------------------------------------------------------------------------------
 
 

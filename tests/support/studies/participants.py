@@ -78,16 +78,28 @@ def fill(study: Study, *, quota: int = 1) -> None:
         assign(comer(study, person(f"p{n}")), condition)
 
 
-def answered(participant: Participant, key: str, values: dict[str, Any]) -> Participant:
-    """Answer the questionnaire of a step for a participant, and move them on to the task."""
+def respond(
+    participant: Participant,
+    key: str,
+    values: dict[str, Any],
+    *,
+    number: int = 0,
+    finished: bool = True,
+) -> None:
+    """Answer the questionnaire of a step for a participant, in the round of a number."""
     study, now = participant.study.as_definition(), timezone.now()
-    place = JourneyPlace(participant.visit, 0, key)
+    place = JourneyPlace(participant.visit, number, key)
     step: Any = study.step(key)
     response = questions.ask(participant, place, step, drive=DriveStatus(), now=now)
-    Response.objects.filter(pk=response.pk).update(finished_at=now)
+    Response.objects.filter(pk=response.pk).update(finished_at=now if finished else None)
     for position, (item, value) in enumerate(values.items()):
         given = {"item": item, "value": value, "position": position}
         Answer.objects.create(response=response, **given, first_at=now, answered_at=now)
+
+
+def answered(participant: Participant, key: str, values: dict[str, Any]) -> Participant:
+    """Answer the questionnaire of a step for a participant, and move them on to the task."""
+    respond(participant, key, values)
     Participant.objects.filter(pk=participant.pk).update(step="task")
     participant.refresh_from_db()
     return participant

@@ -129,7 +129,7 @@ def analysis(ines: Researcher) -> None:
     ines.write("title.en", "Delay and help")
     ines.choose("test", "linear mixed model")
     workload = "NASA-TLX: The effort it took"
-    ines.tick("Task time (s)", "Metrics of a drive")
+    ines.tick("Task time (s)", "Drive: success and time")
     ines.tick(f"overall score of {workload}", workload)
     ines.save()
     for effect in ("Delay of the video", "Help"):

@@ -4,7 +4,7 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from accounts.models import User
+from accounts.models import AuditEntry, User
 from experiments.models import Participant, PersonalLink, Study, StudyMember
 from experiments.participation import links
 from experiments.participation.withdrawal import deletion
@@ -269,6 +269,24 @@ def test_the_page_of_ones_own_data_is_sound_and_leads_to_everything(walker):
     assert offered <= set(buttons(page))
     links = read(walker.client.get(reverse("profile"))).all("a")
     assert reverse("own_data") in [one.attributes.get("href") for one in links]
+
+
+def test_agreement_to_publishing_can_be_taken_back_without_leaving(walker):
+    walker.participant.consents.update(sharing=True, sharing_text="My data may be published.")
+    leaving = reverse("study_withdraw", args=[walker.participant.code])
+    own = read(walker.client.get(reverse("own_data")))
+    assert "Take this back" in buttons(own)
+    assert faults(own) == []
+    page = read(walker.client.get(leaving))
+    assert faults(page) == []
+    assert "Do not publish my data" in buttons(page)
+    address = reverse("study_unshare", args=[walker.participant.code])
+    page = read(walker.client.post(address, follow=True))
+    assert "made from now on do not have your data" in page.text
+    assert "Do not publish my data" not in buttons(page)
+    assert not walker.participant.consents.filter(sharing=True).exists()
+    assert Participant.objects.get().status == "active"
+    assert AuditEntry.objects.filter(act="sharing_taken_back").count() == 1
 
 
 def test_a_withdrawal_leaves_only_the_day_the_step_and_the_cell(walker):

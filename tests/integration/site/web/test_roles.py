@@ -171,6 +171,7 @@ def own_pages() -> list[tuple]:
         ("study_return", ["study.slug"], ALL, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, {}),
+        ("study_unshare", ["participation.code"], PARTICIPANT, {}),
         ("study_receipt", ["participation.code", "consent"], PARTICIPANT, None),
         ("withdrawal_receipt", [], NOBODY, {}),
     ]

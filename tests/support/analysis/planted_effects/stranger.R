@@ -439,7 +439,7 @@ wilson <- function(k, n) as.list(100 * prop.test(k, n, correct = FALSE)$conf.int
 for (key in c(conditions, "all")) {
   own <- if (key == "all") tried else tried[tried$condition == key, ]
   done <- sum(own$outcome == "completed"); bounds <- suppressWarnings(wilson(done, nrow(own)))
-  counts <- as.list(table(factor(own$outcome, unique(tried$outcome))))
+  counts <- as.list(table(factor(gsub("_", " ", own$outcome), gsub("_", " ", unique(tried$outcome)))))
   do.call(tell, c(list("outcomes", key, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * done / nrow(own), from = bounds[[1]], to = bounds[[2]]), counts))
 }

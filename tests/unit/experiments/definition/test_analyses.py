@@ -4,7 +4,7 @@ import pytest
 
 from experiments.definition.problems import problems
 from surveys.document_forms.problem_text import sentences
-from tests.support.studies.studies import small_study
+from tests.support.studies.studies import STUDY, small_study
 
 GOOD = {"key": "doors", "title": {"en": "Doors"}, "measures": ["task_time", "experience.q1"]}
 SIDES = {"title": {"en": "Shut"}, "first": ["shut"], "second": ["all_open"]}
@@ -44,6 +44,20 @@ def test_an_analysis_that_makes_sense_is_accepted():
 def test_contradictions_are_problems_of_the_analysis(changes, told):
     found = sentences(problems(small_study(analyses=[{**GOOD, **changes}])))
     assert f"Analysis doors: {told}" in found
+
+
+def test_measures_name_the_step_where_several_ask_a_questionnaire():
+    before = {"kind": "questionnaire", "key": "before", "questionnaire": "experience"}
+    steps = [{**before, "title": {"en": "Before"}}, *STUDY["steps"]]
+    told = (
+        "Analysis doors: several steps ask the questionnaire experience; name the step in its"
+        " measures, as in experience.{}.overall."
+    )
+    (key,) = (one["key"] for one in STUDY["steps"] if one["kind"] == "questionnaire")
+    found = sentences(problems(small_study(analyses=[GOOD], steps=steps)))
+    assert found == [told.format(key)]
+    good = {**GOOD, "measures": ["experience.before.q1", f"experience.{key}.q1"]}
+    assert sentences(problems(small_study(analyses=[good], steps=steps))) == []
 
 
 def test_participants_who_do_one_condition_each_may_have_a_model_with_age():

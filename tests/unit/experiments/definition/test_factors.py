@@ -54,7 +54,8 @@ def study_of(document):
 
 
 DELAY = factor("delay", "within", "none", "some", "much")
-HELP = factor("help", "between", "alone", "assisted")
+HELPS = ("alone", "assisted")
+HELP = factor("help", "between", *HELPS)
 
 
 def test_within_a_participant_has_every_cell_in_a_latin_square_of_orders():
@@ -179,3 +180,28 @@ def test_invited_and_open_participants_may_have_levels_of_a_between_factor_each(
     assert sentences(problems(study)) == []
     assert all("assisted" in key for cell in cells(study) for key in cell.conditions)
     assert all("alone" in key for cell in cells(study, "invitation") for key in cell.conditions)
+
+
+def contrast(first, second):
+    return {"title": {"en": "A contrast"}, "first": first, "second": second}
+
+
+ALONE, ASSISTED = (tuple(f"{delay}_{one}" for delay in ("none", "some")) for one in HELPS)
+
+
+@pytest.mark.parametrize(
+    ("analysis", "is_refused"),
+    [
+        ({"test": "mixed", "effects": ["help"]}, False),
+        ({"test": "mixed", "effects": ["help", "delay"]}, True),
+        ({"contrasts": [contrast(ALONE, ASSISTED)]}, False),
+        ({"contrasts": [contrast(ALONE[:1], ALONE[1:])]}, True),
+        ({}, True),
+    ],
+)
+def test_what_is_asked_once_is_compared_between_groups_alone(analysis, is_refused):
+    document = crossed(factor("delay", "within", "none", "some"), HELP)
+    one = {"key": "a", "title": {"en": "A"}, "measures": ["experience.q1"], **analysis}
+    document |= {"steps": [TASK[0], STUDY["steps"][1]], "analyses": [one]}
+    found = [one for one in sentences(problems(study_of(document))) if "only once" in one]
+    assert bool(found) is is_refused

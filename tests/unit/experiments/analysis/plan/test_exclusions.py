@@ -14,6 +14,7 @@ from experiments.dataset.records import (
     SessionRecord,
 )
 from tests.support.analysis.planned import plan_with, planned_study
+from tests.support.studies.studies import STUDY
 
 
 def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
@@ -76,6 +77,29 @@ def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, answer)
     plan = plan_with(speeders=[{"questionnaire": "experience", **rule}])
     assert found(dataset(plan, seconds=(4.0, 32.0, 40.0))) == [("P0", "speeder", answer)]
     assert found(dataset(plan, seconds=(30.0, 32.0, 40.0))) == []
+
+
+def test_pages_about_drives_that_do_not_count_are_not_judged():
+    plan = plan_with(speeders=[{"questionnaire": "experience", "seconds": 10}])
+    data = dataset(plan, seconds=(4.0, 4.0, 4.0))
+    never, excluded, counts = data.sessions
+    sessions = (replace(never, practice=True), replace(excluded, excluded="a visitor"), counts)
+    assert [
+        who for who, rule, _ in found(replace(data, sessions=sessions)) if rule == "speeder"
+    ] == ["P2"]
+
+
+def test_each_step_that_asks_a_questionnaire_has_a_median_of_its_own():
+    plan = plan_with(speeders=[{"questionnaire": "experience", "median_share": 0.5}])
+    data = dataset(plan, seconds=(30.0, 32.0, 34.0))
+    before = {"kind": "questionnaire", "key": "before", "questionnaire": "experience"}
+    steps = [{**before, "title": {"en": "Before"}}, *STUDY["steps"]]
+    first = [replace(one, step="experience") for one in data.responses]
+    pages = [replace(one, step="before", seconds=one.seconds / 10.0) for one in data.pages]
+    again = [replace(one, id=f"{one.id}-before", step="before") for one in data.responses]
+    study = planned_study(plan, steps=steps)
+    both = {"pages": (*data.pages, *pages), "responses": (*first, *again)}
+    assert found(replace(data, study=study, **both)) == []
 
 
 def test_incomplete_cases_lack_a_drive_or_answers():

@@ -275,6 +275,29 @@ def outcome(completed, seconds, stops=3.0):
     return found | ({"task_time": seconds} if completed else {})
 
 
+def test_an_answer_given_once_is_one_value_of_a_participant_for_their_group():
+    model = {"key": "said", "measures": ["experience.q2"], "test": "mixed", "effects": ["delay"]}
+    sides = {"key": "sides", "measures": ["experience.q2"], "contrasts": [CONTRAST]}
+    study = study_of(model, sides, between=("delay",))
+    once = [msgspec.structs.replace(it, repeat=it.key != "experience") for it in study.steps]
+    study = msgspec.structs.replace(study, steps=tuple(once))
+    dataset, drives = drives_of(study, 20, lambda *_: 1.0)
+    rng = np.random.default_rng(8)
+    given = {one.id: int(rng.integers(-2, 3)) for one in dataset.participants}
+    once = tuple(
+        ResponseRecord(f"r{who}", "experience", who, {"q2": n}) for who, n in given.items()
+    )
+    found, _, contrast = declared(replace(dataset, responses=once), drives)
+    assert rows(found, "Participants", "Observations") == [("20", "20")]
+    groups = [
+        [given[one.id] for one in dataset.participants if one.cell.startswith(name)]
+        for name in ("long", "none")
+    ]
+    assert value(contrast, 0, "p") == pytest.approx(
+        stats.ttest_ind(*groups, equal_var=False).pvalue
+    )
+
+
 def test_success_is_a_proportion_that_is_tested_between_and_within():
     plain = {"measures": ["completed"], "test": "proportions"}
     pair = {"title": {"en": "a"}, "first": ["long_alone"], "second": ["none_alone"]}

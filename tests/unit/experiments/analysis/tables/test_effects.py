@@ -19,6 +19,7 @@ from experiments.analysis.tables.effects import (
     learnt,
     outcomes_by_condition,
 )
+from experiments.dataset.levels import OUTCOMES
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
@@ -209,6 +210,13 @@ def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
     session = SessionRecord("s", "P", "giraff", outcome="completed")
     table = outcomes_by_condition(Dataset(PAIR), [measured(session)])
     assert [one[0].text for one in table.rows] == ["all"]
+
+
+def test_outcomes_are_named_in_words():
+    sessions = [SessionRecord(name, "P", "giraff", outcome=name) for name in OUTCOMES]
+    table = outcomes_by_condition(Dataset(PAIR), [measured(one) for one in sessions])
+    assert {"completed", "timed out", "connection lost"} <= set(table.head)
+    assert not any("_" in head for head in table.head)
 
 
 def drive(who, condition, *, completed, seconds, **values):
