@@ -102,6 +102,11 @@ def answers(rng: Rng, n: int, k: int) -> Floats:
     return np.asarray(np.digitize(latent, (-1.0, -0.3, 0.2, 0.9)) + 1.0)
 
 
+def mostly_best(rng: Rng, n: int, share: float) -> Floats:
+    """Return values at the end of a scale, 1, of which some groups have nothing else."""
+    return np.where(rng.random(n) < share, 1.0, 1.0 - rng.gamma(2.0, 0.05, n))
+
+
 def many_zeros(rng: Rng, *shape: int) -> Floats:
     """Return counts with more variance than those of Poisson: half of them are 0."""
     return rng.poisson(rng.gamma(0.5, 3.0, shape)).astype(np.float64)
@@ -379,6 +384,16 @@ NULLS = (
         "Welch t",
         "counts, half of them 0, n = 16 each",
         lambda rng: compared(many_zeros(rng, 16), many_zeros(rng, 16)),
+    ),
+    Case(
+        "Welch t, by ranks where a group does not vary",
+        "80 % are best at everything, n = 12 each",
+        lambda rng: compared(*(mostly_best(rng, 12, 0.8) for _ in range(2))),
+    ),
+    Case(
+        "Welch F, by ranks where a group does not vary",
+        "70 % are best at everything, four groups, n = 10 each",
+        lambda rng: compared(*(mostly_best(rng, 10, 0.7) for _ in range(4))),
     ),
     Case(
         "paired t",

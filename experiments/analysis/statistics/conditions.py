@@ -9,6 +9,8 @@ import scipy
 
 from experiments.analysis.statistics import proportions
 from experiments.analysis.statistics.comparisons import (
+    NO_VARIANCE,
+    IntervalEstimate,
     Test,
     between,
     is_constant,
@@ -57,33 +59,38 @@ def compare(
 ) -> Test:
     """Return the test of a difference between conditions, each with a value a participant.
 
-    A condition is left out if it has fewer than two participants or, between participants, if its
-    values have no variance around their mean; the remark names it and the reason.
+    A condition of fewer than two participants is left out. Where the values of a group do not vary,
+    as at the end of a scale, nothing tells how far its mean may be from the true one: groups are
+    compared by ranks. The remark names these conditions.
     """
-    needs_variance = by == "means" and not is_paired
-    reasons = {key: _unfit(group, needs_variance) for key, group in groups.items()}
-    kept = [group for key, group in groups.items() if not reasons[key]]
-    remarks = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    kept = {key: group for key, group in groups.items() if len(group) >= 2}
+    remarks = [f"{key}: left out, n = {len(groups[key])}" for key in groups if key not in kept]
+    is_of_means = by == "means" and not is_paired and len(kept) > 1
+    if is_of_means and (same := [key for key in kept if is_constant(_values(kept[key]))]):
+        test = _compared([*kept.values()], is_paired=False, by="ranks")
+        if test.is_known:
+            remarks.append(f"{', '.join(same)}: {NO_VARIANCE}, so compared by ranks")
+        if len(kept) == 2:  # the difference stays that of means, whose interval is unknown
+            first, second = (float(_values(group).mean()) for group in kept.values())
+            test = replace(test, difference=IntervalEstimate(first - second))
+    else:
+        test = _compared([*kept.values()], is_paired=is_paired, by=by)
+    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+
+
+def _compared(kept: Sequence[Mapping[str, float]], *, is_paired: bool, by: Compared) -> Test:
     tests = TESTS[by]
     if len(kept) < 2:
-        test = Test(NO_TEST, 0, remark=ONE_CONDITION)
-    elif is_paired:
+        return Test(NO_TEST, 0, remark=ONE_CONDITION)
+    if is_paired:
         table = complete(kept)
-        test = tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
-    else:
-        arrays = [_values(group) for group in kept]
-        test = tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
-    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+        return tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
+    arrays = [_values(group) for group in kept]
+    return tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
 
 
 def _values(group: Mapping[str, float]) -> Floats:
     return np.array(list(group.values()), dtype=np.float64)
-
-
-def _unfit(group: Mapping[str, float], needs_variance: bool) -> str:
-    if len(group) < 2:
-        return f"left out, n = {len(group)}"
-    return "left out, no variance" if needs_variance and is_constant(_values(group)) else ""
 
 
 def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
