@@ -366,13 +366,13 @@ for (slug in names(responses)) {
   if (slug != "experience") compare_table(paste0("score-tests-", slug), measures, labels, TRUE)
 }
 
-# the statements of Table 5: percentages of all answers, the rest of the respondents' means
+# the statements of Table 5: percentages of all answers, the rest of a mean of each participant's responses
 statements <- c(scales("experience"), setNames(nm = items_of(asked$experience)))
 labels <- sapply(names(statements), function(key) if (key %in% items_of(asked$experience)) toupper(key) else title_of("experience", key))
 compare_table("answers", paste0("experience.", names(statements)), labels, TRUE)
 table_5 <- function(name, found) for (n in seq_along(statements)) {
   given <- unlist(found[statements[[n]]]); given <- given[!is.na(given)]
-  x <- score("experience", statements[[n]], found); x <- x[!is.na(x)]
+  x <- named_mean(score("experience", statements[[n]], found), found$participant)
   share <- setNames(as.list(100 * tabulate(given + 3, 5) / length(given)), paste("%", c("−2", "−1", "0", "+1", "+2")))
   do.call(tell, c(list(name, labels[n]), share, n = length(x), Mean = mean(x), SD = sd(x),
     CI95 = half_width(x, .95), CI99 = half_width(x, .99), Median = median(x), IQR = IQR(x)))
