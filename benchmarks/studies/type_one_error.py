@@ -84,6 +84,20 @@ def compared(*arrays: Floats, paired: bool = False, by: Compared = "means") -> T
     return compare(groups, is_paired=paired, by=by)
 
 
+def of_two_kinds(rng: Rng, n: int, m: int) -> Test:
+    """Compare four conditions, of which two kinds of participants have two each."""
+    kinds = [
+        (f"kind{at}", correlated(rng, *of))
+        for at, of in enumerate(((n, (1.0, 2.0)), (m, (2.0, 1.0))))
+    ]
+    groups = {
+        f"{kind}-{at}": {f"{kind}-{who}": float(one) for who, one in enumerate(column)}
+        for kind, own in kinds
+        for at, column in enumerate(own.T)
+    }
+    return compare(groups, is_paired=None)
+
+
 # --- data -----------------------------------------------------------------------------------------
 
 
@@ -171,7 +185,11 @@ def shares(rng: Rng, first: float, second: float) -> Test:
 def by_drives(family: Family, drives: Drives, *, with_ratio: bool = False) -> Test:
     """Return the test of conditions by their drives."""
     sides = {f"c{at}": own for at, own in enumerate(drives)}
-    return compare_drives(family, sides, with_ratio=with_ratio)
+    who = [{one.who for one in side} for side in drives]
+    is_paired = bool(set.intersection(*who))
+    is_single = all(len(own) == len(side) for own, side in zip(who, drives, strict=True))
+    layout = {"is_paired": is_paired, "is_single": is_single}
+    return compare_drives(family, sides, **layout, with_ratio=with_ratio)
 
 
 # --- models ---------------------------------------------------------------------------------------
@@ -532,6 +550,11 @@ NULLS = (
         lambda rng: terms(
             groups_by_conditions(rng, 12, 24, 2.0), "group", "condition", "group:condition"
         ),
+    ),
+    Case(
+        "Wald F (mixed), of all conditions",
+        "four conditions, two of groups of 16 and 20 each, SD 1 and 2",
+        lambda rng: of_two_kinds(rng, 16, 20),
     ),
     Case(
         "Wald F (mixed)",

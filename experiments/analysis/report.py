@@ -84,7 +84,8 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = PEOPLE) -> Iterator[Report
 
 def _used(dataset: Dataset) -> set[str]:
     """Return the participants and drives, by id, that are behind the numbers of a report."""
-    return {one.id for one in (*dataset.included, *dataset.sessions, *attempted(dataset))}
+    people = {one.id for one in dataset.included}
+    return people | {one.id for one in (*dataset.sessions, *attempted(dataset))}
 
 
 def alpha_of(study: StudyDefinition) -> float:
@@ -155,7 +156,7 @@ def _tables(
     yield from (*score_tables(dataset), reliability_table(dataset))
     yield from (effects.against_network(measured), effects.by_network(measured))
     yield from (delays.ages(dataset, measured), delays.safety_limits(dataset, measured))
-    yield from (effects.learning(measured), effects.learnt(measured))
+    yield from (effects.learning(measured), effects.learnt(dataset, measured))
 
 
 def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:

@@ -9,6 +9,7 @@ from experiments.analysis.tables import comparisons
 from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES, coded, counted, note
 from experiments.analysis.tables.table import Cells, Table, amount, count, number, session_count
 from experiments.dataset.records import Dataset, ResponseRecord
+from experiments.definition.factors import layout_of
 from sessions.devices import OTHER
 from surveys.answers import Missing
 from surveys.likert import LikertRow, likert_table
@@ -201,7 +202,7 @@ def compare_answers(dataset: Dataset) -> Table:
     found = {one.key: lines_of(dataset, one.key) for one in dataset.study.conditions}
     found = {key: own for key, own in found.items() if own[1]}
     lines = next((lines for lines, _ in found.values()), [])
-    is_paired = dataset.study.allocation.design == "within"
+    is_paired = layout_of(dataset.study, [{key} for key in found]).is_paired
     rows = []
     for line in lines:
         keys = line.statements

@@ -289,6 +289,24 @@ def test_a_condition_of_one_participant_does_not_end_the_others_tests_within():
     assert (found.n, found.remark) == (9, "c: left out, n = 1")
 
 
+def test_conditions_of_which_participants_have_some_are_compared_by_a_mixed_model():
+    rng = np.random.default_rng(27)
+    own = rng.normal(0.0, 1.0, (2, 12))
+    groups = {
+        f"{kind}{at}": {f"{kind}-{n}": own[kind, n] + rng.normal(at, 0.5) for n in range(12)}
+        for kind in (0, 1)
+        for at in (0, 1)
+    }
+    found = compare(groups, is_paired=None)
+    assert (found.name, found.n, found.df[0]) == ("Wald F", 24, 3.0)
+    assert found.p < 0.05
+    assert compare(groups, is_paired=None, by="ranks").name == "–"
+    alike = {
+        key: {who: own[int(who[0]), int(who[2:])] for who in one} for key, one in groups.items()
+    }
+    assert compare(alike, is_paired=None).remark == "no variance within participants"
+
+
 def test_fewer_than_two_conditions_are_not_compared():
     found = compare({"a": people(1.0, 2.0), "b": people(1.0)}, is_paired=False)
     assert (found.name, found.n) == ("–", 0)

@@ -10,6 +10,7 @@ from tests.support.analysis.every_ending import NEVER, drive, every_ending
 from tests.support.analysis.planned import plan_with
 
 TITLE = {"en": "Success"}
+WITHIN = {"design": "within", "order": "balanced"}
 CONTRAST = {"title": {"en": "open - shut"}, "first": ["all_open"], "second": ["shut"]}
 SUCCESS = [
     {"key": "success", "title": TITLE, "measures": ["completed"], "test": "proportions"}
@@ -86,3 +87,46 @@ def test_sensitivity_analysis_is_made_whenever_the_plan_excludes_somebody():
     found = list(reports(study_of(ends=half_give_up, plan={"incomplete": "drives"})))
     assert [one.name for one in found] == ["counting", "all"]
     assert "exclusions-effect" in tables_of(found[0])
+
+
+def with_returns(dataset, n, outcome="completed"):
+    """Let the first participants come back for another drive in their condition."""
+    again = [
+        replace(one, id=f"{one.id}-again", visit=2, outcome=outcome) for one in dataset.sessions[:n]
+    ]
+    people = {one.participant: [one] for one in dataset.sessions}
+    for one in again:
+        people[one.participant].append(one)
+    return replace(dataset, sessions=tuple(one for own in people.values() for one in own))
+
+
+def compared_in(report):
+    """The test, its n and its p value of each comparison of success and times."""
+    names = ("Test", "n tested", "p")
+    tables = [tables_of(report)[f"analysis-{name}"] for name in ("success", "times")]
+    rows = [dict(zip(one.head, one.rows[0], strict=True)) for one in tables]
+    rows += [row_of(tables_of(report)["conditions"], name) for name in ("completed", "task_time")]
+    return [[row[name].text for name in names] for row in rows]
+
+
+@pytest.mark.parametrize("outcome", ["completed", "timed_out"])
+@pytest.mark.parametrize("rule", ["first", "all"])
+def test_test_of_success_does_not_depend_on_who_comes_back(rule, outcome):
+    dataset = study_of(ends=half_leave_midway, analysis={"drives": rule})
+    (once,), (with_one,) = (reports(one) for one in (dataset, with_returns(dataset, 1, outcome)))
+    assert [name for name, *_ in compared_in(once)] == ["N−1 χ²", "log-rank χ²"] * 2
+    assert compared_in(with_one) == compared_in(once)
+
+
+def test_success_within_participants_is_tested_in_pairs_whoever_comes_back():
+    dataset = study_of(24, ends=half_leave_midway)
+    same = {f"shut{k:02d}": f"all_open{k:02d}" for k in range(24)}
+    sessions = [
+        replace(one, participant=same.get(one.participant, one.participant))
+        for one in with_returns(dataset, 1).sessions
+    ]
+    people = [replace(one, cell="all_open-shut") for one in dataset.participants[:24]]
+    study = every_ending(plan_with(hypotheses=[]), analyses=SUCCESS, allocation=WITHIN).study
+    dataset = replace(dataset, study=study, sessions=tuple(sessions), participants=tuple(people))
+    (found,) = reports(dataset)
+    assert [name for name, *_ in compared_in(found)] == ["McNemar mid-p", "score F (Cox)"] * 2
