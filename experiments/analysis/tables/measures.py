@@ -4,13 +4,19 @@ several steps ask a questionnaire, each is a variable of its own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from experiments.analysis.metrics.definitions import KINDS, METRICS
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.regression import DriveOutcome
 from experiments.analysis.tables.comparisons import ComparedSide
-from experiments.analysis.tables.drive_outcomes import drive_side, mean_side, outcomes, sessions_of
+from experiments.analysis.tables.drive_outcomes import (
+    compared_of,
+    drive_side,
+    mean_side,
+    outcomes,
+    sessions_of,
+)
 from experiments.analysis.tables.paper_tables import behind
 from experiments.analysis.tables.scored_responses import coded, counted, mean_scores
 from experiments.dataset.counting import attempted
@@ -100,7 +106,8 @@ class StudyMeasures:
         who lack one of these have none.
         """
         if test in FAMILIES:
-            own = [one for key in keys for one in self._sessions(key, measure)]
+            driven = (one for one in self.measured if one.session.condition in keys)
+            own = compared_of(measure, driven)
             if (kind := KINDS.get(measure)) != test or kind is None:
                 return [], ComparedSide({}, [one.session.id for one in own])
             return drive_side(own, kind, measure)
@@ -118,7 +125,8 @@ class StudyMeasures:
         if name == AGE:
             return {one.id: one.age for one in self.dataset.participants if one.age == one.age}, ()
         variable, _, item = name.rpartition(".")
-        responses = coded(self.dataset, counted(self.dataset, variable))
+        everybody = replace(self.dataset, exclusions=())  # also the incomplete, who have attempts
+        responses = coded(self.dataset, counted(everybody, variable))
         known = (one for one in responses if one.values.get(item) is not None)
         found = {one.participant: one.values[item] for one in known}
         if all(isinstance(value, int | float) for value in found.values()):

@@ -23,11 +23,17 @@ NO_DRIVE = "–"  # in place of condition and robot, of responses that are about
 def counted(dataset: Dataset, variable: str, condition: str | None = None) -> list[ResponseRecord]:
     """Return the finished responses that count to a variable (StudyDefinition.asked), in the order
     of their sessions. With a condition, those about its sessions: a participant has one that counts
-    in each condition.
+    in each condition. What incomplete participants, who are excluded, answered about themselves is
+    for covariates.
     """
     sessions = [one.id for one in dataset.sessions if condition in {None, one.condition}]
     order = {session: place for place, session in enumerate(sessions)}
-    own = [one for one in dataset.answers_to(variable) if one.finished]
+    excluded = dataset.excluded_people
+    own = [
+        one
+        for one in dataset.answers_to(variable)
+        if one.finished and one.participant not in excluded
+    ]
     finished = [one for one in own if condition is None or one.session in order]
     finished.sort(key=lambda one: order.get(one.session, -1))
     rule = dataset.study.analysis.counts
