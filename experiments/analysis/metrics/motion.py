@@ -74,30 +74,54 @@ class Trajectory:
 
 
 def drive(track: Trajectory) -> dict[str, float]:
-    """Return the metrics of driving (metrics.csv) of a track, for the time that has states."""
+    """Return the metrics of driving (metrics.csv) of a track, for the time that has states; those
+    that the robot cannot measure are left out.
+    """
     states, seconds = track.states, track.lasts
-    seen = seconds > 0.0
     is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
-    near, near_collisions = _near(states["clearance"], states["docked"] == 1.0)
-    clearance = states["clearance"][np.isfinite(states["clearance"])]
-    position = np.column_stack((states["x"], states["y"]))
-    odometer = np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"])
-    path = path_travelled(position, odometer, track.at, seen, states["localized"] != 0.0)
     return {
+        **_way(track, is_moving),
+        "idle": float(seconds[~is_moving].sum()),
+        "stops": float(_stops(np.abs(states["linear"]), track.at, seconds <= 0.0)),
+        "collisions": float(np.nansum(states["contacts"])),
+        **_distances(track),
+    }
+
+
+def _way(track: Trajectory, is_moving: Bools) -> dict[str, float]:
+    """Return how far and fast a robot drove and turned, which needs a position or an odometer."""
+    states, seconds, seen = track.states, track.lasts, track.lasts > 0.0
+    position, trusted = np.column_stack((states["x"], states["y"])), states["localized"] != 0.0
+    odometer = np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"])
+    path = path_travelled(position, odometer, track.at, seen, trusted)
+    is_localized = bool((np.isfinite(position).all(axis=1) & trusted).any())
+    found = {"path_by_odometry": float(path.by_odometry)}
+    if is_localized:
+        found["jumps"] = float(path.jumps)
+        found["rotation"] = turned(states["theta"], track.at, seen)
+    if path.by_odometry:
+        found["slipped"] = path.slipped
+    elif not is_localized:
+        return {}
+    return found | {
         "path": path.length,
-        "path_by_odometry": float(path.by_odometry),
         "path_unseen": path.unseen,
-        "slipped": path.slipped,
-        "jumps": float(path.jumps),
         "speed": _ratio(path.length, float(seconds.sum())),
         "moving_speed": _ratio(path.length, float(seconds[is_moving].sum())),
-        "rotation": turned(states["theta"], track.at, seen),
-        "idle": float(seconds[~is_moving].sum()),
-        "stops": float(_stops(np.abs(states["linear"]), track.at, ~seen)),
-        "collisions": float(np.nansum(states["contacts"])),
-        "near_collisions": float(near_collisions),
+    }
+
+
+def _distances(track: Trajectory) -> dict[str, float]:
+    """Return how near a robot came to anything, which needs a sensor of distance."""
+    clearance, seconds = track.states["clearance"], track.lasts
+    known = clearance[np.isfinite(clearance)]
+    if not known.size:
+        return {}
+    near, count = _near(clearance, track.states["docked"] == 1.0)
+    return {
+        "near_collisions": float(count),
         "near_seconds": float(seconds[near].sum()),
-        "least_clearance": float(clearance.min()) if clearance.size else math.nan,
+        "least_clearance": float(known.min()),
     }
 
 
