@@ -73,13 +73,18 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = PEOPLE) -> Iterator[Report
     planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
     task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
     measured = {one.session.id: one for one in measure_all(task_drives)}
-    if [one.id for one in every.sessions] == [one.id for one in planned.sessions]:
+    if _used(planned) == _used(every):
         yield report(planned, measured, dataset)
         return
     tested = [declared(one, _measured(attempted(one), measured)) for one in (planned, every)]
     changed = hypotheses.exclusion_effects(tested[0], tested[1], alpha_of(dataset.study))
     yield report(planned, measured, dataset, changed)
     yield report(every, measured, dataset)
+
+
+def _used(dataset: Dataset) -> set[str]:
+    """Return the participants and drives, by id, that are behind the numbers of a report."""
+    return {one.id for one in (*dataset.included, *dataset.sessions, *attempted(dataset))}
 
 
 def alpha_of(study: StudyDefinition) -> float:

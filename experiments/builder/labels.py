@@ -486,8 +486,8 @@ CHOICES: dict[str, dict[str, Words]] = {
     },
     "incomplete": {
         "keep": _("kept"),
-        "drives": _("excluded if a drive is missing"),
-        "answers": _("excluded if a drive or a questionnaire is missing"),
+        "drives": _("excluded if a drive is missing, except from success and times"),
+        "answers": _("excluded if a drive or an answer is missing, except from success and times"),
     },
     "coding": {
         "treatment": _("against the first level"),

@@ -5,7 +5,8 @@ moved the robot; if it has ended, and not by a fault of the platform; if neither
 rule of the plan excludes it; and if the study counts it, of several drives by one participant in
 one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
 export follows from `counting`. Nothing else selects sessions, except that success and times have
-the drives of `attempted`.
+the drives of `attempted`: whom the plan excludes because something is missing, and who gave up
+before the robot moved, did not succeed, and may not be left out for it.
 
 A participant who was assigned again counts in one cell: that of the first drive that counts.
 """
@@ -26,13 +27,15 @@ PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 @dataclass(frozen=True)
 class CountingPlan:
     """The conditions, besides the drive itself, for a drive to count: `kinds` are chosen, the data
-    of `withdrawn` participants may not be used, and a rule of the plan excludes those in
-    `excluded`. With `with_excluded`, excluded drives count as well, as in a sensitivity analysis.
+    of `withdrawn` participants may not be used, and rules of the plan exclude those in `excluded`,
+    and those in `incomplete` because they lack a drive or a questionnaire. With `with_excluded`,
+    excluded drives count as well, as in a sensitivity analysis.
     """
 
     kinds: Collection[Kind]
     withdrawn: Collection[str]
     excluded: Collection[str] = frozenset()
+    incomplete: Collection[str] = frozenset()
     with_excluded: bool = False
 
 
@@ -52,9 +55,11 @@ def _why_not(session: SessionRecord, plan: CountingPlan) -> str:
         return levels.NOT_EXPOSED
     if session.excluded and not plan.with_excluded:
         return levels.EXCLUDED
-    if session.participant in plan.excluded and not plan.with_excluded:
+    if session.participant in plan.excluded:
         return levels.EXCLUDED_BY_PLAN
-    return "" if session.drove else levels.NOT_DRIVEN
+    if not session.drove:
+        return levels.NOT_DRIVEN
+    return levels.INCOMPLETE if session.participant in plan.incomplete else ""
 
 
 def _reasons(dataset: Dataset, plan: CountingPlan) -> dict[str, str]:
@@ -127,22 +132,27 @@ def counting(
     """
     plan, found = _plan_of(dataset, kinds)
     if with_excluded:
-        plan = replace(plan, excluded=frozenset(), with_excluded=True)
+        plan = replace(plan, excluded=(), incomplete=(), with_excluded=True)
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
 
 
 def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
     """Return the drives of which success and times are, of a dataset of what counts: those that
-    count and, of participants who saw the video and never moved the robot under a condition, the
-    last one under it, which is a failure: whether they leave may depend on the condition that they
-    saw (intention to treat; only those who were not exposed may be left out: ICH E9, 5.2.1).
+    count; those of participants who are excluded because they are incomplete; and, of participants
+    who saw the video and never moved the robot under a condition, the last one under it, which is a
+    failure. Whether people leave may depend on the condition that they saw (intention to treat;
+    only those who were not exposed may be left out: ICH E9, 5.2.1).
     """
-    moved = {(one.participant, one.condition) for one in dataset.sessions}
+    incomplete = [one for one in dataset.others if one.counts_why == levels.INCOMPLETE]
+    found = [*dataset.sessions, *incomplete]
+    moved = {(one.participant, one.condition) for one in found}
     still = [one for one in dataset.others if one.counts_why == levels.NOT_DRIVEN]
     last = {(one.participant, one.condition): one for one in still}
-    found = (*dataset.sessions, *(one for place, one in last.items() if place not in moved))
-    anew = {one.id for one in _drawn_anew(dataset.study, found)}
-    return tuple(one for one in found if one.id not in anew)
+    found += [one for place, one in last.items() if place not in moved]
+    for some in (_drawn_anew, _repeated):
+        left_out = {one.id for one in some(dataset.study, found)}
+        found = [one for one in found if one.id not in left_out]
+    return tuple(found)
 
 
 def with_reasons(dataset: Dataset) -> Dataset:
@@ -159,7 +169,9 @@ def _plan_of(
     withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
     plan = CountingPlan(kinds, withdrawn)
     found = exclusions(_selected(dataset, plan))
-    return replace(plan, excluded=excluded_participants(found)), found
+    excluded = excluded_participants(found, {levels.ATTENTION, levels.SPEEDER})
+    incomplete = excluded_participants(found, {levels.INCOMPLETE}) - excluded
+    return replace(plan, excluded=excluded, incomplete=incomplete), found
 
 
 def _selected(dataset: Dataset, plan: CountingPlan) -> Dataset:

@@ -7,7 +7,7 @@ its page, from its first display to its end, by the server's clock.
 """
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from experiments.dataset import levels
 from experiments.dataset.records import Dataset, PageRecord, PlanExclusion, ResponseRecord
@@ -25,8 +25,11 @@ def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
     return tuple(sorted(found, key=lambda one: (one.participant, one.rule, one.value)))
 
 
-def excluded_participants(found: Sequence[PlanExclusion]) -> frozenset[str]:
-    return frozenset(one.participant for one in found if not one.session)
+def excluded_participants(
+    found: Sequence[PlanExclusion], rules: Collection[str] = frozenset(levels.RULES)
+) -> frozenset[str]:
+    """Return the participants whom some rules exclude with all their sessions."""
+    return frozenset(one.participant for one in found if not one.session and one.rule in rules)
 
 
 def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:

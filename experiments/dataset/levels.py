@@ -152,6 +152,7 @@ BROWSER_NAMES = dict.fromkeys((*sorted(TABLE_3_BROWSERS), OTHER), "")
 PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
 RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
 EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
+ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
 DRAWN_ANEW, REPEATED = "drawn_anew", "repeated"
 # Why a drive does not count, by code, in the order in which the reasons are looked for.
 UNCOUNTED: Levels = {
@@ -167,10 +168,11 @@ UNCOUNTED: Levels = {
     EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
     NOT_DRIVEN: "the participant saw the video and never moved the robot; without a drive under the"
     " condition that counts, a failure in tests of proportions, and censored in those of times",
+    INCOMPLETE: "a rule of the plan excludes the participant, who lacks a drive or a questionnaire;"
+    " only tests of proportions and times have the drive",
     DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
     REPEATED: "the study counts another drive of the participant in this condition",
 }
-ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
 OF_PLATFORM, BY_HAND = "platform fault", "researcher's decision"
 RULES = {
     ATTENTION: "of the plan: the participant answered an attention check otherwise",

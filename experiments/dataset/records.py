@@ -406,7 +406,11 @@ class Dataset:
     @property
     def included(self) -> tuple[ParticipantRecord, ...]:
         """The participants who neither withdrew nor are excluded by a rule of the plan."""
-        excluded = {one.participant for one in self.exclusions if not one.session}
-        excluded = set() if self.is_with_excluded else excluded
-        people = (one for one in self.participants if not one.withdrawn)
-        return tuple(one for one in people if one.id not in excluded)
+        people, excluded = self.participants, self.excluded_people
+        return tuple(one for one in people if not one.withdrawn and one.id not in excluded)
+
+    @property
+    def excluded_people(self) -> frozenset[str]:
+        """The participants whom a rule of the plan excludes; none in a sensitivity analysis."""
+        found = () if self.is_with_excluded else self.exclusions
+        return frozenset(one.participant for one in found if not one.session)

@@ -76,7 +76,7 @@ class ExpectedEffect(DocumentPart, frozen=True, kw_only=True):
 class StudyPlan(DocumentPart, frozen=True, kw_only=True):
     """`participants` is the planned number of complete cases, `alpha` the level of significance,
     `power` the target for each expected effect. `incomplete` participants are kept, or excluded if
-    they lack a drive, or a drive or an answered questionnaire.
+    they lack a drive, or a drive or an answered questionnaire; never from success and times.
     """
 
     question: str = ""

@@ -22,7 +22,7 @@ CENSORED_AT_END = (
 ONLY_KNOWN = "Times are those of sessions in which they came."
 UNMOVED = (
     "In proportions and times, a participant who saw the video and never moved the robot under a"
-    " condition is one who did not succeed."
+    " condition is one who did not succeed; participants who are excluded as incomplete stay in."
 )
 RATES = (
     "Sessions that were cut short: counts and durations are per minute that has states;"

@@ -13,7 +13,15 @@ from collections.abc import Iterator, Sequence
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables import table
-from experiments.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
+from experiments.dataset.counting import attempted
+from experiments.dataset.levels import (
+    EXCLUDED,
+    EXCLUDED_BY_PLAN,
+    INCOMPLETE,
+    NOT_DRIVEN,
+    REPLACED,
+    UNCOUNTED,
+)
 from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 
 FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")
@@ -24,12 +32,15 @@ STILL_THERE = "not continued (yet)"
 STAGES = (
     "exposed: the page showed the video of the task. drove: the participant moved the robot. ended:"
     " with an outcome. counted: a drive counts in the results. answered: the final questionnaire,"
-    " about a drive that counts."
+    " about a drive that counts. analysed: the participants behind each outcome. Success and"
+    " times also have those who saw the video and never moved the robot, and those whom the plan"
+    " excludes as incomplete."
 )
 PLACED = (
     "Every line is the one above it minus the participants named in between. Participants are"
     " counted in the condition that was drawn for them first, and at the last stage that they"
-    " reached; of withdrawn participants, only that stage is known."
+    " reached; of withdrawn participants, only that stage is known. Participants drawn anew"
+    " are analysed in the condition that they drove."
 )
 Rows = Iterator[tuple[object, ...]]
 
@@ -61,6 +72,20 @@ def _about_platform(dataset: Dataset) -> Iterator[str]:
         )
 
 
+def _analysed(dataset: Dataset) -> dict[str, set[str]]:
+    """Return the participants behind each kind of outcome."""
+    found = {
+        "success and times": {one.participant for one in attempted(dataset)},
+        "driving": {one.participant for one in dataset.sessions},
+    }
+    finished = [one for one in dataset.responses if one.finished]
+    for step in dataset.study.questionnaire_steps:
+        if not step.is_about_person:
+            own = (one for one in finished if one.questionnaire == step.questionnaire)
+            found[f"answers to {step.questionnaire}"] = {one.participant for one in own}
+    return found
+
+
 class _Flow:
     """The drives of the task by participant, whether they count or not, and who answered."""
 
@@ -73,6 +98,7 @@ class _Flow:
         statements = dataset.study.analysis.statements
         answers = (one for one in dataset.responses if one.questionnaire == statements)
         self.answered = {one.participant for one in answers if one.finished}
+        self.analysed = _analysed(dataset)
         self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
 
     def stage(self, one: ParticipantRecord) -> int:
@@ -110,6 +136,9 @@ class _Flow:
                 yield from self._among(cell, "replaced by another participant", replaced)
             if number == ENDED:
                 yield from self._outcomes(left, cell)
+        for what, whom in self.analysed.items():
+            ids = [one.id for one in people if one.id in whom]
+            yield cell, "", f"analysed: {what}", table.people_count(self.dataset, ids)
 
     def _among(self, cell: str, what: str, ids: Sequence[str]) -> Rows:
         if ids:
@@ -120,17 +149,19 @@ class _Flow:
             return "left: withdrew"
         if stage == COUNTED:
             return self._uncounted(one)
+        drives = self.drives.get(one.id, [])
+        if stage == DROVE and any(it.counts_why == NOT_DRIVEN for it in drives):
+            return "left: never moved the robot"
         if one.left:
             return f"left: {table.spoken(one.left)}"
         if one.finished:
             return f"left: finished without {'answers' if stage == ANSWERED else 'a drive'}"
-        drives = self.drives.get(one.id, [])
         lost = [it.outcome for it in drives if it.outcome not in {"", COMPLETED}]
         return f"left: {table.spoken(lost[-1]) if lost and stage < ENDED else STILL_THERE}"
 
     def _uncounted(self, one: ParticipantRecord) -> str:
         last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
-        if last.counts_why == EXCLUDED_BY_PLAN:
+        if last.counts_why in {EXCLUDED_BY_PLAN, INCOMPLETE}:
             return f"excluded: {self.rules[one.id]}"
         if last.counts_why == EXCLUDED:
             return "excluded: researcher's decision"

@@ -3,7 +3,7 @@ whole (`overall`, if its items are one scale), reverse-coded items counted from 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from experiments.analysis.metrics.definitions import KINDS, METRICS
 from experiments.analysis.metrics.sessions import Measured
@@ -86,7 +86,8 @@ class StudyMeasures:
         if name == AGE:
             return {one.id: one.age for one in self.dataset.participants if one.age == one.age}, ()
         questionnaire, _, item = name.partition(".")
-        responses = coded(self.dataset, counted(self.dataset, questionnaire))
+        everybody = replace(self.dataset, exclusions=())  # also the incomplete, who have attempts
+        responses = coded(self.dataset, counted(everybody, questionnaire))
         known = (one for one in responses if one.values.get(item) is not None)
         found = {one.participant: one.values[item] for one in known}
         if all(isinstance(value, int | float) for value in found.values()):

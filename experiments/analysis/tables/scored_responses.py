@@ -25,10 +25,13 @@ def counted(
 ) -> list[ResponseRecord]:
     """Return the finished responses that count to a questionnaire, in the order of their sessions.
     With a condition, those about its sessions: a participant has one that counts in each condition.
+    What incomplete participants, who are excluded, answered about themselves is for covariates.
     """
     sessions = [one.id for one in dataset.sessions if condition in {None, one.condition}]
     order = {session: place for place, session in enumerate(sessions)}
     own = [one for one in dataset.responses if one.questionnaire == questionnaire and one.finished]
+    excluded = dataset.excluded_people
+    own = [one for one in own if one.participant not in excluded]
     finished = [one for one in own if condition is None or one.session in order]
     finished.sort(key=lambda one: order.get(one.session, -1))
     rule = dataset.study.analysis.counts

@@ -93,7 +93,21 @@ def test_finishers_are_not_counted_as_not_having_continued():
     finished = [one for one in dataset.participants if one.finished]
     table = flow_of(replace(dataset, participants=tuple(finished)))
     assert not [label for label, _ in lines(table) if STILL_THERE in label]
-    assert dict(lines(table))["left: finished without a drive"] == 1
+    assert dict(lines(table))["left: never moved the robot"] == 1
+
+
+def test_flow_shows_how_many_participants_each_outcome_has():
+    plan = plan_with(incomplete="answers")
+    without = [one for one in every_ending().responses if one.participant != "late"]
+    dataset = replace(every_ending(plan), responses=tuple(without))
+    found = dict(lines(flow_of(dataset)))
+    assert found["excluded: incomplete"] == 1
+    assert found["analysed: success and times"] == 6
+    assert found["analysed: driving"] == found["analysed: answers to experience"] == 4
+    (report, _) = reports(dataset)
+    conditions = next(one for one in report.tables if one.name == "conditions")
+    completed = dict(zip(conditions.head, conditions.rows[0], strict=True))
+    assert completed["all_open: n"].value + completed["shut: n"].value == 6
 
 
 def test_drives_ended_by_the_platform_are_only_counted_in_the_flow():
