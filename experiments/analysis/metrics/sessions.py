@@ -10,11 +10,13 @@ import numpy as np
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
-from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.analysis.metrics.motion import drive
 from experiments.dataset.columns import Column, Columns, Floats
 from experiments.dataset.levels import METHODS, WAYS
+from experiments.dataset.record_quality import record_numbers
 from experiments.dataset.records import COMPLETED, Dataset, EventRecord, SessionRecord
 from experiments.dataset.states import SERIES
+from experiments.dataset.trajectory import Trajectory
 from experiments.definition.schema import Course
 
 Values = dict[str, float]
@@ -60,7 +62,8 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
     network = dataset.network(session.id)
     task = whole.between(found.start, found.end)
     segments = tuple(_segments(dataset, session, found, task, network))
-    values = _times(session, found, course) | _numbers(task, network) | _record(session, whole)
+    values = record_numbers(session, whole) | _numbers(task, network)
+    values |= _times(session, found, course)
     values["seen"] = task.share_seen(found.end - found.start)
     if course is not None and not math.isnan(found.last_checkpoint):
         dock = course.checkpoints[0]
@@ -166,18 +169,6 @@ def _link(network: Columns) -> Values:
         "freezes": _or_nan(network["freezes"], np.sum),
         "frame_age": age,
         "frame_age_p95": age_p95,
-    }
-
-
-def _record(session: SessionRecord, track: Trajectory) -> Values:
-    gaps, missing = track.gaps(), max(session.missing, track.missing())
-    has_gaps = len(track) > 1
-    return {
-        "rate": track.rate(),
-        "gaps": float(len(gaps)) if has_gaps else math.nan,
-        "longest_gap": float(gaps.max(initial=0.0)) if has_gaps else math.nan,
-        "missing_states": float(missing) if missing or len(track) else math.nan,
-        "clock_offset": _or_nan(np.abs(track.states["clock_offset"]), np.max),
     }
 
 

@@ -17,7 +17,7 @@ from experiments.analysis.tables.people import (
 from experiments.analysis.tables.scored_responses import counted
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken
 from experiments.dataset.exclusions import excluded_participants
-from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
+from experiments.dataset.levels import ASSISTANCE, BY_HAND, REPLACED, UNCOUNTED
 from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
@@ -194,8 +194,9 @@ def _exclusions(dataset: Dataset) -> Iterator[Line]:
         yield section, "excluded", "nobody"
     if people := excluded_participants(found):
         yield section, "excluded by the plan's rules", amount(len(people), "participant")
+    of_drives = {one.rule for one in found if one.session}
     for rule, n in sorted(Counter(one.rule for one in found).items()):
-        yield section, rule, amount(n, "drive" if rule in {OF_PLATFORM, BY_HAND} else "case")
+        yield section, rule, amount(n, "drive" if rule in of_drives else "case")
 
 
 def _deviations(dataset: Dataset) -> Iterator[Line]:

@@ -3,7 +3,7 @@
 import math
 import statistics
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -36,7 +36,7 @@ Rows = Iterator[tuple[object, ...]]
 def table_2(dataset: Dataset) -> Table:
     """Return the questions of the registration, and how often each answer was given."""
     responses = counted(dataset, dataset.registration)
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for question in _registration(dataset):
         groups, whole = answer_groups(dataset, question, responses)
         rows += _group_rows(dataset, dataset.say(question.text), groups, whole)
@@ -59,15 +59,15 @@ def participants_table(dataset: Dataset) -> Table:
     drivers = {one.participant for one in dataset.sessions}
     visits = visits_of(dataset.sessions)
     returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
-    groups = [("registered", registered), (COUNTED, drivers), ("came back", returned)]
+    groups: list[People] = [("registered", registered), (COUNTED, drivers), ("came back", returned)]
     rows = list(_group_rows(dataset, "Participants", groups, registered | drivers, drivers))
     ages = {one.id: one.age for one in people if one.id in registered | drivers}
     rows += _age_rows(dataset, ages, drivers)
     for question in _registration(dataset):
         if question.labelled_values and not question.item.takes_several:
             groups, whole = answer_groups(dataset, question, responses)
-            head = dataset.say(question.text)
-            rows += _group_rows(dataset, head, groups, whole, drivers & {*whole})
+            text = dataset.say(question.text)
+            rows += _group_rows(dataset, text, groups, whole, drivers & {*whole})
     below = (
         f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
         f" Results: those {COUNTED}. All: everybody who registered or has such a drive, without"
@@ -102,13 +102,11 @@ def _age_rows(dataset: Dataset, ages: Mapping[str, float], drivers: Collection[s
     both = [[*ages], [who for who in ages if who in drivers]]
     yield from _group_rows(dataset, "Age", groups, *both)
     known = [{who: ages[who] for who in some if not math.isnan(ages[who])} for some in both]
-    bounds = [(min, "youngest"), (statistics.median, "median"), (max, "oldest")]
-    for bound, label in bounds:
-        found = (bound(it.values()) if it else None for it in known)
-        cells = (
-            number(age, 0, dataset.sessions_of(it)) for age, it in zip(found, known, strict=True)
-        )
-        yield "", label, *chain.from_iterable((cell, "") for cell in cells)
+    bounds: dict[str, Callable[[Iterable[float]], float]]
+    bounds = {"youngest": min, "median": statistics.median, "oldest": max}
+    for label, bound in bounds.items():
+        found = ((bound(it.values()) if it else None, dataset.sessions_of(it)) for it in known)
+        yield "", label, *chain.from_iterable((number(age, 0, ids), "") for age, ids in found)
 
 
 def answer_groups(

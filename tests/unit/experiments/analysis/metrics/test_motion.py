@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.analysis.metrics.motion import drive
 from experiments.dataset.columns import columns_of
 from experiments.dataset.states import STATES
+from experiments.dataset.trajectory import Trajectory
 
 
 def track(seconds=None, **given):

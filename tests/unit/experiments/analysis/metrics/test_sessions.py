@@ -10,7 +10,6 @@ import pytest
 
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
-from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import measure, measure_all
 from experiments.dataset.columns import columns_of
 from experiments.dataset.levels import METHODS
@@ -20,6 +19,7 @@ from experiments.dataset.records import (
     SessionRecord,
 )
 from experiments.dataset.states import NO_NETWORK, NO_STATES, STATES
+from experiments.dataset.trajectory import Trajectory
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 
