@@ -323,7 +323,8 @@ HINTS: dict[str, Words] = {
     "Hypothesis.text": _("Leave blank to take the sentence that follows from your choices."),
     "Hypothesis.measures": _("If you tick none, all measures of the analysis."),
     "families": _(
-        "All tests of a family are corrected together. Without a family, those of one analysis are."
+        "All tests of a family are corrected together. The tests of a hypothesis in no family are"
+        " corrected with its analysis."
     ),
     "attention_checks": _("Participants who give another answer are excluded."),
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
