@@ -163,6 +163,7 @@ class StudyAdmin(
     ) -> HttpResponse:
         row = self.get_object(request, object_id)
         more = self._overview(request, row) if row is not None else {}
+        more["show_save_and_add_another"] = False
         return super().change_view(request, object_id, form_url, {**(extra_context or {}), **more})
 
     def _overview(self, request: HttpRequest, row: Study) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from django.utils.translation import gettext_lazy as _
 
 class ExperimentsConfig(AppConfig):
     name = "experiments"
-    verbose_name = _("Studies")
+    verbose_name = _("Research")
 
     def ready(self) -> None:
         from experiments import signal_handlers

@@ -18,6 +18,7 @@ from statistics import median
 import numpy as np
 
 from experiments.dataset.columns import Columns, Floats
+from experiments.dataset.record_quality import FROZEN_SHARE, frozen_share
 from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag, Grade, QualityFlag
 from experiments.definition.recruitment.recruiting import names_answer
@@ -32,8 +33,7 @@ SAW_SECONDS = 10.0  # of video, before standing still is a decision
 LEAST_INPUTS = 12
 REGULAR, VERY_REGULAR = 0.15, 0.08  # coefficients of variation of the lengths of inputs
 STILL = 0.01  # m/s, rad/s
-LEAST_SAMPLES = 20  # seconds
-FROZEN = ((0.5, Grade.SERIOUS), (0.2, Grade.DOUBTFUL), (0.05, Grade.NOTE))
+FROZEN = ((0.5, Grade.SERIOUS), (FROZEN_SHARE, Grade.DOUBTFUL), (0.05, Grade.NOTE))
 
 
 def flags_of(dataset: Dataset, participants: Iterable[str] | None = None) -> tuple[Flag, ...]:
@@ -192,12 +192,6 @@ def input_lengths(stamps: Floats, linear: Floats, angular: Floats) -> Floats:
 
 def frozen_video(network: Columns, session: SessionRecord) -> tuple[Grade, str] | None:
     """Flag a drive in which the page showed no new frame in too many seconds."""
-    stamps = network["stamp"]
-    during = (stamps >= session.first_frame) & ~(stamps > session.ended)
-    rates = network["fps"][during]
-    rates = rates[np.isfinite(rates)]
-    if len(rates) < LEAST_SAMPLES:
-        return None
-    share = float(np.mean(rates == 0.0))
+    share = frozen_share(network, session)
     grade = next((grade for limit, grade in FROZEN if share >= limit), None)
-    return None if grade is None else (grade, f"no new frame in {share:.0%} of {len(rates)} s")
+    return None if grade is None else (grade, f"no new frame in {share:.0%} of the seconds")

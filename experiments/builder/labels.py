@@ -151,6 +151,7 @@ LABELS: dict[str, Words] = {
     "seconds": _("Faster than (s)"),
     "median_share": _("Faster than this share of the median (0-1)"),
     "incomplete": _("Incomplete cases"),
+    "faults": _("A drive is excluded if its record has one of these faults"),
     "participants": _("Planned participants"),
     "rationale": _("Reason for the number of participants"),
     "stopping": _("Stopping rule"),
@@ -322,10 +323,16 @@ HINTS: dict[str, Words] = {
     "Hypothesis.text": _("Leave blank to take the sentence that follows from your choices."),
     "Hypothesis.measures": _("If you tick none, all measures of the analysis."),
     "families": _(
-        "All tests of a family are corrected together. Without a family, those of one analysis are."
+        "All tests of a family are corrected together. The tests of a hypothesis in no family are"
+        " corrected with its analysis."
     ),
     "attention_checks": _("Participants who give another answer are excluded."),
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
+    "faults": _(
+        "From all results but the sensitivity analysis. The limits are those of the study's "
+        "requirements for records. Choose only faults that do not depend on how somebody drives: "
+        "else conditions are compared by the drives that went well."
+    ),
     "participants": _("Number of complete cases. Leave blank if not decided."),
     "expected": _("In the unit of the measure. The study's power is simulated from these values."),
     "level": _(
@@ -488,6 +495,16 @@ CHOICES: dict[str, dict[str, Words]] = {
         "keep": _("kept"),
         "drives": _("excluded if a drive is missing, except from success and times"),
         "answers": _("excluded if a drive or an answer is missing, except from success and times"),
+    },
+    "faults": {
+        "no_states": _("no state of the robot was recorded"),
+        "rate": _("too few states a second"),
+        "gap": _("too long a gap between states"),
+        "clock_unknown": _("the clocks were never compared"),
+        "clock": _("the clocks differed too much"),
+        "condition": _("the condition was not applied as assigned"),
+        "operator": _("an operator intervened"),
+        "frozen_video": _("no new video frame in a fifth of the seconds, or more"),
     },
     "coding": {
         "treatment": _("against the first level"),

@@ -43,7 +43,7 @@ from surveys.editor.views import leads_here
 
 TITLES = {
     "about": gettext_lazy("About the study"),
-    "recruitment": gettext_lazy("Recruitment"),
+    "recruitment": gettext_lazy("Site, screening and appointments"),
     DESIGN: gettext_lazy("Design"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
@@ -202,14 +202,18 @@ class BuilderPages(StudyPages):
         self, request: HttpRequest, row: Row, place: BuilderPlace, more: Document, status: int = 200
     ) -> HttpResponse:
         """Show a list, or the form of a `place` with its own problems; `more` is its context."""
-        found, tab = linked_problems(row), INNER_LISTS.get(place.section, place.section)
+        is_draft = row.status == Row.Status.DRAFT
+        found, tab = (
+            linked_problems(row) if is_draft else [],
+            INNER_LISTS.get(place.section, place.section),
+        )
         is_form = "form" in more
         mine = [one for one in found if not is_form or one.url == address(row, place)]
         context = {
             "section": tab,
             "sections": sections(row),
             "problems": mine[:MOST_SHOWN],
-            "doubts": linked_doubts(row),
+            "doubts": linked_doubts(row) if is_draft else [],
             "elsewhere": len(found) - len(mine),
             "may_change": _may_change(request, row),
             "pilots": row.participants.count(),

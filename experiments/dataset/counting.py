@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from experiments.dataset import levels
 from experiments.dataset.exclusions import excluded_participants, exclusions
 from experiments.dataset.levels import PLATFORM, Kind
+from experiments.dataset.record_quality import excluding_faults
 from experiments.dataset.records import Dataset, PlanExclusion, ResponseRecord, SessionRecord
 from experiments.definition.factors import conditions_together, steps_about_drive
 from experiments.definition.schema import StudyDefinition
@@ -28,38 +29,35 @@ PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 class CountingPlan:
     """The conditions, besides the drive itself, for a drive to count: `kinds` are chosen, the data
     of `withdrawn` participants may not be used, and rules of the plan exclude those in `excluded`,
-    and those in `incomplete` because they lack a drive or a questionnaire. With `with_excluded`,
-    excluded drives count as well, as in a sensitivity analysis.
+    and those in `incomplete` because they lack a drive or a questionnaire; `faulty` are drives that
+    it excludes by their records. With `with_excluded`, excluded drives count as well, as in a
+    sensitivity analysis.
     """
 
     kinds: Collection[Kind]
     withdrawn: Collection[str]
     excluded: Collection[str] = frozenset()
     incomplete: Collection[str] = frozenset()
+    faulty: Collection[str] = frozenset()
     with_excluded: bool = False
 
 
 def _why_not(session: SessionRecord, plan: CountingPlan) -> str:
     """Return why a drive by itself does not count (levels.UNCOUNTED); empty if it may."""
-    if session.practice:
-        return levels.PRACTICE
-    if session.kind not in plan.kinds:
-        return session.kind
-    if session.participant in plan.withdrawn:
-        return levels.WITHDRAWN
-    if session.fault_side == PLATFORM:
-        return levels.PLATFORM_FAULT
-    if not session.outcome:
-        return levels.RUNNING
-    if not session.exposed:
-        return levels.NOT_EXPOSED
-    if session.excluded and not plan.with_excluded:
-        return levels.EXCLUDED
-    if session.participant in plan.excluded:
-        return levels.EXCLUDED_BY_PLAN
-    if not session.drove:
-        return levels.NOT_DRIVEN
-    return levels.INCOMPLETE if session.participant in plan.incomplete else ""
+    reasons = (
+        (levels.PRACTICE, session.practice),
+        (session.kind, session.kind not in plan.kinds),
+        (levels.WITHDRAWN, session.participant in plan.withdrawn),
+        (levels.PLATFORM_FAULT, session.fault_side == PLATFORM),
+        (levels.RUNNING, not session.outcome),
+        (levels.NOT_EXPOSED, not session.exposed),
+        (levels.EXCLUDED, session.excluded and not plan.with_excluded),
+        (levels.EXCLUDED_BY_PLAN, session.participant in plan.excluded),
+        (levels.FAULTY, session.id in plan.faulty),
+        (levels.NOT_DRIVEN, not session.drove),
+        (levels.INCOMPLETE, session.participant in plan.incomplete),
+    )
+    return next((code for code, is_so in reasons if is_so), "")
 
 
 def _reasons(dataset: Dataset, plan: CountingPlan) -> dict[str, str]:
@@ -132,7 +130,7 @@ def counting(
     """
     plan, found = _plan_of(dataset, kinds)
     if with_excluded:
-        plan = replace(plan, excluded=(), incomplete=(), with_excluded=True)
+        plan = replace(plan, excluded=(), incomplete=(), faulty=(), with_excluded=True)
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
 
 
@@ -168,6 +166,9 @@ def _plan_of(
     """Return the plan with the participants whom its rules exclude, and all exclusions."""
     withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
     plan = CountingPlan(kinds, withdrawn)
+    judged = [one for one in dataset.sessions if _why_not(one, plan) in {"", levels.NOT_DRIVEN}]
+    faulty = frozenset(one.id for one in judged if excluding_faults(dataset, one))
+    plan = replace(plan, faulty=faulty)
     found = exclusions(_selected(dataset, plan))
     excluded = excluded_participants(found, {levels.ATTENTION, levels.SPEEDER})
     incomplete = excluded_participants(found, {levels.INCOMPLETE}) - excluded

@@ -1,15 +1,17 @@
 """Exclusions from the analysis, with the rule of each: those of the plan, the platform's faults,
 and what a researcher decided by hand.
 
-The rules of the plan exclude participants, with all that they did. A drive that the platform ended
-is excluded by itself, always, with or without a plan. The time that a questionnaire took is that of
-its page, from its first display to its end, by the server's clock.
+The rules of the plan exclude participants, with all that they did, or a drive for a fault of its
+record. A drive that the platform ended is excluded by itself, always, with or without a plan. The
+time that a questionnaire took is that of its page, from its first display to its end, by the
+server's clock.
 """
 
 import statistics
 from collections.abc import Collection, Iterator, Sequence
 
 from experiments.dataset import levels
+from experiments.dataset.record_quality import excluding_faults
 from experiments.dataset.records import Dataset, PageRecord, PlanExclusion, ResponseRecord
 from experiments.definition.plan import AttentionCheck, Speeder
 from surveys.answers import Missing
@@ -37,6 +39,9 @@ def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
     for one in dataset.others:
         if one.fault_side == levels.PLATFORM:
             yield PlanExclusion(one.participant, one.id, levels.OF_PLATFORM, one.fault, has_plan)
+        elif one.counts_why == levels.FAULTY:
+            for name, value in excluding_faults(dataset, one).items():
+                yield PlanExclusion(one.participant, one.id, f"{levels.FAULT}: {name}", value)
         elif one.excluded:
             yield PlanExclusion(
                 one.participant, one.id, levels.BY_HAND, one.excluded, planned=False

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from experiments.definition.conditions import ASPECTS
 from experiments.definition.design import ControlWay
+from experiments.definition.plan import Fault
 from experiments.definition.schema import Outcome
 from robots.api.messages import AssistLevel, InputMethod, Mode, Way
 from sessions.devices import OTHER, SYSTEMS, TABLE_3_BROWSERS
@@ -151,7 +152,7 @@ SYSTEM_NAMES = dict.fromkeys((*sorted(SYSTEMS), OTHER), "")
 BROWSER_NAMES = dict.fromkeys((*sorted(TABLE_3_BROWSERS), OTHER), "")
 PRACTICE, WITHDRAWN, PLATFORM_FAULT = "practice", "withdrawn", "platform_fault"
 RUNNING, NOT_EXPOSED, NOT_DRIVEN = "running", "not_exposed", "not_driven"
-EXCLUDED, EXCLUDED_BY_PLAN = "excluded", "excluded_by_plan"
+EXCLUDED, EXCLUDED_BY_PLAN, FAULTY = "excluded", "excluded_by_plan", "faulty"
 ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
 DRAWN_ANEW, REPEATED = "drawn_anew", "repeated"
 # Why a drive does not count, by code, in the order in which the reasons are looked for.
@@ -166,6 +167,7 @@ UNCOUNTED: Levels = {
     NOT_EXPOSED: "the page showed no video frame of the task",
     EXCLUDED: "a researcher excluded it",
     EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
+    FAULTY: "the plan excludes it for a fault of its record",
     NOT_DRIVEN: "the participant saw the video and never moved the robot; without a drive under the"
     " condition that counts, a failure in tests of proportions, and censored in those of times",
     INCOMPLETE: "a rule of the plan excludes the participant, who lacks a drive or a questionnaire;"
@@ -174,10 +176,23 @@ UNCOUNTED: Levels = {
     REPEATED: "the study counts another drive of the participant in this condition",
 }
 OF_PLATFORM, BY_HAND = "platform fault", "researcher's decision"
+FAULT = "fault of the record"  # followed by its name
+FAULTS = explained(
+    get_args(Fault),
+    no_states="the robot was driven, and there are no states",
+    rate="fewer states a second than the study asks for",
+    gap="a longer time without a state than the study allows",
+    clock_unknown="the clock offset was never measured",
+    clock="the clocks differed by more than the study allows",
+    condition="the condition was not applied as assigned",
+    operator="an operator intervened",
+    frozen_video="no new video frame in a fifth of the seconds, or more",
+)
 RULES = {
     ATTENTION: "of the plan: the participant answered an attention check otherwise",
     SPEEDER: "of the plan: the participant answered a questionnaire too fast",
     INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
+    **{f"{FAULT}: {name}": f"of the plan: {why}" for name, why in FAULTS.items()},
     OF_PLATFORM: "the platform ended the session",
     BY_HAND: "a researcher excluded the session",
 }

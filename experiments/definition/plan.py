@@ -14,6 +14,10 @@ from robots.api.messages import Positive
 from surveys.documents import DocumentPart, Key, Slug
 
 Direction = Literal["different", "greater", "less"]
+# Of the record of a drive; experiments/dataset/record_quality.py finds them.
+Fault = Literal[
+    "no_states", "rate", "gap", "clock_unknown", "clock", "condition", "operator", "frozen_video"
+]
 Proportion = Annotated[float, Meta(gt=0.0, lt=1.0)]
 Correlation = Annotated[float, Meta(ge=0.0, lt=1.0)]
 EXPLORATORY = "exploratory"
@@ -77,6 +81,7 @@ class StudyPlan(DocumentPart, frozen=True, kw_only=True):
     """`participants` is the planned number of complete cases, `alpha` the level of significance,
     `power` the target for each expected effect. `incomplete` participants are kept, or excluded if
     they lack a drive, or a drive or an answered questionnaire; never from success and times.
+    A drive whose record has one of `faults` is excluded from every result.
     """
 
     question: str = ""
@@ -86,6 +91,7 @@ class StudyPlan(DocumentPart, frozen=True, kw_only=True):
     attention_checks: Annotated[tuple[AttentionCheck, ...], Meta(max_length=40)] = ()
     speeders: Annotated[tuple[Speeder, ...], Meta(max_length=40)] = ()
     incomplete: Literal["keep", "drives", "answers"] = "keep"
+    faults: tuple[Fault, ...] = ()
     participants: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     rationale: str = ""
     stopping: str = ""

@@ -162,6 +162,7 @@ CLASSES: dict[str, tuple[dict[str, Any], dict[str, str]]] = {'StudyDefinition': 
                 'attention_checks': [],
                 'speeders': [],
                 'incomplete': 'keep',
+                'faults': [],
                 'participants': None,
                 'rationale': '',
                 'stopping': '',

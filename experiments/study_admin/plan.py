@@ -103,7 +103,7 @@ class PlanPages(StudyPages):
             "is_owner": may(request.user, row.slug, "owner"),
             "deviations": DeviationsForm({"deviations": row.deviations}),
         }
-        title, shown = _("Plan and power"), context | more
+        title, shown = _("Preregistration and power"), context | more
         return self.study_page(request, row, "plan", title, shown, tab="overview", status=status)
 
 

@@ -56,7 +56,7 @@ class RecruitmentPages(StudyPages):
             "made": made,
             "api": request.build_absolute_uri(api),
         }
-        title = _("Recruitment")
+        title = _("Recruitment and payments")
         return self.study_page(request, row, "recruitment", title, context, tab="sharing")
 
     @study_view("payments.csv", "payments", "researcher", require_safe)

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from experiments.analysis.metrics.motion import Trajectory
 from experiments.dataset.columns import Floats
 from experiments.dataset.records import EventRecord, SessionRecord
+from experiments.dataset.trajectory import Trajectory
 from experiments.definition.schema import Course
 
 CHECKPOINT = "checkpoint"

@@ -10,11 +10,14 @@ import numpy as np
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
-from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.analysis.metrics.motion import drive
 from experiments.dataset.columns import Column, Columns, Floats
 from experiments.dataset.levels import METHODS, WAYS
+from experiments.dataset.record_quality import record_numbers
 from experiments.dataset.records import COMPLETED, Dataset, EventRecord, SessionRecord
 from experiments.dataset.states import SERIES
+from experiments.dataset.trajectory import Trajectory
+from experiments.definition.schema import Course
 
 Values = dict[str, float]
 
@@ -59,7 +62,8 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
     network = dataset.network(session.id)
     task = whole.between(found.start, found.end)
     segments = tuple(_segments(dataset, session, found, task, network))
-    values = _times(session, found) | _numbers(task, network) | _record(session, whole)
+    values = record_numbers(session, whole) | _numbers(task, network)
+    values |= _times(session, found, course)
     values["seen"] = task.share_seen(found.end - found.start)
     if course is not None and not math.isnan(found.last_checkpoint):
         dock = course.checkpoints[0]
@@ -80,27 +84,31 @@ def _ordered(values: Values, columns: Iterable[Column]) -> Values:
     return {column.name: values.get(column.name, math.nan) for column in columns}
 
 
-def _times(session: SessionRecord, found: Milestones) -> Values:
-    is_completed = session.outcome == COMPLETED
+def _times(session: SessionRecord, found: Milestones, course: Course | None) -> Values:
+    is_completed, passed = session.outcome == COMPLETED, len(found.checkpoints)
+    asks_photo = course is not None and course.photo is not None
+    has_stops = passed or (course is not None and len(course.checkpoints) > 1)
     return {
         "completed": float(is_completed) if session.outcome else math.nan,
         "total_time": found.end - found.start,
         "time_to_motion": found.motion - found.start,
         "task_time": found.docked - found.start if is_completed else math.nan,
         "docking_time": found.docked - found.last_checkpoint,
-        "passed": float(len(found.checkpoints)),
-        "photo": float(not math.isnan(found.photo)),
+        "passed": float(passed) if has_stops else math.nan,
+        "photo": float(not math.isnan(found.photo)) if asks_photo else math.nan,
     }
 
 
 def _numbers(track: Trajectory, network: Columns) -> Values:
     if not len(track):
         return _link(network)
-    # A run's odometer only grows; the distance between two runs is not known.
-    steps = np.maximum(np.diff(track.states["distance"]), 0.0)
-    is_one_run = np.diff(track.states["boot"]) == 0.0
-    odometer = float(np.nansum(np.where(is_one_run, steps, 0.0)))
-    return drive(track) | {"odometer": odometer} | _commands(track.states) | _link(network)
+    found = drive(track)
+    if found.get("path_by_odometry"):
+        # A run's odometer only grows; the distance between two runs is not known.
+        steps = np.maximum(np.diff(track.states["distance"]), 0.0)
+        is_one_run = np.diff(track.states["boot"]) == 0.0
+        found["odometer"] = float(np.nansum(np.where(is_one_run, steps, 0.0)))
+    return found | _commands(track.states) | _link(network)
 
 
 def _commands(states: Columns) -> Values:
@@ -161,17 +169,6 @@ def _link(network: Columns) -> Values:
         "freezes": _or_nan(network["freezes"], np.sum),
         "frame_age": age,
         "frame_age_p95": age_p95,
-    }
-
-
-def _record(session: SessionRecord, track: Trajectory) -> Values:
-    gaps = track.gaps()
-    return {
-        "rate": track.rate(),
-        "gaps": float(len(gaps)),
-        "longest_gap": float(gaps.max()) if gaps.size else 0.0 if len(track) > 1 else math.nan,
-        "missing_states": float(max(session.missing, track.missing())),
-        "clock_offset": _or_nan(np.abs(track.states["clock_offset"]), np.max),
     }
 
 

@@ -36,8 +36,9 @@ HEAD = (
 Cells = dict[str, TableCell]  # of a row, by their heads
 LISTED = (
     "Rules of the plan exclude a participant with all sessions; participants who are only"
-    " incomplete stay in tests of success and times. A platform fault or a researcher's decision"
-    " excludes one session. Sessions that the platform ended count in no result."
+    " incomplete stay in tests of success and times. A fault of the record that the plan names, a"
+    " platform fault or a researcher's decision excludes one session. Sessions that the platform"
+    " ended count in no result."
 )
 EFFECTS_HEAD = (
     *("Analysis", "Measure", "Test", "p (Holm)", "p (Holm), all", "Difference", "Difference, all"),

@@ -15,6 +15,7 @@ import msgspec
 
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES
+from experiments.dataset.levels import FAULTS
 from experiments.dataset.records import FreezeRecord
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import conditions_together
@@ -383,6 +384,8 @@ def _rules(plan: StudyPlan) -> Iterator[str]:
             limits.append(f"{one.median_share:g} of the median time")
         yield _part("speeders", it=one, limits=" or ".join(limits))
     yield f"- {_part('incomplete', plan.incomplete)}"
+    if plan.faults:
+        yield _part("faults", named="; ".join(FAULTS[one] for one in plan.faults))
     yield _part("sensitivity")
 
 

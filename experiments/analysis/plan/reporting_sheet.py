@@ -2,21 +2,28 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
+from experiments.analysis.tables.people import (
+    COUNTED,
+    NOT_REPORTED,
+    answer_groups,
+    counted_by_kind,
+)
+from experiments.analysis.tables.scored_responses import counted
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken
 from experiments.dataset.exclusions import excluded_participants
-from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
+from experiments.dataset.levels import ASSISTANCE, BY_HAND, REPLACED, UNCOUNTED
 from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
 UNKNOWN = "unknown"
+EVERYBODY = "who joined and neither withdrew nor are excluded by the plan"
 SEX = ("sex", "gender")  # items of the registration that ask for it
 LATENCIES = {  # metrics of a session: median and 95th percentile
     "Age of commands at the wheels": ("command_age_median", "command_age_p95"),
@@ -84,10 +91,9 @@ def _participants(dataset: Dataset) -> Iterator[Line]:
         "withdrew": len(people) - len(staying),
         "drove a robot": len(drivers),
         "finished": sum(one.finished for one in staying),
-        "with a drive that counts": _drivers(dataset),
+        COUNTED: len(_drivers(dataset)),
         "drives that count": len(dataset.sessions),
-        "age": _ages([one.age for one in dataset.included]),
-        "sex or gender": _sexes(dataset),
+        **dict(_demography(dataset)),
         "recruitment": study.recruitment or UNKNOWN,
         "compensation": study.compensation or UNKNOWN,
     }
@@ -95,8 +101,16 @@ def _participants(dataset: Dataset) -> Iterator[Line]:
         yield "Participants", item, str(value)
 
 
-def _drivers(dataset: Dataset) -> int:
-    return len({one.participant for one in dataset.sessions})
+def _drivers(dataset: Dataset) -> set[str]:
+    return {one.participant for one in dataset.sessions}
+
+
+def _demography(dataset: Dataset) -> Iterator[tuple[str, str]]:
+    """Yield age and sex, of those whose drives the results have and of everybody."""
+    drivers, everybody = _drivers(dataset), {one.id: one.age for one in dataset.included}
+    for who, some in ((COUNTED, drivers & everybody.keys()), (EVERYBODY, everybody.keys())):
+        yield f"age, of those {who}", _ages([everybody[one] for one in some])
+        yield f"sex or gender, of those {who}", _sexes(dataset, some)
 
 
 def _ages(ages: Sequence[float]) -> str:
@@ -106,20 +120,19 @@ def _ages(ages: Sequence[float]) -> str:
         return UNKNOWN
     sd = NOTHING if about.sd is None else f"{about.sd:.1f}"
     missing = f"; {len(ages) - len(known)} {NOT_REPORTED}" if len(known) < len(ages) else ""
-    return f"M = {about.mean:.1f}, SD = {sd}, {min(known):.0f} to {max(known):.0f}{missing}"
+    bounds = f"{min(known):.0f} to {max(known):.0f}"
+    return f"n = {len(known)}, M = {about.mean:.1f}, SD = {sd}, {bounds}{missing}"
 
 
-def _sexes(dataset: Dataset) -> str:
-    """Return how often each answer was given, from Table 2."""
+def _sexes(dataset: Dataset, some: Collection[str]) -> str:
+    """Return how often some participants gave each answer to the question for it."""
     definition = dataset.questionnaire(dataset.registration)
     asked = [one for one in definition.questions() if one.key in SEX] if definition else []
     if not asked:
         return f"{UNKNOWN}: not asked"
-    question, counts, is_own = dataset.say(asked[0].text), [], False
-    for head, label, n, _share in table_2(dataset).rows:  # the head of a question is in its first
-        is_own = head.text == question if head.text else is_own
-        counts += [f"{label.text}: {n.text}"] if is_own and n.value else []
-    return ", ".join(counts) or UNKNOWN
+    groups, _ = answer_groups(dataset, asked[0], counted(dataset, dataset.registration))
+    found = ((label, len({*ids} & {*some})) for label, ids in groups)
+    return ", ".join(f"{label}: {n}" for label, n in found if n) or UNKNOWN
 
 
 # --- the robot ------------------------------------------------------------------------------------
@@ -181,8 +194,9 @@ def _exclusions(dataset: Dataset) -> Iterator[Line]:
         yield section, "excluded", "nobody"
     if people := excluded_participants(found):
         yield section, "excluded by the plan's rules", amount(len(people), "participant")
+    of_drives = {one.rule for one in found if one.session}
     for rule, n in sorted(Counter(one.rule for one in found).items()):
-        yield section, rule, amount(n, "drive" if rule in {OF_PLATFORM, BY_HAND} else "case")
+        yield section, rule, amount(n, "drive" if rule in of_drives else "case")
 
 
 def _deviations(dataset: Dataset) -> Iterator[Line]:
@@ -193,7 +207,7 @@ def _deviations(dataset: Dataset) -> Iterator[Line]:
         yield section, "plan frozen before data", before_data(freeze)
         wanted = UNKNOWN if plan.participants is None else str(plan.participants)
         yield section, "planned participants", wanted
-        yield section, "participants with a drive that counts", str(_drivers(dataset))
+        yield section, f"participants {COUNTED}", str(len(_drivers(dataset)))
         others = [one.key for one in dataset.study.analyses if not hypotheses_of(plan, one)]
         if others:
             yield section, "analyses without a hypothesis (exploratory)", ", ".join(others)

@@ -101,11 +101,11 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
         ended = {name: [one.id for one in own if one.outcome == name] for name in outcomes}
         done = ended.get(COMPLETED, [])
         bounds = wilson(len(done), len(own)) or (math.nan, math.nan)
-        cells = (people_in(own), session_count(ids), *map(session_count, ended.values()))
+        cells = (people_in(own), session_count(ids))
         share = (percent_of(done, ids), *(number(100.0 * bound, 1) for bound in bounds))
-        rows.append((key or "all", *cells, *share))
+        rows.append((key or "all", *cells, *share, *map(session_count, ended.values())))
     named = (spoken(name) or "not ended" for name in outcomes)
-    head = ("Condition", "Participants", "Sessions", *named, "% completed", "from", "to")
+    head = ("Condition", "Participants", "Sessions", "% completed", "from", "to", *named)
     note = "from, to: 95 % interval of the share (Wilson), sessions taken as independent."
     return Table.of("outcomes", "Outcomes.", head, rows, (note, drive_outcomes.UNMOVED))
 

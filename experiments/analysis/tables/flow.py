@@ -17,6 +17,7 @@ from experiments.dataset.counting import attempted
 from experiments.dataset.levels import (
     EXCLUDED,
     EXCLUDED_BY_PLAN,
+    FAULTY,
     INCOMPLETE,
     NOT_DRIVEN,
     REPLACED,
@@ -98,7 +99,7 @@ class _Flow:
         answers = dataset.answers_to(dataset.study.statements)
         self.answered = {one.participant for one in answers if one.finished}
         self.analysed = _analysed(dataset)
-        self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
+        self.rules = {one.session or one.participant: one.rule for one in dataset.exclusions}
 
     def stage(self, one: ParticipantRecord) -> int:
         """Return the last stage of FLOW that a participant reached, by its number."""
@@ -160,8 +161,8 @@ class _Flow:
 
     def _uncounted(self, one: ParticipantRecord) -> str:
         last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
-        if last.counts_why in {EXCLUDED_BY_PLAN, INCOMPLETE}:
-            return f"excluded: {self.rules[one.id]}"
+        if last.counts_why in {EXCLUDED_BY_PLAN, INCOMPLETE, FAULTY}:
+            return f"excluded: {self.rules[last.id if last.counts_why == FAULTY else one.id]}"
         if last.counts_why == EXCLUDED:
             return "excluded: researcher's decision"
         return f"excluded: {last.fault or UNCOUNTED[last.counts_why]}"

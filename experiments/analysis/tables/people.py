@@ -1,11 +1,13 @@
 """Who took part: Table 2, the table of participants, and notes on pilots and bots."""
 
 import math
+import statistics
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
-from experiments.analysis.statistics.descriptive import ROUNDED, spread
+from experiments.analysis.statistics.descriptive import ROUNDED
 from experiments.analysis.tables.scored_responses import counted, note
 from experiments.analysis.tables.table import Table, amount, number, people_count
 from experiments.dataset.counting import visits_of
@@ -23,6 +25,7 @@ AGES = (
 )
 NOT_REPORTED = "not reported"
 DOES_NOT_APPLY = "does not apply"
+COUNTED = "with a drive that counts"
 HEAD = ("Question", "Answer", "n", "%")
 TITLES = {"bot": "simulated participants (bots)"}  # of other kinds the plural
 BOTS = "bots are programs that took part in place of people"
@@ -33,17 +36,21 @@ Rows = Iterator[tuple[object, ...]]
 def table_2(dataset: Dataset) -> Table:
     """Return the questions of the registration, and how often each answer was given."""
     responses = counted(dataset, dataset.registration)
-    definition = dataset.questionnaire(dataset.registration)
-    rows = (
-        row
-        for question in (definition.questions() if definition else ())
-        for row in _question_rows(dataset, question, responses)
-    )
+    rows: list[tuple[object, ...]] = []
+    for question in _registration(dataset):
+        groups, whole = answer_groups(dataset, question, responses)
+        rows += _group_rows(dataset, dataset.say(question.text), groups, whole)
     title = "Questions for visitor registration, and what was answered."
     return Table.of("table-2", title, HEAD, rows, (note(dataset, responses),))
 
 
+def _registration(dataset: Dataset) -> Iterable[Question]:
+    definition = dataset.questionnaire(dataset.registration)
+    return definition.questions() if definition else ()
+
+
 def participants_table(dataset: Dataset) -> Table:
+    """Return who took part, both of everybody and of those whose drives the results have."""
     people, responses = dataset.included, list[ResponseRecord]()
     registered = {one.id for one in people}
     if dataset.registration:
@@ -52,47 +59,61 @@ def participants_table(dataset: Dataset) -> Table:
     drivers = {one.participant for one in dataset.sessions}
     visits = visits_of(dataset.sessions)
     returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
-    groups = [("registered", registered), ("drove a robot", drivers), ("came back", returned)]
-    rows = list(_group_rows(dataset, "Participants", groups, len(registered)))
-    rows += _age_rows(dataset, [one for one in people if one.id in registered])
-    definition = dataset.questionnaire(dataset.registration)
-    for question in definition.questions() if definition else ():
+    groups: list[People] = [("registered", registered), (COUNTED, drivers), ("came back", returned)]
+    rows = list(_group_rows(dataset, "Participants", groups, registered | drivers, drivers))
+    ages = {one.id: one.age for one in people if one.id in registered | drivers}
+    rows += _age_rows(dataset, ages, drivers)
+    for question in _registration(dataset):
         if question.labelled_values and not question.item.takes_several:
-            rows += _question_rows(dataset, question, responses)
+            groups, whole = answer_groups(dataset, question, responses)
+            text = dataset.say(question.text)
+            rows += _group_rows(dataset, text, groups, whole, drivers & {*whole})
     below = (
-        f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}. came"
-        " back: drove, in drives that count, on more than one visit."
+        f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
+        f" Results: those {COUNTED}. All: everybody who registered or has such a drive, without"
+        " those who withdrew or are excluded by a rule of the plan. came back: drove, in drives"
+        " that count, on more than one visit."
     )
-    head = ("", "", "n", "%")
+    head = ("", "", "All: n", "All: %", "Results: n", "Results: %")
     return Table.of("participants", "Participants.", head, rows, (below, ROUNDED))
 
 
-def _group_rows(dataset: Dataset, head: str, groups: Sequence[People], total: int) -> Rows:
+def _group_rows(
+    dataset: Dataset, head: str, groups: Sequence[People], *wholes: Collection[str]
+) -> Rows:
+    """Yield the number and the percentage of each group among some participants, or several."""
     for label, ids in groups:
-        share = number(100.0 * len(ids) / total if total else None, 1)
-        yield head, label, people_count(dataset, ids), share
+        cells: list[object] = []
+        for whole in wholes:
+            own = [who for who in ids if who in whole]
+            share = number(100.0 * len(own) / len(whole) if whole else None, 1)
+            cells += [people_count(dataset, own), share]
+        yield head, label, *cells
         head = ""
 
 
-def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Rows:
-    ages = {one.id: one.age for one in people if not math.isnan(one.age)}
+def _age_rows(dataset: Dataset, ages: Mapping[str, float], drivers: Collection[str]) -> Rows:
+    """Yield the ages of participants, NaN where unknown, and of the drivers among them."""
     groups: list[People] = [
         (label, [who for who, age in ages.items() if low <= age < high])
         for low, high, label in AGES
     ]
-    groups.append((NOT_REPORTED, [one.id for one in people if one.id not in ages]))
-    yield from _group_rows(dataset, "Age", groups, len(people))
-    values, about = [*ages.values()], dataset.sessions_of(ages)
-    bounds = (min(values, default=None), spread(values).median, max(values, default=None))
-    for label, value in zip(("youngest", "median", "oldest"), bounds, strict=True):
-        yield "", label, number(value, 0, about), ""
+    groups.append((NOT_REPORTED, [who for who, age in ages.items() if math.isnan(age)]))
+    both = [[*ages], [who for who in ages if who in drivers]]
+    yield from _group_rows(dataset, "Age", groups, *both)
+    known = [{who: ages[who] for who in some if not math.isnan(ages[who])} for some in both]
+    bounds: dict[str, Callable[[Iterable[float]], float]]
+    bounds = {"youngest": min, "median": statistics.median, "oldest": max}
+    for label, bound in bounds.items():
+        found = ((bound(it.values()) if it else None, dataset.sessions_of(it)) for it in known)
+        yield "", label, *chain.from_iterable((number(age, 0, ids), "") for age, ids in found)
 
 
-def _question_rows(
+def answer_groups(
     dataset: Dataset, question: Question, responses: Sequence[ResponseRecord]
-) -> Rows:
-    """Yield a row for each answer to a question with options or a scale, or one of those who
-    answered; then those to whom it does not apply, and those who gave no answer.
+) -> tuple[list[People], Collection[str]]:
+    """Return who gave each answer to a question with options or a scale, or who answered; then to
+    whom it does not apply, and who gave no answer. Second, the participants to count these among.
     """
     key = question.key
     given = {one.participant: one.values.get(key) for one in responses}
@@ -111,10 +132,8 @@ def _question_rows(
         groups.append((DOES_NOT_APPLY, declined))
         unanswered = [who for who in unanswered if who not in declined]
     groups.append((NOT_REPORTED, unanswered))
-    total = sum(len(ids) for _, ids in groups)
-    if question.item.takes_several or not total:
-        total = len(given)
-    yield from _group_rows(dataset, dataset.say(question.text), groups, total)
+    named = {who for _, ids in groups for who in ids}
+    return groups, given if question.item.takes_several else named
 
 
 def _has(question: Question, answer: object, value: str | int) -> bool:

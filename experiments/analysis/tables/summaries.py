@@ -8,6 +8,7 @@ from experiments.analysis.metrics.sessions import Measured, Values
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import Table, amount, number, session_count, words
 from experiments.dataset.columns import Column
+from experiments.dataset.record_quality import faults
 from experiments.definition.schema import Quality
 
 OF_SEGMENTS = ("seconds", "path", "efficiency", "stops", "near_seconds", "collisions")
@@ -15,43 +16,14 @@ SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95", "IQR")
 OF_SESSIONS = (
     "n: sessions, of which a participant may have several. IQR: third less first quartile."
 )
-# The rules of a good record, by the words that name them.
-PROBLEMS = {
-    "no_states": "the robot was driven, and there are no states",
-    "rate": "fewer states a second than the study asks for",
-    "gap": "a longer time without a state than the study allows",
-    "clock_unknown": "the clock offset was never measured",
-    "clock": "the clocks differed by more than the study allows",
-    "condition": "the condition was not applied as assigned",
-    "operator": "an operator intervened",
-}
-Problems = dict[str, str]  # the rules that a record fails, each with a sentence
+Problems = dict[str, str]  # the faults of a record, each with a sentence
 
 
 def problems_of(one: Measured, rules: Quality) -> Problems:
-    """Return the rules that a record fails; a session that never moved may lack states."""
-    return dict(_problems(one, rules))
-
-
-def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
-    values, session = measured.values, measured.session
-    rate, gap, offset = values["rate"], values["longest_gap"], values["clock_offset"]
-    if session.exposed and math.isnan(rate):
-        yield "no_states", "The robot was driven, but there are no states."
-    elif rate < rules.least_sample_rate:
-        least = f"at least {rules.least_sample_rate:g} are asked for"
-        yield "rate", f"{rate:.2f} states a second; {least}."
-    if gap > rules.longest_gap:
-        yield "gap", f"{gap:.1f} s without a state; at most {rules.longest_gap:g} s are allowed."
-    if session.exposed and not math.isnan(rate) and math.isnan(offset):
-        yield "clock_unknown", "The clock offset was never measured."
-    elif offset > rules.largest_clock_offset:
-        most = f"at most {rules.largest_clock_offset:g} s are allowed"
-        yield "clock", f"The clocks differed by {offset:.2f} s; {most}."
-    if rules.condition_applied and session.mismatch:
-        yield "condition", f"Not applied as assigned: {session.mismatch}."
-    if rules.operator_absent and session.operator:
-        yield "operator", "An operator intervened."
+    """Return for which faults a record is not good, by the requirements of the study."""
+    ignored = {"condition": not rules.condition_applied, "operator": not rules.operator_absent}
+    found = dict(faults(one.session, one.values, rules))
+    return {name: words for name, words in found.items() if not ignored.get(name)}
 
 
 def metrics_table(measured: Sequence[Measured]) -> Table:

@@ -5,9 +5,10 @@ from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.summaries import PROBLEMS, problems_of
+from experiments.analysis.tables.summaries import problems_of
 from experiments.dataset.columns import Column
 from experiments.dataset.files import numbers, tables
+from experiments.dataset.levels import FAULTS
 from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
 from experiments.export.format import ExportFormat, ExportSource, File
@@ -22,7 +23,7 @@ METRIC_TABLE = (
         "problems",
         "",
         "rules for the record's quality that are not kept; empty: good",
-        levels=PROBLEMS,
+        levels=FAULTS,
         divider="|",
     ),
     *METRICS,

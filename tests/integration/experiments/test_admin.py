@@ -17,6 +17,7 @@ from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, Rehearsal, Study, StudyMember
 from experiments.participation import completion
+from robots.models import Robot
 from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
 from tests.support.browsers.html_page import faults, read
@@ -283,6 +284,19 @@ def test_no_page_changes_the_definition_of_a_published_study(client, boss, publi
     row = Study.objects.get()
     assert (row.sha256, row.title) == (published.sha256, "Cabin")
     assert "can't be changed" in read(client.get(at("section", published, "about"))).text
+
+
+def test_pages_of_a_published_study_offer_nothing_that_cannot_be_done(client, boss, published):
+    page = client.get(at("change", published)).content.decode()
+    assert "Save and add another" not in page
+    assert ">Research</a>" in page
+    labels = re.findall(r">(Recruitment[^<]*|Site, [^<]*|Preregistration[^<]*|Plan)</a>", page)
+    assert labels == [
+        *("Site, screening and appointments", "Plan", "Preregistration and power"),
+        "Recruitment and payments",
+    ]
+    Robot.objects.all().delete()  # a problem, if the study were a draft
+    assert "to do on other pages" not in read(client.get(at("section", published, "design"))).text
 
 
 def test_how_people_come_in_is_changed_after_publishing(client, boss, published):

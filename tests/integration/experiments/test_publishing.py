@@ -67,7 +67,7 @@ def test_an_empty_study_has_the_usual_steps_and_lists_what_is_missing():
     assert steps == ["consent", "about_you", "instructions", "task", "experience", "thanks"]
     assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
     asked = (
-        "institution, duration, risks, retention, who gets copies, date of the analysis, "
+        "institution, duration, risks, retention, who gets copies, date of the publication, "
         "ethics approval, contact"
     )
     english = ", ".join(f"[[{name}]]" for name in asked.split(", "))

@@ -352,8 +352,9 @@ def test_a_plan_is_declared_without_json(client, study):
     assert wrong() == ["Plan: attention check experience.q9: the questionnaire has no such item."]
     send(client, page, attention_checks__0__item="q1")
     assert wrong() == ["Plan: attention check experience.q1: its answers are -1, -2, 0, 1, 2."]
-    send(client, page, attention_checks__0__answer="2", participants="40")
+    send(client, page, attention_checks__0__answer="2", participants="40", faults=["gap"])
     plan = stored().plan
+    assert plan.faults == ("gap",)
     assert (plan.hypotheses[0].analysis, plan.participants) == ("doors", 40)
     assert wrong() == []
 

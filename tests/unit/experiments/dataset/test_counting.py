@@ -185,7 +185,7 @@ def test_a_round_is_no_visit():
     assert [one.number for one in dataset.sessions] == [1] * len(keys)
     assert set(visits_of(dataset.sessions).values()) == {1}
     rows = {row[1].text: row[2].value for row in participants_table(dataset).rows}
-    assert (rows["drove a robot"], rows["came back"]) == (1, 0)
+    assert (rows["with a drive that counts"], rows["came back"]) == (1, 0)
 
 
 def test_participant_who_returns_has_a_second_visit():

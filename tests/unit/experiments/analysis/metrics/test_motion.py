@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.analysis.metrics.motion import drive
 from experiments.dataset.columns import columns_of
 from experiments.dataset.states import STATES
+from experiments.dataset.trajectory import Trajectory
 
 
 def track(seconds=None, **given):
@@ -85,7 +86,15 @@ def test_a_near_collision_ends_only_when_the_way_is_clear_again():
 def test_a_drive_that_begins_near_something_counts_it_once():
     assert drive(track(clearance=np.array([0.1, 0.1, 0.5])))["near_collisions"] == 1
     assert drive(track(clearance=np.array([np.nan, 0.1, 0.5])))["near_collisions"] == 1
-    assert drive(track(clearance=np.full(3, np.nan)))["near_collisions"] == 0
+
+
+def test_what_a_robot_cannot_measure_is_missing_and_not_0():
+    found = drive(track(clearance=np.full(3, np.nan), localized=np.zeros(3)))
+    assert set(found) == {"idle", "stops", "collisions"}
+    found = drive(track(distance=np.arange(3.0), localized=np.zeros(3)))
+    assert (found["path"], "rotation" in found) == (2.0, False)
+    found = drive(track(localized=np.ones(3)))
+    assert (found["path"], "slipped" in found) == (0.0, False)
 
 
 def test_a_gap_between_states_is_time_of_nothing():
@@ -159,6 +168,6 @@ def test_time_is_that_of_the_servers_clock():
 def test_no_state_and_one_state_are_a_track(n):
     found = track(x=np.zeros(n))
     about = drive(found)
-    assert (about["path"], about["stops"], about["near_collisions"]) == (0.0, 0, 0)
+    assert (about.get("path"), about["stops"]) == (0.0 if n else None, 0)
     assert math.isnan(found.rate())
-    assert math.isnan(about["speed"])
+    assert math.isnan(about.get("speed", math.nan))

@@ -3,13 +3,13 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pandas
 import pytest
 
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
-from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import measure, measure_all
 from experiments.dataset.columns import columns_of
 from experiments.dataset.levels import METHODS
@@ -19,6 +19,7 @@ from experiments.dataset.records import (
     SessionRecord,
 )
 from experiments.dataset.states import NO_NETWORK, NO_STATES, STATES
+from experiments.dataset.trajectory import Trajectory
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 
@@ -116,6 +117,23 @@ def test_a_robot_without_course_or_plan_is_measured_all_the_same():
     found = measure(replace(DATASET, states=lambda _: states), session, ())
     assert found.values["path"] == pytest.approx(one.values["path"], rel=0.1)
     assert math.isnan(found.values["efficiency"])
+
+
+def test_a_course_without_a_photo_task_has_no_photo_metric():
+    one = next(one for one in MEASURED if one.session.outcome == "completed")
+    for photo, value in ((STUDY.courses[0].photo, 0.0), (None, math.nan)):
+        courses = tuple(msgspec.structs.replace(it, photo=photo) for it in STUDY.courses)
+        study = msgspec.structs.replace(STUDY, courses=courses)
+        found = measure(replace(DATASET, study=study), one.session, ())
+        assert found.values["photo"] == pytest.approx(value, nan_ok=True)
+
+
+def test_a_drive_without_a_course_has_no_checkpoints_to_pass():
+    session = SessionRecord("s", "a", "giraff", site="moon", outcome="cancelled")
+    nothing = replace(DATASET, states=lambda _: NO_STATES, network=lambda _: NO_NETWORK)
+    values = measure(nothing, session, ()).values
+    empty = ("passed", "photo", "gaps", "missing_states")
+    assert {name for name in empty if math.isnan(values[name])} == set(empty)
 
 
 def test_docking_counts_once_every_checkpoint_was_passed():

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from experiments.analysis.plan.preregistration import NO_PLAN, UNANSWERED, preregistration
-from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, reporting_sheet
+from experiments.analysis.plan.reporting_sheet import (
+    EVERYBODY,
+    UNKNOWN,
+    as_markdown,
+    reporting_sheet,
+)
+from experiments.dataset.counting import counting
 from experiments.dataset.records import FreezeRecord, RobotRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.planned import PLAN, hypothesis, plan_with, planned_study
@@ -222,7 +228,8 @@ def sheet(plan=PLAN, **more):
 def test_a_sheet_counts_who_took_part_and_what_failed():
     found, _ = sheet()
     assert found["Participants", "drove a robot"] == "6"
-    assert found["Participants", "age"] == "M = 21.0, SD = 0.9, 20 to 22"
+    counted = "age, of those with a drive that counts"
+    assert found["Participants", counted] == "n = 6, M = 21.0, SD = 0.9, 20 to 22"
     assert found["Failures", "completed"] == "6 drives"
     assert found["Autonomy by condition", "Open"] == "none: the participant drives"
     assert found["Deviations from the plan", "planned participants"] == "20"
@@ -232,20 +239,28 @@ def test_a_sheet_counts_who_took_part_and_what_failed():
 def test_missing_facts_of_a_sheet_are_unknown():
     found, _ = sheet(robots=(RobotRecord(name="giraff", title="Giraff", series="giraff"),))
     assert found["Participants", "recruitment"] == UNKNOWN
-    assert found["Participants", "sex or gender"] == "unknown: not asked"
+    counted = "sex or gender, of those with a drive that counts"
+    assert found["Participants", counted] == "unknown: not asked"
     assert found["Robot Giraff", "make"] == found["Robot Giraff", "footprint (m)"] == UNKNOWN
     assert found["Robot Giraff", "Age of commands at the wheels"] == "unknown: not measured"
     assert found["Deviations from the plan", "plan frozen before data"] == UNKNOWN
     assert found["Versions", "definition frozen"] == UNKNOWN
 
 
-def test_a_sheet_counts_the_answers_to_the_question_for_sex():
-    dataset = made_up(np.random.default_rng(3), 24)
-    rows = reporting_sheet(dataset, [], dataset.participants).rows
-    (given,) = (value.text for _, item, value in rows if item.text == "sex or gender")
-    counts = [part.partition(": ") for part in given.split(", ")]
-    assert [answer for answer, _, _ in counts] == ["Woman", "Man"]
-    assert sum(int(n) for _, _, n in counts) == 22, "two did not answer"
+def test_age_and_sex_are_of_the_analysed_and_of_all_who_joined():
+    dataset = counting(made_up(np.random.default_rng(3), 24))
+    dataset = replace(dataset, sessions=dataset.sessions[:9])
+    drivers = {one.participant for one in dataset.sessions}
+    ages = {one.id: 20.0 if one.id in drivers else 80.0 for one in dataset.participants}
+    people = tuple(replace(one, age=ages[one.id]) for one in dataset.participants)
+    found = reporting_sheet(replace(dataset, participants=people), [], people).rows
+    rows = {item.text.partition(", of those ")[::2]: value.text for _, item, value in found}
+    counted, everybody = ("age", "with a drive that counts"), ("age", EVERYBODY)
+    assert rows[counted].startswith(f"n = {len(drivers)}, M = 20.0")
+    assert rows[everybody].startswith("n = 24, M = ")
+    assert rows["sex or gender", EVERYBODY] == "Woman: 6, Man: 16"
+    sexes = dict(one.split(": ") for one in rows["sex or gender", counted[1]].split(", "))
+    assert sum(map(int, sexes.values())) == len(drivers) < 22, "all of them registered"
 
 
 def test_a_sheet_tells_what_the_researchers_state_and_what_is_known_of_the_robot():
