@@ -109,7 +109,7 @@ def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
             yield [*_row(study, found(person.kind), person, key, order, own)]
 
 
-def _of_kind(source: ExportSource, kind: Kind) -> "_Counted":
+def _of_kind(source: ExportSource, kind: Kind) -> "_CountedRows":
     """Return what counts of the participants of a kind, as in a report on that kind."""
     dataset = counting(source.dataset, (kind,))
     measured = [replace(source.measured[one.id], session=one) for one in attempted(dataset)]
@@ -121,11 +121,11 @@ def _of_kind(source: ExportSource, kind: Kind) -> "_Counted":
         {key: measures.means(f"{variable}.{scale.key}", key).values for key in keys}
         for variable, scale in _scales(dataset)
     ]
-    return _Counted(attempts, scores)
+    return _CountedRows(attempts, scores)
 
 
 @dataclass(frozen=True)
-class _Counted:
+class _CountedRows:
     """The attempts at each place, and of each score its values by condition and participant."""
 
     attempts: Mapping[Place, Sequence[Measured]]
@@ -140,7 +140,7 @@ class _Counted:
 
 def _row(
     study: StudyDefinition,
-    counted: _Counted,
+    counted: _CountedRows,
     person: ParticipantRecord,
     key: str,
     order: int,
