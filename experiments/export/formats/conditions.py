@@ -116,10 +116,16 @@ def _of_kind(source: ExportSource, kind: Kind) -> "_CountedRows":
     attempts: dict[Place, list[Measured]] = {}
     for one in measured:
         attempts.setdefault((one.session.participant, one.session.condition), []).append(one)
-    measures, keys = StudyMeasures(dataset, measured), {key for _who, key in attempts}
+    keys = {key for _who, key in attempts}
+    # covariates are also of incomplete participants, whose attempts count
+    whole = replace(dataset, exclusions=())
     scores = [
-        {key: measures.means(f"{variable}.{scale.key}", key).values for key in keys}
+        {
+            key: StudyMeasures(own, measured).means(f"{variable}.{scale.key}", key).values
+            for key in keys
+        }
         for variable, scale in _scales(dataset)
+        for own in [whole if dataset.study.asked[variable].is_about_person else dataset]
     ]
     return _CountedRows(attempts, scores)
 
