@@ -109,23 +109,29 @@ def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
             yield [*_row(study, found(person.kind), person, key, order, own)]
 
 
-def _of_kind(source: ExportSource, kind: Kind) -> "_Counted":
+def _of_kind(source: ExportSource, kind: Kind) -> "_CountedRows":
     """Return what counts of the participants of a kind, as in a report on that kind."""
     dataset = counting(source.dataset, (kind,))
     measured = [replace(source.measured[one.id], session=one) for one in attempted(dataset)]
     attempts: dict[Place, list[Measured]] = {}
     for one in measured:
         attempts.setdefault((one.session.participant, one.session.condition), []).append(one)
-    measures, keys = StudyMeasures(dataset, measured), {key for _who, key in attempts}
+    keys = {key for _who, key in attempts}
+    # covariates are also of incomplete participants, whose attempts count
+    whole = replace(dataset, exclusions=())
     scores = [
-        {key: measures.means(f"{variable}.{scale.key}", key).values for key in keys}
+        {
+            key: StudyMeasures(own, measured).means(f"{variable}.{scale.key}", key).values
+            for key in keys
+        }
         for variable, scale in _scales(dataset)
+        for own in [whole if dataset.study.asked[variable].is_about_person else dataset]
     ]
-    return _Counted(attempts, scores)
+    return _CountedRows(attempts, scores)
 
 
 @dataclass(frozen=True)
-class _Counted:
+class _CountedRows:
     """The attempts at each place, and of each score its values by condition and participant."""
 
     attempts: Mapping[Place, Sequence[Measured]]
@@ -140,7 +146,7 @@ class _Counted:
 
 def _row(
     study: StudyDefinition,
-    counted: _Counted,
+    counted: _CountedRows,
     person: ParticipantRecord,
     key: str,
     order: int,
