@@ -4,7 +4,8 @@ The paper gives no definition; ours is:
 
 - percentages pool all answers of a row;
 - mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores,
-  each the mean of the row's statements that the respondent answered;
+  each the mean of their responses, of which each is the mean of the row's statements that it
+  answers: several responses of one person are not independent of each other;
 - the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal",
   which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t").
 """
@@ -23,6 +24,7 @@ from surveys.documents import spoken
 
 Interval = Literal["normal", "t"]
 Answers = Mapping[str, int | None]
+OwnAnswers = tuple[str, Answers]  # a respondent, and a response of theirs
 Kind = Literal["overall", "topic", "statement"]
 
 
@@ -45,7 +47,7 @@ class Summary:
 
 
 def summarise(
-    responses: Sequence[Answers],
+    responses: Sequence[OwnAnswers],
     statements: Sequence[str],
     scale: Sequence[int],
     *,
@@ -56,12 +58,15 @@ def summarise(
     statement; None or no entry is a missing answer. `scale` has its values, rising; answers above
     `neutral` are positive. Raises ValueError for an answer that is no value of the scale.
     """
-    found = [[answers.get(key) for key in statements] for answers in responses]
-    given = [[value for value in values if value is not None] for values in found]
-    counts = Counter(value for values in given for value in values)
+    counts, own = Counter[int](), dict[str, list[float]]()
+    for who, answers in responses:
+        values = [value for key in statements if (value := answers.get(key)) is not None]
+        counts.update(values)
+        if values:
+            own.setdefault(who, []).append(statistics.fmean(values))
     if outside := sorted(set(counts) - set(scale)):
         raise ValueError(f"answers outside the scale: {outside}")
-    scores = [statistics.fmean(values) for values in given if values]
+    scores = [statistics.fmean(values) for values in own.values()]
     mean, sd = mean_and_sd(scores)
     total = counts.total()
     above = sum(n for value, n in counts.items() if value > neutral)
@@ -109,7 +114,7 @@ class LikertRow:
 
 def likert_table(
     definition: Definition,
-    responses: Sequence[Answers],
+    responses: Sequence[OwnAnswers],
     *,
     language: str,
     interval: Interval,

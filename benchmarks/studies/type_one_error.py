@@ -84,6 +84,20 @@ def compared(*arrays: Floats, paired: bool = False, by: Compared = "means") -> T
     return compare(groups, is_paired=paired, by=by)
 
 
+def of_two_kinds(rng: Rng, n: int, m: int) -> Test:
+    """Compare four conditions, of which two kinds of participants have two each."""
+    kinds = [
+        (f"kind{at}", correlated(rng, *of))
+        for at, of in enumerate(((n, (1.0, 2.0)), (m, (2.0, 1.0))))
+    ]
+    groups = {
+        f"{kind}-{at}": {f"{kind}-{who}": float(one) for who, one in enumerate(column)}
+        for kind, own in kinds
+        for at, column in enumerate(own.T)
+    }
+    return compare(groups, is_paired=None)
+
+
 # --- data -----------------------------------------------------------------------------------------
 
 
@@ -100,6 +114,11 @@ def answers(rng: Rng, n: int, k: int) -> Floats:
     """Return answers from 1 to 5, (n, k), of which most are 4 or 5; a participant's are alike."""
     latent = 0.7 * rng.standard_normal((n, 1)) + 0.7 * rng.standard_normal((n, k)) + 0.6
     return np.asarray(np.digitize(latent, (-1.0, -0.3, 0.2, 0.9)) + 1.0)
+
+
+def mostly_best(rng: Rng, n: int, share: float) -> Floats:
+    """Return values at the end of a scale, 1, of which some groups have nothing else."""
+    return np.where(rng.random(n) < share, 1.0, 1.0 - rng.gamma(2.0, 0.05, n))
 
 
 def many_zeros(rng: Rng, *shape: int) -> Floats:
@@ -166,7 +185,11 @@ def shares(rng: Rng, first: float, second: float) -> Test:
 def by_drives(family: Family, drives: Drives, *, with_ratio: bool = False) -> Test:
     """Return the test of conditions by their drives."""
     sides = {f"c{at}": own for at, own in enumerate(drives)}
-    return compare_drives(family, sides, with_ratio=with_ratio)
+    who = [{one.who for one in side} for side in drives]
+    is_paired = bool(set.intersection(*who))
+    is_single = all(len(own) == len(side) for own, side in zip(who, drives, strict=True))
+    layout = {"is_paired": is_paired, "is_single": is_single}
+    return compare_drives(family, sides, **layout, with_ratio=with_ratio)
 
 
 # --- models ---------------------------------------------------------------------------------------
@@ -381,6 +404,16 @@ NULLS = (
         lambda rng: compared(many_zeros(rng, 16), many_zeros(rng, 16)),
     ),
     Case(
+        "Welch t, by ranks where a group does not vary",
+        "80 % are best at everything, n = 12 each",
+        lambda rng: compared(*(mostly_best(rng, 12, 0.8) for _ in range(2))),
+    ),
+    Case(
+        "Welch F, by ranks where a group does not vary",
+        "70 % are best at everything, four groups, n = 10 each",
+        lambda rng: compared(*(mostly_best(rng, 10, 0.7) for _ in range(4))),
+    ),
+    Case(
         "paired t",
         "n = 20, SD 1 and 3, ties",
         lambda rng: compared(*_whole(correlated(rng, 20, (1.0, 3.0))).T, paired=True),
@@ -517,6 +550,11 @@ NULLS = (
         lambda rng: terms(
             groups_by_conditions(rng, 12, 24, 2.0), "group", "condition", "group:condition"
         ),
+    ),
+    Case(
+        "Wald F (mixed), of all conditions",
+        "four conditions, two of groups of 16 and 20 each, SD 1 and 2",
+        lambda rng: of_two_kinds(rng, 16, 20),
     ),
     Case(
         "Wald F (mixed)",

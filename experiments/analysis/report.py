@@ -32,6 +32,7 @@ from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.plan import hypotheses
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
+from experiments.analysis.plan.sensitivity import success_sensitivity
 from experiments.analysis.tables import delays, effects, flow, paper_tables, people, summaries
 from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.scale_reliability import reliability_table
@@ -84,7 +85,8 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = PEOPLE) -> Iterator[Report
 
 def _used(dataset: Dataset) -> set[str]:
     """Return the participants and drives, by id, that are behind the numbers of a report."""
-    return {one.id for one in (*dataset.included, *dataset.sessions, *attempted(dataset))}
+    people = {one.id for one in dataset.included}
+    return people | {one.id for one in (*dataset.sessions, *attempted(dataset))}
 
 
 def alpha_of(study: StudyDefinition) -> float:
@@ -112,6 +114,7 @@ def report(
     if not is_sensitivity:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         tables += [hypotheses.hypotheses_table(study, decisions), *also]
+        tables.append(success_sensitivity(dataset, attempts, alpha_of(study)))
         tables += [hypotheses.exclusions_table(dataset.exclusions), sheet]
     tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
     marked = partial(hypotheses.marked_figure, study, is_sensitivity=is_sensitivity)
@@ -155,7 +158,7 @@ def _tables(
     yield from (*score_tables(dataset), reliability_table(dataset))
     yield from (effects.against_network(measured), effects.by_network(measured))
     yield from (delays.ages(dataset, measured), delays.safety_limits(dataset, measured))
-    yield from (effects.learning(measured), effects.learnt(measured))
+    yield from (effects.learning(measured), effects.learnt(dataset, measured))
 
 
 def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:

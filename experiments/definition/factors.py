@@ -4,9 +4,9 @@ the problems of a design. A condition is a cell: it has one level of each factor
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, product
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from msgspec.structs import replace
 
@@ -90,6 +90,26 @@ def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
     if study.allocation.design == "within":
         return [tuple(one.key for one in group) for group in parts]
     return [(one.key,) for group in parts for one in group]
+
+
+class SideLayout(NamedTuple):
+    """How participants are on the sides of a comparison, by the design of the study alone, so that
+    returning and leaving do not change the test. `is_paired`: some have all sides; None: some have
+    several, but none has all. `is_single`: none has several conditions of a side.
+    """
+
+    is_paired: bool | None
+    is_single: bool
+
+
+def layout_of(study: StudyDefinition, sides: Iterable[Collection[str]]) -> SideLayout:
+    sides = list(sides)
+    had = [
+        [len(set(keys).intersection(side)) for side in sides] for keys in conditions_together(study)
+    ]
+    is_apart = all(sum(map(bool, counts)) <= 1 for counts in had)
+    is_paired = None if not is_apart and not any(map(all, had)) else not is_apart
+    return SideLayout(is_paired, all(n <= 1 for counts in had for n in counts))
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:

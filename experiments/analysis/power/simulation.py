@@ -23,12 +23,12 @@ from experiments.analysis.power.draws import (
 )
 from experiments.analysis.power.simulated_models import modelled
 from experiments.analysis.statistics.comparisons import holm_rows
-from experiments.analysis.statistics.conditions import Compared, p_values
+from experiments.analysis.statistics.conditions import Compared, compare, p_values
 from experiments.analysis.statistics.regression import DriveOutcome, Family, compare_drives
 from experiments.analysis.tables.declared import conditions_of, contrasts_of
 from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
-from experiments.definition.factors import conditions_together
+from experiments.definition.factors import conditions_together, layout_of
 from experiments.definition.schema import StudyDefinition
 
 AT_ONCE = 3_000_000  # values of simulated studies in memory
@@ -143,12 +143,11 @@ def _with_and_without(
 def _tested(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
-    """Return the p values of a comparison, (studies,): paired where a participant has all sides."""
+    """Return the p values of a comparison, (studies,), of participants laid out as in the study."""
     kinds = [list(enumerate(kind)) for kind in draws.noise]
     own = [[[at for at, key in kind if key in side] for side in sides] for kind in kinds]
-    is_paired = any(all(places) for places in own)
-    is_single = all(len(places) <= 1 for kind in own for places in kind)
-    if test in FAMILIES and not (test == "proportions" and is_single):
+    is_paired, is_single = layout_of(draws.study, sides)
+    if test in FAMILIES and (test != "proportions" or not is_single or is_paired is None):
         return _by_drives(draws, cast("Family", test), sides, samples)
     if test == "proportions":
         samples = [
@@ -163,7 +162,28 @@ def _tested(
             if (all(places) if is_paired else places[side])
         ]
         groups.append(np.concatenate(means, axis=1))
+    if is_paired is None:
+        named = [
+            [
+                f"{kind}-{n}"
+                for kind, x in enumerate(samples)
+                if own[kind][side]
+                for n in range(x.shape[1])
+            ]
+            for side in range(len(sides))
+        ]
+        return _of_some(named, groups, cast("Compared", test))
     return p_values(groups, is_paired=is_paired, by=cast("Compared", test))
+
+
+def _of_some(named: Sequence[Sequence[str]], groups: Sequence[Floats], by: Compared) -> Floats:
+    """Return the p values of sides of which participants have some, a study at a time."""
+    found = []
+    for values in zip(*groups, strict=True):
+        each = zip(named, values, strict=True)
+        sides = {str(n): dict(zip(*one, strict=True)) for n, one in enumerate(each)}
+        found.append(compare(sides, is_paired=None, by=by).p)
+    return np.asarray(np.nan_to_num(np.array(found), nan=1.0))
 
 
 def _by_drives(
@@ -179,11 +199,11 @@ def _by_drives(
         for person in range(x.shape[1])
     ]
     labels, conditions, who, normal = zip(*drawn, strict=True)
-    found = []
+    found, layout = [], layout_of(draws.study, sides)._asdict()
     for drives in draws.drives(family, who, conditions, np.stack(normal, axis=1)):
         own: dict[str, list[DriveOutcome]] = {str(side): [] for side in range(len(sides))}
         for label, one in zip(labels, drives, strict=True):
             own[label].append(one)
-        test = compare_drives(family, own, with_ratio=False)
+        test = compare_drives(family, own, **layout, with_ratio=False)
         found.append(test.p if test.is_known else 1.0)
     return np.array(found)

@@ -7,8 +7,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from experiments.analysis.statistics import proportions
+from experiments.analysis.statistics import models, proportions
 from experiments.analysis.statistics.comparisons import (
+    NO_VARIANCE,
+    IntervalEstimate,
     Test,
     between,
     is_constant,
@@ -17,6 +19,7 @@ from experiments.analysis.statistics.comparisons import (
     several_within,
     within,
 )
+from experiments.analysis.statistics.mixed_models import fit
 from experiments.analysis.statistics.rank_tests import (
     rank_sums,
     several_ranked,
@@ -29,6 +32,8 @@ from experiments.dataset.columns import Floats
 Compared = Literal["means", "ranks", "proportions"]
 NO_TEST = "–"
 ONE_CONDITION = "fewer than two conditions to compare"
+NOT_OF_SOME = "participants have only some of these conditions"
+WALD = "Wald F"
 
 
 class _Tests(NamedTuple):
@@ -53,37 +58,58 @@ TESTS: Mapping[Compared, _Tests] = {
 
 
 def compare(
-    groups: Mapping[str, Mapping[str, float]], *, is_paired: bool, by: Compared = "means"
+    groups: Mapping[str, Mapping[str, float]], *, is_paired: bool | None, by: Compared = "means"
 ) -> Test:
-    """Return the test of a difference between conditions, each with a value a participant.
+    """Return the test of a difference between conditions, each with a value a participant; with
+    `is_paired` None, participants have only some of them, and means are compared by a mixed model.
 
-    A condition is left out if it has fewer than two participants or, between participants, if its
-    values have no variance around their mean; the remark names it and the reason.
+    A condition of fewer than two participants is left out. Where the values of a group do not vary,
+    as at the end of a scale, nothing tells how far its mean may be from the true one: groups are
+    compared by ranks. The remark names these conditions.
     """
-    needs_variance = by == "means" and not is_paired
-    reasons = {key: _unfit(group, needs_variance) for key, group in groups.items()}
-    kept = [group for key, group in groups.items() if not reasons[key]]
-    remarks = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    kept = {key: group for key, group in groups.items() if len(group) >= 2}
+    remarks = [f"{key}: left out, n = {len(groups[key])}" for key in groups if key not in kept]
+    if is_paired is None and len(kept) > 1:
+        test = _of_some(kept) if by == "means" else Test(NO_TEST, 0, remark=NOT_OF_SOME)
+        return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+    is_of_means = by == "means" and not is_paired and len(kept) > 1
+    if is_of_means and (same := [key for key in kept if is_constant(_values(kept[key]))]):
+        test = _compared([*kept.values()], is_paired=False, by="ranks")
+        if test.is_known:
+            remarks.append(f"{', '.join(same)}: {NO_VARIANCE}, so compared by ranks")
+        if len(kept) == 2:  # the difference stays that of means, whose interval is unknown
+            first, second = (float(_values(group).mean()) for group in kept.values())
+            test = replace(test, difference=IntervalEstimate(first - second))
+    else:
+        test = _compared([*kept.values()], is_paired=bool(is_paired), by=by)
+    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+
+
+def _compared(kept: Sequence[Mapping[str, float]], *, is_paired: bool, by: Compared) -> Test:
     tests = TESTS[by]
     if len(kept) < 2:
-        test = Test(NO_TEST, 0, remark=ONE_CONDITION)
-    elif is_paired:
+        return Test(NO_TEST, 0, remark=ONE_CONDITION)
+    if is_paired:
         table = complete(kept)
-        test = tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
-    else:
-        arrays = [_values(group) for group in kept]
-        test = tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
-    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+        return tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
+    arrays = [_values(group) for group in kept]
+    return tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
+
+
+def _of_some(groups: Mapping[str, Mapping[str, float]]) -> Test:
+    rows = [(key, who, value) for key, group in groups.items() for who, value in group.items()]
+    sides, who, values = zip(*rows, strict=True)
+    people = len(set(who))
+    try:
+        design = models.design_of({"side": [*groups]}, ["side"], [{"side": one} for one in sides])
+        (term,) = fit(np.array(values), design, ["side"], who).terms
+    except models.CannotFitError as error:
+        return Test(WALD, people, remark=str(error))
+    return Test(WALD, people, term.f, term.df, term.p, term.difference)
 
 
 def _values(group: Mapping[str, float]) -> Floats:
     return np.array(list(group.values()), dtype=np.float64)
-
-
-def _unfit(group: Mapping[str, float], needs_variance: bool) -> str:
-    if len(group) < 2:
-        return f"left out, n = {len(group)}"
-    return "left out, no variance" if needs_variance and is_constant(_values(group)) else ""
 
 
 def complete(groups: Sequence[Mapping[str, float]]) -> Floats:

@@ -169,11 +169,13 @@ class RobustTests:
         own = list(places)
         estimates = self.estimates(outcomes)
         covariance = self._covariance(outcomes, estimates, own)
-        values = estimates[..., own]
-        wald = (values * np.linalg.solve(covariance, values[..., None])[..., 0]).sum(axis=-1)
         size, eta = len(own), self._freedom(own)
         if eta - size + 1.0 < LEAST_DF:
             raise CannotFitError("too few participants for so many levels")
+        if (np.linalg.matrix_rank(covariance, rtol=1e-10) < size).any():
+            raise CannotFitError("no variance within participants")
+        values = estimates[..., own]
+        wald = (values * np.linalg.solve(covariance, values[..., None])[..., 0]).sum(axis=-1)
         return (eta - size + 1.0) / (eta * size) * wald, (float(size), eta - size + 1.0)
 
     def _covariance(self, outcomes: Floats, estimates: Floats, own: Sequence[int]) -> Floats:

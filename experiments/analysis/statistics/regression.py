@@ -252,10 +252,18 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
 # --- comparisons ----------------------------------------------------------------------------------
 
 
-def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> Test:
-    """Return the test of a difference between sides of drives: of proportions, with one drive of a
-    participant on each side, by conditions.compare; of times of different participants by the
-    log-rank test; otherwise by the score test of a model of the sides.
+def compare_drives(
+    family: Family,
+    sides: Sides,
+    *,
+    is_paired: bool | None,
+    is_single: bool = True,
+    with_ratio: bool = True,
+) -> Test:
+    """Return the test of a difference between sides of drives, which the design chooses
+    (factors.SideLayout): with one drive of a participant on each side, of proportions by
+    conditions.compare, and of times of different participants by the log-rank test; otherwise by
+    the score test of a model of the sides.
 
     A side with drives of fewer than two participants is left out, which the remark says. The ratio
     of two sides takes most of the time; simulations leave it out.
@@ -263,15 +271,12 @@ def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> 
     codes = {key: {one.who for one in side} for key, side in sides.items()}
     kept = {key: side for key, side in sides.items() if len(codes[key]) >= 2}
     remarks = [f"{key}: left out, n = {len(codes[key])}" for key in sides if key not in kept]
-    people = [codes[key] for key in kept]
-    is_single = all(len(codes[key]) == len(side) for key, side in kept.items())
-    is_apart = is_single and len(set().union(*people)) == sum(map(len, people))
     if len(kept) < 2:
         test = Test(NO_TEST, 0, remark=ONE_CONDITION)
-    elif family == "proportions" and is_single and (is_apart or set.intersection(*people)):
+    elif family == "proportions" and is_single and is_paired is not None:
         values = {key: {one.who: one.value for one in side} for key, side in kept.items()}
-        test = compare(values, is_paired=not is_apart, by="proportions")
-    elif family == "times" and is_apart:
+        test = compare(values, is_paired=is_paired, by="proportions")
+    elif family == "times" and is_single and is_paired is False:
         test = _log_rank(kept, with_ratio=with_ratio)
     else:
         test = _score_test(family, kept, with_ratio=with_ratio)

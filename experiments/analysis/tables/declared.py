@@ -25,7 +25,7 @@ from experiments.analysis.tables.scored_responses import RULES
 from experiments.analysis.tables.table import Cells, Table, TableCell, number, probability
 from experiments.dataset.records import Dataset
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
-from experiments.definition.factors import conditions_together
+from experiments.definition.factors import layout_of
 from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_confirmatory
 from experiments.definition.schema import StudyDefinition
 from surveys.documents import spoken
@@ -33,7 +33,7 @@ from surveys.documents import spoken
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 COEFFICIENTS = ("Measure", "Coefficient", "Estimate", "from", "to", "SE", "t", "df", "p")
 SIDES = ("first", "second")
-TESTS = {"mixed": "Wald F", **regression.SCORE}
+TESTS = {"mixed": conditions.WALD, **regression.SCORE}
 MODELS = {
     "mixed": "Linear mixed model with an intercept for each participant, by REML. Tests: Wald, by"
     " the residuals of participants (CR2), with the degrees of freedom of Pustejovsky and Tipton"
@@ -135,6 +135,8 @@ def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
         yield drive_outcomes.CENSORED_AT_END
     if one.test in {"times", "proportions"}:
         yield drive_outcomes.UNMOVED
+        if not one.is_model:
+            yield drive_outcomes.FIRST
         return
     if CENSORED.intersection(one.measures):
         yield drive_outcomes.ONLY_KNOWN
@@ -150,15 +152,12 @@ def _test_sides(
     groups = [group for _, group in found.values()]
     if why := data.unknown(one.test, measure):
         return Test("–", 0, remark=why), groups
+    layout = layout_of(data.dataset.study, sides.values())
     if one.test in FAMILIES:
         drives = {name: own for name, (own, _) in found.items()}
-        return regression.compare_drives(KINDS[measure], drives), groups
-    values = {name: group.values for name, (_, group) in found.items()}
-    is_paired = any(
-        all(set(together).intersection(keys) for keys in sides.values())
-        for together in conditions_together(data.dataset.study)
-    )
-    return compare(values, is_paired=is_paired, by=cast("conditions.Compared", one.test)), groups
+        return regression.compare_drives(KINDS[measure], drives, **layout._asdict()), groups
+    values, by = {name: group.values for name, (_, group) in found.items()}, one.test
+    return compare(values, is_paired=layout.is_paired, by=cast("conditions.Compared", by)), groups
 
 
 def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:

@@ -14,16 +14,24 @@ from experiments.analysis.statistics.regression import (
 )
 from experiments.analysis.tables.comparisons import Compared, ComparedSide, participant_means
 from experiments.dataset.records import COMPLETED
+from experiments.definition.factors import SideLayout
 
 CENSORED_AT_END = (
-    "Times that never came are censored at the end of the session; their medians are by Kaplan and"
-    " Meier."
+    "Times that never came are censored at the end of the session, which takes those who gave up as"
+    " if they would have gone on like the others: see the table success-sensitivity. Medians are by"
+    " Kaplan and Meier."
 )
 ONLY_KNOWN = "Times are those of sessions in which they came."
 UNMOVED = (
     "In proportions and times, a participant who saw the video and never moved the robot under a"
-    " condition is one who did not succeed; participants who are excluded as incomplete stay in."
+    " condition is one who did not succeed, as in a drive that the robot, the network or an"
+    " operator ended; participants who are excluded as incomplete stay in."
 )
+FIRST = (
+    "Comparisons of proportions and times have one drive of a participant in a condition: the first"
+    " that counts, unless the study counts the last."
+)
+OF_SUCCESS = frozenset({"proportions", "times"})
 RATES = (
     "Sessions that were cut short: counts and durations are per minute that has states;"
     f" {', '.join(sorted(OF_COMPLETED))} are those of completed sessions."
@@ -32,8 +40,21 @@ RATES = (
 
 def sessions_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
     """Return the attempts that have a metric: of metrics of driving, only drives that count."""
-    is_of_all = KINDS.get(name) in {"proportions", "times"}
+    is_of_all = KINDS.get(name) in OF_SUCCESS
     return [one for one in attempts if is_of_all or one.session.counts]
+
+
+def compared_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
+    """Return the attempts that comparisons of conditions have: of success and times, the first of a
+    participant in a condition, so that the test does not depend on who returns.
+    """
+    found = sessions_of(name, attempts)
+    if KINDS.get(name) not in OF_SUCCESS:
+        return found
+    first: dict[tuple[str, str], Measured] = {}
+    for one in found:
+        first.setdefault((one.session.participant, one.session.condition), one)
+    return [*first.values()]
 
 
 def comparable(one: Measured, name: str) -> float:
@@ -84,14 +105,14 @@ def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterato
             yield DriveOutcome(who, value)
 
 
-def metric_test(name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired: bool) -> Compared:
+def metric_test(name: str, sides: Mapping[str, Sequence[Measured]], layout: SideLayout) -> Compared:
     """Return the test of a metric between sides, by its kind of number, and the sides to print."""
     family = KINDS.get(name)
-    sides = {key: sessions_of(name, side) for key, side in sides.items()}
+    sides = {key: compared_of(name, side) for key, side in sides.items()}
     if family is None:
         means = {key: mean_side(side, name) for key, side in sides.items()}
-        test = compare({key: one.values for key, one in means.items()}, is_paired=is_paired)
-        return test, [*means.values()]
+        values = {key: one.values for key, one in means.items()}
+        return compare(values, is_paired=layout.is_paired), [*means.values()]
     found = {key: drive_side(side, family, name) for key, side in sides.items()}
-    test = compare_drives(family, {key: drives for key, (drives, _) in found.items()})
-    return test, [side for _, side in found.values()]
+    drives = {key: own for key, (own, _) in found.items()}
+    return compare_drives(family, drives, **layout._asdict()), [side for _, side in found.values()]

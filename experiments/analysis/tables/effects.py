@@ -41,6 +41,7 @@ from experiments.analysis.tables.table import (
 from experiments.dataset.counting import visits_of
 from experiments.dataset.levels import WAYS
 from experiments.dataset.records import COMPLETED, Dataset
+from experiments.definition.factors import SideLayout, layout_of
 
 OUTCOMES = (
     *("completed", "task_time", "time_to_motion", "docking_time", "path", "efficiency", "speed"),
@@ -68,16 +69,17 @@ def compare_conditions(
 ) -> Table:
     keys = _conditions(dataset, measured)
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
-    found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
+    found = _tested(names, sides, layout_of(dataset.study, [{key} for key in keys]))
     averaged = "A participant's sessions under a condition are averaged first."
-    notes = (averaged, drive_outcomes.CENSORED_AT_END, drive_outcomes.UNMOVED, drive_outcomes.RATES)
+    about = (drive_outcomes.FIRST, drive_outcomes.CENSORED_AT_END, drive_outcomes.UNMOVED)
+    notes = (averaged, *about, drive_outcomes.RATES)
     return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
 def _tested(
-    names: Sequence[str], sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
+    names: Sequence[str], sides: Mapping[str, Sequence[Measured]], layout: SideLayout
 ) -> list[tuple[str, Compared]]:
-    test = partial(drive_outcomes.metric_test, sides=sides, is_paired=is_paired)
+    test = partial(drive_outcomes.metric_test, sides=sides, layout=layout)
     return [(label_of(name), test(name)) for name in names]
 
 
@@ -172,7 +174,7 @@ def learning(measured: Sequence[Measured]) -> Table:
     return Table.of("learning", "Metrics by visit.", ("", "", *OF_CLASS), rows)
 
 
-def learnt(measured: Sequence[Measured]) -> Table:
+def learnt(dataset: Dataset, measured: Sequence[Measured]) -> Table:
     """Return tests of the second against the first visits, in conditions driven on both."""
     visits = visits_of(one.session for one in measured)
     own: dict[int, dict[tuple[str, str], Measured]] = {}
@@ -184,7 +186,9 @@ def learnt(measured: Sequence[Measured]) -> Table:
         "second": [one for key, one in second.items() if key in first],
         "first": [one for key, one in first.items() if key in second],
     }
-    found = _tested(LEARNT, sides, is_paired=True)
+    conditions = [one.key for one in dataset.study.conditions]
+    is_single = layout_of(dataset.study, [conditions]).is_single
+    found = _tested(LEARNT, sides, SideLayout(is_paired=True, is_single=is_single))
     who = "Participants who came back, in the conditions that they drove on both visits."
     less = "Difference: second less first visit."
     notes = (who, less, drive_outcomes.CENSORED_AT_END, drive_outcomes.RATES)

@@ -9,7 +9,13 @@ from experiments.analysis.metrics.definitions import KINDS, METRICS
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.regression import DriveOutcome
 from experiments.analysis.tables.comparisons import ComparedSide
-from experiments.analysis.tables.drive_outcomes import drive_side, mean_side, outcomes, sessions_of
+from experiments.analysis.tables.drive_outcomes import (
+    compared_of,
+    drive_side,
+    mean_side,
+    outcomes,
+    sessions_of,
+)
 from experiments.analysis.tables.paper_tables import behind
 from experiments.analysis.tables.scored_responses import coded, counted, mean_scores
 from experiments.dataset.records import Dataset
@@ -68,7 +74,8 @@ class StudyMeasures:
         who lack one of these have none.
         """
         if test in FAMILIES:
-            own = [one for key in keys for one in self._sessions(key, measure)]
+            driven = (one for one in self.measured if one.session.condition in keys)
+            own = compared_of(measure, driven)
             if (kind := KINDS.get(measure)) != test or kind is None:
                 return [], ComparedSide({}, [one.session.id for one in own])
             return drive_side(own, kind, measure)

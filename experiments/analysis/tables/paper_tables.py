@@ -9,6 +9,7 @@ from experiments.analysis.tables import comparisons
 from experiments.analysis.tables.scored_responses import DISTRIBUTIONS, RULES, coded, counted, note
 from experiments.analysis.tables.table import Cells, Table, amount, count, number, session_count
 from experiments.dataset.records import Dataset, ResponseRecord
+from experiments.definition.factors import layout_of
 from sessions.devices import OTHER
 from surveys.answers import Missing
 from surveys.likert import LikertRow, likert_table
@@ -94,7 +95,7 @@ def lines_of(
     if definition is None or definition.scoring != "likert":
         return [], responses
     keys = [one.key for one in definition.questions() if one.points]
-    answers = [{key: one.values.get(key) for key in keys} for one in responses]
+    answers = [(one.participant, {key: one.values.get(key) for key in keys}) for one in responses]
     language, interval = dataset.language, analysis.interval
     lines = likert_table(definition, answers, language=language, interval=interval, overall=OVERALL)
     return lines, responses
@@ -123,24 +124,13 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
 
 
 def notes_of(dataset: Dataset, responses: Sequence[ResponseRecord]) -> Iterator[str]:
-    """Yield what the numbers count (n: responses, several of a participant), and the interval."""
+    """Yield what the numbers count, and the interval."""
     yield note(dataset, responses)
-    several = len(responses) > len({one.participant for one in responses})
     yield (
-        "n: responses that answer at least one of the row's statements, "
-        + ("several of one participant among them." if several else "one a participant.")
+        "n: participants who answered at least one of the row's statements. Percentages of all"
+        " answers to them; mean, SD, CI, median and IQR (third less first quartile) of n values: a"
+        " participant's is the mean of their responses, and a response's that of its answers."
     )
-    yield (
-        "Percentages of all answers to the row's statements; mean, SD, CI, median and IQR (third"
-        " less first quartile) of n values, a response's value being the mean of its answers to"
-        " them."
-    )
-    if several:
-        yield (
-            "The CI takes the n responses as independent of each other. Those of one participant"
-            " are not, so this is no interval for participants; tests have one value a participant"
-            " and condition."
-        )
     distribution = DISTRIBUTIONS[dataset.study.analysis.interval]
     yield (
         "CI: half-width of the confidence interval of the mean by"
@@ -184,7 +174,8 @@ def _summary_row(
 ) -> Cells:
     found, about = line.summary, behind(line.statements, responses)
     parts = zip(shares(found.counts) or (None,) * len(scale), scale, strict=True)
-    ranked = spread([score for _, score in _scores(responses, line.statements)])
+    scores = comparisons.participant_means(_scores(responses, line.statements))
+    ranked = spread([*scores.values()])
     numbers = (found.mean, found.sd, found.ci95, found.ci99, ranked.median, ranked.iqr)
     n, shown = count(found.respondents, about), (number(value, 2, about) for value in numbers)
     cells = (number(part, 1, behind(line.statements, responses, (value,))) for part, value in parts)
@@ -211,7 +202,7 @@ def compare_answers(dataset: Dataset) -> Table:
     found = {one.key: lines_of(dataset, one.key) for one in dataset.study.conditions}
     found = {key: own for key, own in found.items() if own[1]}
     lines = next((lines for lines, _ in found.values()), [])
-    is_paired = dataset.study.allocation.design == "within"
+    is_paired = layout_of(dataset.study, [{key} for key in found]).is_paired
     rows = []
     for line in lines:
         keys = line.statements

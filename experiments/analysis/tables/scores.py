@@ -23,6 +23,7 @@ from experiments.analysis.tables.scored_responses import (
 )
 from experiments.analysis.tables.table import Table, TableCell, count, number
 from experiments.dataset.records import Dataset
+from experiments.definition.factors import layout_of
 from surveys.definition import Definition
 from surveys.likert import half_width
 from surveys.scoring import WHOLE, ScoredScale
@@ -141,7 +142,7 @@ def _tested(dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale) ->
         remark = f"not the same items: {', '.join(differing)}"
         return Test(NO_TEST, 0, remark=remark), [*sides.values()]
     values = {key: own.values for key, own in sides.items()}
-    is_paired = dataset.study.allocation.design == "within"
+    is_paired = layout_of(dataset.study, [{key} for key in sides]).is_paired
     return compare(values, is_paired=is_paired), [*sides.values()]
 
 

@@ -18,6 +18,11 @@ RESPONSES = st.lists(
 )
 
 
+def by_each(responses):
+    """Responses of as many respondents."""
+    return [(f"P{n}", answers) for n, answers in enumerate(responses)]
+
+
 @pytest.mark.parametrize(
     ("interval", "ci95", "ci99"), [("normal", 0.1715, 0.2254), ("t", 0.1749, 0.2324)]
 )
@@ -30,7 +35,7 @@ def test_the_published_number_of_respondents_and_spread_give_the_published_inter
 
 def test_percentages_pool_answers_and_the_rest_counts_respondents():
     responses = [{"q1": 2, "q2": 0}, {"q1": 1}, {"q1": None, "q2": -2}, {}, {"q3": 2}]
-    row = summarise(responses, ["q1", "q2"], SCALE, interval="normal")
+    row = summarise(by_each(responses), ["q1", "q2"], SCALE, interval="normal")
     assert (row.respondents, row.answers, row.counts) == (3, 4, (1, 0, 1, 1, 1))
     assert row.percentages == (25.0, 0.0, 25.0, 25.0, 25.0)
     scores = [1.0, 1.0, -2.0]
@@ -38,6 +43,14 @@ def test_percentages_pool_answers_and_the_rest_counts_respondents():
     assert row.sd == pytest.approx(statistics.stdev(scores))
     assert row.ci95 == pytest.approx(1.959964 * statistics.stdev(scores) / math.sqrt(3))
     assert row.positive == 50.0
+
+
+def test_several_responses_of_one_respondent_are_one_value():
+    answers = [{"q1": value} for value in (2, 1, -1, 0)]
+    once = summarise(by_each(answers), ["q1"], SCALE, interval="t")
+    twice = summarise(by_each(answers) * 2, ["q1"], SCALE, interval="t")
+    assert (twice.respondents, twice.answers) == (4, 8)
+    assert (twice.mean, twice.sd, twice.ci95) == (once.mean, once.sd, once.ci95)
 
 
 @pytest.mark.parametrize("interval", ["normal", "t"])
@@ -50,19 +63,19 @@ def test_tables_of_no_and_of_one_respondent_are_computed(interval):
         without_respondents.mean,
         without_respondents.positive,
     ) == (0, 0, None, None, None)
-    one = summarise([{"q1": 1}], ["q1"], SCALE, interval=interval)
+    one = summarise([("P", {"q1": 1})], ["q1"], SCALE, interval=interval)
     assert (one.mean, one.sd, one.ci95, one.ci99, one.positive) == (1.0, None, None, None, 100.0)
 
 
 def test_an_answer_that_the_scale_does_not_have_is_an_error():
     with pytest.raises(ValueError, match=r"outside the scale: \[7\]"):
-        summarise([{"q1": 7}], ["q1"], SCALE, interval="t")
+        summarise([("P", {"q1": 7})], ["q1"], SCALE, interval="t")
 
 
 @examples(50, thorough=1000)
 @given(RESPONSES)
 def test_percentages_sum_to_100_and_the_mean_lies_within_the_scale(responses):
-    row = summarise(responses, ["q1", "q2"], SCALE, interval="t")
+    row = summarise(by_each(responses), ["q1", "q2"], SCALE, interval="t")
     assert row.answers == sum(row.counts)
     if row.percentages is not None:
         assert math.fsum(row.percentages) == pytest.approx(100.0)
@@ -83,7 +96,7 @@ def test_mean_and_deviation_agree_with_the_standard_library(scores):
 def test_the_table_has_overall_then_topics_then_statements():
     table = likert_table(
         shipped()["experience"],
-        [{f"q{n}": 1 for n in range(1, 9)}] * 2,
+        by_each([{f"q{n}": 1 for n in range(1, 9)}] * 2),
         language="en",
         interval="t",
         overall="Overall",

@@ -196,19 +196,27 @@ boschloo <- function(a, n, b, m) {  # Fisher's p of each side is the statistic o
   sides <- cbind(one_sided(TRUE), one_sided(FALSE)); chosen <- sides[, which.min(sides[2, ])]
   list(Statistic = chosen[1], p = min(1, 2 * chosen[2]))
 }
-# tests of drives, by what they are: of different participants, of the same ones, or of some of both
-compare_drives <- function(kind, own) {
+# how the design lays out participants on sides of conditions: on one side each, on all, or on some; and whether
+# anybody has several conditions of one side
+layout_of <- function(sides) {
+  had <- sapply(unique(together), function(kind) sapply(sides, function(keys) sum(together[keys] == kind)))
+  on <- colSums(had > 0)
+  list(paired = any(on == length(sides)), apart = all(on <= 1), single = all(had <= 1))
+}
+first_of <- function(own) {  # one drive of a participant in a condition
+  own <- own[order(own$participant, own$visit), ]; own[!duplicated(own[c("participant", "condition")]), ]
+}
+# tests of drives, by what the design makes of them: of different participants, of the same ones, or of some of both
+compare_drives <- function(kind, own, layout) {
   own <- own[order(own$side), ]
   people <- tapply(own$participant, own$side, function(who) length(unique(who)))
   own <- own[own$side %in% names(people)[!is.na(people) & people > 1], ]; own$side <- droplevels(own$side)
   if (nlevels(own$side) < 2) return(list(`n tested` = 0))
   groups <- lapply(split(own, own$side), function(one) setNames(one$value, one$participant))
-  single <- !anyDuplicated(own[c("participant", "side")]); apart <- !anyDuplicated(own$participant)
-  shared <- Reduce(intersect, lapply(groups, names))
-  if (kind == "times" && apart) return(log_rank(own))
-  if (kind == "proportions" && single && apart) return(pearson(groups))
-  if (kind != "proportions" || !single || !length(shared)) return(clustered(kind, own))
-  both <- complete(groups)
+  if (kind == "times" && layout$apart && layout$single) return(log_rank(own))
+  if (kind == "proportions" && layout$single && layout$apart) return(pearson(groups))
+  if (kind != "proportions" || !layout$single || !layout$paired) return(clustered(kind, own))
+  both <- complete(groups); if (nrow(both) < 2) return(list(`n tested` = nrow(both)))
   if (length(groups) > 2) friedman(groups) else mcnemar_mid(both[, 1], both[, 2])
 }
 log_rank <- function(own) {
@@ -266,8 +274,17 @@ clustered <- function(kind, own) {
   b <- tail(fit$b, 1); slack <- qt(.975, fit$df) * tail(fit$error, 1)
   c(found, list(Size = exp(2 * b), `Size: from` = exp(2 * (b - slack)), `Size: to` = exp(2 * (b + slack))))
 }
-compared <- function(groups, test) {  # a condition of fewer than two participants is left out
+of_some <- function(groups) {  # participants have only some of the conditions: a mixed model, tested by CR2 and HTZ
+  own <- do.call(rbind, lapply(names(groups), function(key) data.frame(side = key, who = names(groups[[key]]), value = groups[[key]])))
+  own$side <- factor(own$side, names(groups)); contrasts(own$side) <- contr.sum(nlevels(own$side)); n <- length(unique(own$who))
+  if (all(tapply(own$value, own$who, same))) return(list(`n tested` = n))
+  fit <- suppressWarnings(suppressMessages(lmer(value ~ side + (1 | who), own, control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11)))))
+  found <- Wald_test(fit, constraints = constrain_zero(seq_along(fixef(fit))[-1]), vcov = vcovCR(fit, cluster = own$who, type = "CR2"), test = "HTZ")
+  list(`n tested` = n, Statistic = found$Fstat, df = length(groups) - 1, `df 2` = found$df_denom, p = found$p_val)
+}
+compared <- function(groups, test, layout = list(paired = TRUE)) {  # a condition of fewer than two participants is left out
   groups <- groups[lengths(groups) > 1]; if (length(groups) < 2) return(list(`n tested` = 0))
+  if (!layout$paired) return(of_some(groups))
   both <- complete(groups); if (nrow(both) < 2) return(list(`n tested` = nrow(both)))
   if (length(groups) > 2) (if (test == "ranks") friedman else repeated)(groups)
   else (if (test == "ranks") paired_ranks else paired_means)(both[, 1], both[, 2])
@@ -286,7 +303,7 @@ compare_table <- function(table, measures, labels, ordinal, keys = conditions, t
   groups <- lapply(measures, by_condition, keys = keys)
   for (n in seq_along(measures)) for (key in keys)
     do.call(tell, c(list(table, labels[n]), describe(groups[[n]][[key]], paste0(key, ": "), ordinal)))
-  tell_family(table, setNames(lapply(groups, compared, test), labels), groups)
+  tell_family(table, setNames(lapply(groups, compared, test, layout_of(as.list(keys))), labels), groups)
 }
 
 # --- tables by condition -------------------------------------------------------------------------
@@ -324,23 +341,23 @@ tell_sides <- function(table, row, drives, kind) for (key in levels(drives$side)
   do.call(tell, c(list(table, row), numbers))
 }
 # a table of metrics between sides of sessions, by what kind of number each is
-metrics_table <- function(table, own, names) {
+metrics_table <- function(table, own, names, layout) {
   found <- list(); data <- list(); keys <- levels(own$side); attempts <- own
   for (name in names) {
     kind <- if (name %in% names(kinds)) kinds[[name]] else "means"; row <- label_of(name)
-    own <- if (kind %in% c("proportions", "times")) attempts else subset(attempts, moved)
+    own <- if (kind %in% c("proportions", "times")) do.call(rbind, lapply(split(attempts, attempts$side), first_of)) else subset(attempts, moved)
     drives <- if (kind != "means") drives_of(own, name, kind)
     if (kind == "means") {
       groups <- lapply(setNames(nm = keys), function(key) { one <- own[own$side == key, ]; named_mean(comparable(one, name), one$participant) })
       for (key in keys) do.call(tell, c(list(table, row), describe(groups[[key]], paste0(key, ": "), TRUE)))
     } else { groups <- groups_of(drives, kind); tell_sides(table, row, drives, kind) }
-    found[[row]] <- if (kind == "means") compared(groups, "means") else compare_drives(kind, drives)
+    found[[row]] <- if (kind == "means") compared(groups, "means", layout) else compare_drives(kind, drives, layout)
     data[[row]] <- groups
   }
   tell_family(table, found, data)
 }
 attempts$side <- factor(attempts$condition, levels = conditions)
-metrics_table("conditions", attempts, compared_metrics)
+metrics_table("conditions", attempts, compared_metrics, layout_of(as.list(conditions)))
 
 title_of <- function(slug, key) {
   for (topic in asked[[slug]]$topics) if (topic$key == key) return(topic$text$en)
@@ -366,13 +383,13 @@ for (slug in names(responses)) {
   if (slug != "experience") compare_table(paste0("score-tests-", slug), measures, labels, TRUE)
 }
 
-# the statements of Table 5: percentages of all answers, the rest of the respondents' means
+# the statements of Table 5: percentages of all answers, the rest of a mean of each participant's responses
 statements <- c(scales("experience"), setNames(nm = items_of(asked$experience)))
 labels <- sapply(names(statements), function(key) if (key %in% items_of(asked$experience)) toupper(key) else title_of("experience", key))
 compare_table("answers", paste0("experience.", names(statements)), labels, TRUE)
 table_5 <- function(name, found) for (n in seq_along(statements)) {
   given <- unlist(found[statements[[n]]]); given <- given[!is.na(given)]
-  x <- score("experience", statements[[n]], found); x <- x[!is.na(x)]
+  x <- named_mean(score("experience", statements[[n]], found), found$participant)
   share <- setNames(as.list(100 * tabulate(given + 3, 5) / length(given)), paste("%", c("−2", "−1", "0", "+1", "+2")))
   do.call(tell, c(list(name, labels[n]), share, n = length(x), Mean = mean(x), SD = sd(x),
     CI95 = half_width(x, .95), CI99 = half_width(x, .99), Median = median(x), IQR = IQR(x)))
@@ -489,7 +506,7 @@ if (!nrow(again)) {
   for (name in c("completed", learnt)) tell("learning-tests", label_of(name), `second: n` = 0, `first: n` = 0, `n tested` = 0)
 } else {
   again$side <- factor(ifelse(again$turn == 2, "second", "first"), levels = c("second", "first"))
-  metrics_table("learning-tests", again, c("completed", learnt))
+  metrics_table("learning-tests", again, c("completed", learnt), list(paired = TRUE, apart = FALSE, single = !anyDuplicated(together)))
 }
 
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
@@ -537,10 +554,10 @@ ours <- function(names, keys, sums) {  # R's names of coefficients as ours: peri
 contrast_table <- function(table, one, measures, own, test) {
   found <- list(); data <- list()
   for (measure in measures) for (side in one$contrasts) {
-    drives <- drives_of(own, measure, test); row <- paste(measure, side$title$en, sep = "|")
+    drives <- drives_of(if (test == "counts") own else first_of(own), measure, test); row <- paste(measure, side$title$en, sep = "|")
     drives$side <- factor(ifelse(drives$side %in% unlist(side$first), "first", ifelse(drives$side %in% unlist(side$second), "second", NA)))
     drives <- drives[!is.na(drives$side), ]; tell_sides(table, row, drives, test)
-    found[[row]] <- compare_drives(test, drives); data[[row]] <- groups_of(drives, test)
+    found[[row]] <- compare_drives(test, drives, layout_of(list(unlist(side$first), unlist(side$second)))); data[[row]] <- groups_of(drives, test)
   }
   tell_family(table, found, data)
 }

@@ -246,26 +246,39 @@ def test_without_variance_there_are_words_and_no_statistic():
     assert shifted.remark == "no variance: all differences are equal"
     assert math.isnan(shifted.statistic)
     assert shifted.difference.value == pytest.approx(0.1)
-    both = between(np.full(4, 0.1 + 0.2), np.full(5, 0.3))
-    assert both.remark == "no variance"
-    assert math.isnan(both.statistic)
     moved = several_within(np.column_stack([first, first + 0.1, first - 0.2]))
     assert moved.remark == "no variance: all differences are equal"
 
 
-def test_a_condition_of_one_participant_or_without_variance_leaves_only_itself_out():
+def test_a_condition_of_one_participant_leaves_only_itself_out():
     rng = np.random.default_rng(25)
     groups = {
         "a": people(*rng.normal(0.0, 1.0, 9)),
         "b": people(3.0),
         "c": people(*rng.normal(1.0, 1.0, 8)),
-        "d": people(2.0, 2.0, 2.0),
         "e": people(),
     }
     found = compare(groups, is_paired=False)
     expected = stats.ttest_ind(*(list(groups[key].values()) for key in "ac"), equal_var=False)
     assert (found.name, found.n, found.p) == ("Welch t", 17, pytest.approx(expected.pvalue))
-    assert found.remark == ("b: left out, n = 1; d: left out, no variance; e: left out, n = 0")
+    assert found.remark == "b: left out, n = 1; e: left out, n = 0"
+
+
+def test_groups_of_which_one_does_not_vary_are_compared_by_ranks():
+    rng = np.random.default_rng(25)
+    all_did_best, others = np.ones(12), rng.uniform(0.80, 0.84, 12)
+    found = compare({"a": people(*all_did_best), "b": people(*others)}, is_paired=False)
+    expected = stats.mannwhitneyu(all_did_best, others, use_continuity=False)
+    assert (found.name, found.n) == ("Mann-Whitney U", 24)
+    assert found.p == pytest.approx(expected.pvalue)
+    assert found.difference.value == pytest.approx(1.0 - others.mean())
+    assert math.isnan(found.difference.low)
+    assert found.remark == "a: no variance, so compared by ranks"
+    both = {"a": people(*all_did_best), "b": people(*np.full(12, 0.8))}
+    assert compare(both, is_paired=False).p < 0.001
+    three = compare({**both, "c": people(*others)}, is_paired=False)
+    assert (three.name, three.p < 0.001) == ("Kruskal-Wallis H", True)
+    assert three.remark == "a, b: no variance, so compared by ranks"
 
 
 def test_a_condition_of_one_participant_does_not_end_the_others_tests_within():
@@ -274,6 +287,24 @@ def test_a_condition_of_one_participant_does_not_end_the_others_tests_within():
     found = compare({"a": people(*a), "b": people(*b), "c": people(1.0)}, is_paired=True)
     assert found.p == pytest.approx(stats.ttest_rel(a, b).pvalue)
     assert (found.n, found.remark) == (9, "c: left out, n = 1")
+
+
+def test_conditions_of_which_participants_have_some_are_compared_by_a_mixed_model():
+    rng = np.random.default_rng(27)
+    own = rng.normal(0.0, 1.0, (2, 12))
+    groups = {
+        f"{kind}{at}": {f"{kind}-{n}": own[kind, n] + rng.normal(at, 0.5) for n in range(12)}
+        for kind in (0, 1)
+        for at in (0, 1)
+    }
+    found = compare(groups, is_paired=None)
+    assert (found.name, found.n, found.df[0]) == ("Wald F", 24, 3.0)
+    assert found.p < 0.05
+    assert compare(groups, is_paired=None, by="ranks").name == "–"
+    alike = {
+        key: {who: own[int(who[0]), int(who[2:])] for who in one} for key, one in groups.items()
+    }
+    assert compare(alike, is_paired=None).remark == "no variance within participants"
 
 
 def test_fewer_than_two_conditions_are_not_compared():

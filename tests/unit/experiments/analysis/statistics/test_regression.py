@@ -80,7 +80,7 @@ def test_times_of_different_participants_have_rs_log_rank_test_and_median():
         ]
         for level in LEVELS["delay"]
     }
-    found = compare_drives("times", sides)
+    found = compare_drives("times", sides, is_paired=False)
     expected = {one["model"]: float(one["estimate"]) for one in rows_of("fits.csv")}
     assert found.name == "log-rank χ²"
     assert found.statistic == pytest.approx(expected["log-rank"])
@@ -96,14 +96,16 @@ def drives(*values, start=0):
 
 def test_single_drives_of_different_participants_have_a_test_of_proportions():
     first, second = drives(*[1] * 18, *[0] * 2), drives(*[1] * 10, *[0] * 10, start=20)
-    found = compare_drives("proportions", {"a": first, "b": second})
+    found = compare_drives("proportions", {"a": first, "b": second}, is_paired=False)
     assert (found.name, found.n) == ("N−1 χ²", 40)
     assert found.difference.value == pytest.approx(0.4)
 
 
 def test_single_drives_of_the_same_participants_have_a_paired_test_of_proportions():
     found = compare_drives(
-        "proportions", {"a": drives(1, 1, 1, 1, 1, 0, 1), "b": drives(0, 0, 0, 0, 0, 0, 1)}
+        "proportions",
+        {"a": drives(1, 1, 1, 1, 1, 0, 1), "b": drives(0, 0, 0, 0, 0, 0, 1)},
+        is_paired=True,
     )
     assert (found.name, found.n, found.statistic) == ("McNemar mid-p", 7, 5.0)
 
@@ -111,7 +113,8 @@ def test_single_drives_of_the_same_participants_have_a_paired_test_of_proportion
 def test_several_drives_of_a_participant_are_a_cluster():
     first = drives(1, 1, 1, 0, 1, 1) + drives(1, 0, 1, 1, 1, 1)
     second = drives(0, 1, 0, 0, 1, 0) + drives(1, 0, 0, 1, 1, 0)
-    found = compare_drives("proportions", {"a": first, "b": second})
+    sides = {"a": first, "b": second}
+    found = compare_drives("proportions", sides, is_paired=True, is_single=False)
     assert (found.name, found.n, found.effect_name) == ("score F (logistic)", 6, "odds ratio")
     assert found.effect.value > 1.0
 
@@ -119,7 +122,7 @@ def test_several_drives_of_a_participant_are_a_cluster():
 def test_a_rate_ratio_counts_events_per_minute():
     first = [DriveOutcome(f"P{n}", 10.0 + n % 3, 2.0) for n in range(8)]
     second = [DriveOutcome(f"Q{n}", 10.0 + n % 3, 4.0) for n in range(8)]
-    found = compare_drives("counts", {"a": first, "b": second})
+    found = compare_drives("counts", {"a": first, "b": second}, is_paired=False)
     assert (found.effect_name, found.effect.value) == ("rate ratio", pytest.approx(2.0))
     assert found.p < 0.001
 
@@ -146,7 +149,7 @@ def test_sides_that_separate_the_outcomes_have_a_test_and_no_ratio():
     own = range(12)
     first = [DriveOutcome(f"P{n}", 100.0 + n) for n in own]
     second = [DriveOutcome(f"P{n}", 200.0 + 3 * n) for n in own]
-    found = compare_drives("times", {"a": first, "b": second})
+    found = compare_drives("times", {"a": first, "b": second}, is_paired=True)
     assert (found.name, found.n, found.effect_name) == ("score F (Cox)", 12, "")
     assert found.p < 0.001
 
@@ -157,7 +160,7 @@ def test_the_score_test_of_counts_is_the_test_of_participants_summed_residuals()
         level: [outcome(row, "counts") for row in rows if row["delay"] == level]
         for level in LEVELS["delay"]
     }
-    found = compare_drives("counts", sides)
+    found = compare_drives("counts", sides, is_paired=True)
     rate = sum(float(row["stops"]) for row in rows) / sum(float(row["minutes"]) for row in rows)
     minutes = {level: sum(one.weight for one in side) for level, side in sides.items()}
     mean = (minutes["none"] - minutes["long"]) / sum(minutes.values())
@@ -172,22 +175,24 @@ def test_the_score_test_of_counts_is_the_test_of_participants_summed_residuals()
 
 def test_times_that_never_came_have_no_test_and_no_median():
     never = [DriveOutcome(f"P{n}", 300.0, 0.0) for n in range(6)]
-    found = compare_drives("times", {"a": never[:3], "b": never[3:]})
+    found = compare_drives("times", {"a": never[:3], "b": never[3:]}, is_paired=False)
     assert (found.is_known, found.remark) == (False, "the time came in no drive")
     assert median_time(never) is None
 
 
 def test_a_side_of_one_participant_is_left_out():
-    found = compare_drives("counts", {"a": drives(1, 2, 3), "b": drives(4, start=9)})
+    found = compare_drives(
+        "counts", {"a": drives(1, 2, 3), "b": drives(4, start=9)}, is_paired=False
+    )
     assert found.remark == "b: left out, n = 1; fewer than two conditions to compare"
 
 
 def test_drive_that_ended_before_any_time_came_leaves_the_hazard_ratio_as_it_is():
     first = [DriveOutcome(f"P{n}", 100.0 + 7 * (n % 5), float(n % 4 > 0)) for n in range(12)]
     second = [DriveOutcome(f"P{n}", 110.0 + 9 * (n % 7), float(n % 3 > 0)) for n in range(12)]
-    without = compare_drives("times", {"a": first, "b": second})
+    without = compare_drives("times", {"a": first, "b": second}, is_paired=True)
     early = DriveOutcome("P0", 5.0, 0.0)
-    found = compare_drives("times", {"a": [*first, early], "b": second})
+    found = compare_drives("times", {"a": [*first, early], "b": second}, is_paired=True)
     assert found.effect_name == "hazard ratio"
     assert found.effect.value == pytest.approx(without.effect.value)
     assert found.effect.low == pytest.approx(without.effect.low)

@@ -20,7 +20,9 @@ from experiments.analysis.tables.effects import (
     outcomes_by_condition,
 )
 from experiments.dataset.records import Dataset, SessionRecord
+from experiments.definition.factors import conditions_together
 from experiments.definition.shipped import shipped
+from tests.support.analysis.planted_effects.study import success_study
 from tests.support.analysis.study_dataset import made_up
 from tests.support.analysis.tables import measured, rows
 
@@ -128,13 +130,40 @@ def test_every_session_with_a_known_delay_falls_into_one_class():
     assert cell(table, row(table, "control way", "datachannel"), "Sessions") > 0
 
 
+def test_mixed_design_is_compared_by_a_mixed_model_and_by_clusters():
+    """Two groups of participants, who each drive two of the four conditions."""
+    rng = np.random.default_rng(36)
+    study = success_study()
+    dataset = Dataset(study)
+    own = [
+        session_with(
+            f"{kind[0]}{n}",
+            key,
+            speed=rng.normal(place, 0.5) + level,
+            outcome="completed" if n % 4 else "timed_out",
+            task_time=math.nan,
+        )
+        for place, kind in enumerate(conditions_together(study))
+        for n, level in enumerate(rng.normal(0.0, 1.0, 12).tolist())
+        for key in kind
+    ]
+    table = compare_conditions(dataset, own, ("speed", "completed", "stops"))
+    speed, completed, _stops = table.rows
+    texts_of = [dict(zip(table.head, texts(one), strict=True)) for one in (speed, completed)]
+    assert [(one["Test"], one["n tested"]) for one in texts_of] == [
+        ("Wald F", "24"),
+        ("score F (logistic)", "24"),
+    ]
+    assert cell(table, speed, "p") < 0.05
+
+
 def test_learning_is_the_difference_within_visitors():
     rng = np.random.default_rng(37)
     first = rng.normal(100.0, 20.0, 15)
     second = first - rng.normal(10.0, 2.0, 15)
     own = [session_with(f"P{n}", number=1, efficiency=first[n]) for n in range(15)]
     own += [session_with(f"P{n}", number=2, efficiency=second[n]) for n in range(12)]
-    table = learnt(own)
+    table = learnt(Dataset(STUDY), own)
     line = row(table, "efficiency")
     assert cell(table, line, "Difference") == pytest.approx((second - first)[:12].mean())
     assert cell(table, line, "p (Holm)") < 0.001
@@ -200,7 +229,7 @@ def test_studies_of_up_to_two_participants_have_tables(size):
         against_network(found),
         by_network(found),
         learning(found),
-        learnt(found),
+        learnt(dataset, found),
     ):
         assert all(len(one) == len(table.head) for one in table.rows)
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 
 from experiments.analysis.report import reports
-from experiments.dataset.records import Dataset, ParticipantRecord
+from experiments.dataset.records import Dataset, EventRecord, ParticipantRecord
 from tests.support.analysis.every_ending import NEVER, drive, every_ending
 from tests.support.analysis.planned import plan_with
 
 TITLE = {"en": "Success"}
+WITHIN = {"design": "within", "order": "balanced"}
 CONTRAST = {"title": {"en": "open - shut"}, "first": ["all_open"], "second": ["shut"]}
 SUCCESS = [
     {"key": "success", "title": TITLE, "measures": ["completed"], "test": "proportions"}
@@ -86,3 +87,107 @@ def test_sensitivity_analysis_is_made_whenever_the_plan_excludes_somebody():
     found = list(reports(study_of(ends=half_give_up, plan={"incomplete": "drives"})))
     assert [one.name for one in found] == ["counting", "all"]
     assert "exclusions-effect" in tables_of(found[0])
+
+
+def with_returns(dataset, n, outcome="completed"):
+    """Let the first participants come back for another drive in their condition."""
+    again = [
+        replace(one, id=f"{one.id}-again", visit=2, outcome=outcome) for one in dataset.sessions[:n]
+    ]
+    people = {one.participant: [one] for one in dataset.sessions}
+    for one in again:
+        people[one.participant].append(one)
+    return replace(dataset, sessions=tuple(one for own in people.values() for one in own))
+
+
+def compared_in(report):
+    """The test, its n and its p value of each comparison of success and times."""
+    names = ("Test", "n tested", "p")
+    tables = [tables_of(report)[f"analysis-{name}"] for name in ("success", "times")]
+    rows = [dict(zip(one.head, one.rows[0], strict=True)) for one in tables]
+    rows += [row_of(tables_of(report)["conditions"], name) for name in ("completed", "task_time")]
+    return [[row[name].text for name in names] for row in rows]
+
+
+@pytest.mark.parametrize("outcome", ["completed", "timed_out"])
+@pytest.mark.parametrize("rule", ["first", "all"])
+def test_test_of_success_does_not_depend_on_who_comes_back(rule, outcome):
+    dataset = study_of(ends=half_leave_midway, analysis={"drives": rule})
+    (once,), (with_one,) = (reports(one) for one in (dataset, with_returns(dataset, 1, outcome)))
+    assert [name for name, *_ in compared_in(once)] == ["N−1 χ²", "log-rank χ²"] * 2
+    assert compared_in(with_one) == compared_in(once)
+
+
+def test_success_within_participants_is_tested_in_pairs_whoever_comes_back():
+    dataset = study_of(24, ends=half_leave_midway)
+    same = {f"shut{k:02d}": f"all_open{k:02d}" for k in range(24)}
+    sessions = [
+        replace(one, participant=same.get(one.participant, one.participant))
+        for one in with_returns(dataset, 1).sessions
+    ]
+    people = [replace(one, cell="all_open-shut") for one in dataset.participants[:24]]
+    study = every_ending(plan_with(hypotheses=[]), analyses=SUCCESS, allocation=WITHIN).study
+    dataset = replace(dataset, study=study, sessions=tuple(sessions), participants=tuple(people))
+    (found,) = reports(dataset)
+    assert [name for name, *_ in compared_in(found)] == ["McNemar mid-p", "score F (Cox)"] * 2
+
+
+def measured_study(n, ends):
+    """Return a study whose drives have times, as measured without states."""
+    dataset = study_of(n, ends=ends)
+    events = tuple(
+        EventRecord(one.id, one.ended, "task", "docked")
+        for one in dataset.sessions
+        if one.outcome == "completed"
+    )
+    return replace(dataset, events=events)
+
+
+def slow_ones_give_up(cell, k):
+    """With a closed door, two of three leave after a minute, and the others succeed in time."""
+    if cell == "shut" and k % 3:
+        return {"outcome": "cancelled", "fault_side": "visitor", "ended": 60.0 + k}
+    return {"ended": 200.0 + 5.0 * k}
+
+
+def by_drives(report, measure):
+    """The rows of a declared test in the sensitivity analyses of success and times."""
+    table = tables_of(report)["success-sensitivity"]
+    rows = [dict(zip(table.head, row, strict=True)) for row in table.rows]
+    return {
+        one["Drives"].text: one
+        for one in rows
+        if one["Measure"].text == measure and one["Analysis"].text != "conditions"
+    }
+
+
+def test_giving_up_is_no_uninformative_censoring_in_a_sensitivity_analysis():
+    (found,) = reports(measured_study(24, slow_ones_give_up))
+    planned, at_limit = by_drives(found, "task_time").values()
+    assert planned["p (Holm)"].value > 0.05
+    assert at_limit["p (Holm)"].value < 0.001
+    assert (at_limit["Drives"].text, at_limit["Significance"].text) == (
+        "giving up at the limit",
+        "changes",
+    )
+    assert by_drives(found, "completed") == {
+        "as planned": by_drives(found, "completed")["as planned"]
+    }
+
+
+def test_drives_that_the_robot_ended_are_left_out_in_a_sensitivity_analysis():
+    def ends(cell, k):
+        robot = {"outcome": "robot_fault", "fault_side": "robot", "ended": 30.0}
+        return robot if cell == "shut" and k % 2 else {"ended": 200.0 + k if k else 900.0}
+
+    (found,) = reports(measured_study(12, ends))
+    planned, without = by_drives(found, "completed").values()
+    assert (planned["n"].value, planned["Significance"].text) == (24, "")
+    assert planned["Difference"].value == pytest.approx(0.5)
+    assert (without["Drives"].text, without["n"].value) == ("without faults", 18)
+    assert without["Difference"].value == 0.0
+
+
+def test_study_without_faults_and_drives_given_up_has_no_sensitivity_analysis_of_success():
+    (found,) = reports(study_of())
+    assert tables_of(found)["success-sensitivity"].rows == ()
