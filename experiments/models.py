@@ -258,7 +258,8 @@ class Participant(UuidModel):
     # parameters of the link
     recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)
     # The id of a recruitment site, and "<study's name>:<its hash>" or a random word: unique, so
-    # that one id is one participant in all versions of the study.
+    # that one id is one participant in all versions of the study. After a withdrawal, the id is a
+    # keyed hash (experiments/recruitment/recognition.py).
     recruitment_id = models.CharField(
         _("recruitment id"), max_length=100, blank=True, db_index=True
     )
@@ -295,6 +296,10 @@ class Participant(UuidModel):
 
     def __str__(self) -> str:
         return f"{self.code} · {self.study.slug} {self.study.version}"
+
+    @property
+    def task_drives(self) -> "models.QuerySet[Drive]":
+        return self.drives.exclude(step__in=self.study.as_definition().practice_keys)
 
 
 def _participant(related_name: str) -> "ForeignKey[Participant, Participant]":

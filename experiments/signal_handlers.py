@@ -5,6 +5,7 @@ from typing import Any
 from django.db.models.signals import post_delete, post_save, pre_delete
 
 from accounts.models import User
+from experiments import instruction_media
 from experiments.access import forget_members
 from experiments.models import Study, StudyMember
 from experiments.participation.grants import StudyTerms, claimed, invited_to
@@ -35,6 +36,7 @@ def connect() -> None:
     for signal, receiver, sender in (
         (pre_delete, withdraw_everywhere, User),
         (post_delete, forget_members, Study),
+        (post_delete, instruction_media.forget, Study),
         (post_save, _member_changed, StudyMember),
         (post_delete, _member_changed, StudyMember),
         (signals.state_received, RUNNER.on_state, None),

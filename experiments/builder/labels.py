@@ -29,7 +29,7 @@ ENDING_NAMES: dict[str, Words] = {
     "timed_out": _("time ran out"),
     "technical_failure": _("ended by a technical failure"),
     "screened_out": _("turned away"),
-    "left": _("left without driving"),
+    "left": _("left early"),
 }
 
 LABELS: dict[str, Words] = {

@@ -193,6 +193,9 @@ class SessionRecord:
     operator: bool = column(False, "1 when an operator intervened")
     missing: int = column(0, "states that are known to be lost", least=0.0)
     excluded: str = word("why a researcher excluded it; empty when not")
+    excluded_at: str = word(
+        "when a researcher excluded it, in UTC; in public datasets only the day", late=True
+    )
     fault_side: str = word("whose fault the end was; empty when nobody's", levels.SIDES, late=True)
     fault_part: str = word(
         "part of the platform that was unavailable then", levels.PARTS, late=True

@@ -283,11 +283,19 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def reveals_condition(self) -> bool:
-        """Whether instructions or the drive page show something of it before any video."""
-        places = {(one.access, one.robot, one.site) for one in self.conditions}
-        parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
-        looks = set(map(parts, self.conditions))
-        return self.has_condition_specific_pages or len(looks) > len(places)
+        """Whether instructions, robot or drive page show something of it before any video."""
+        return self.has_condition_specific_pages or self._differs("interface controllers actions")
+
+    @property
+    def decides_robot(self) -> bool:
+        """Whether the robot depends on the condition, of those with the same access."""
+        return self._differs("")
+
+    def _differs(self, names: str) -> bool:
+        """Tell whether conditions with the same access differ in the robot, or in these fields."""
+        parts = attrgetter("access", "robot", "site", *names.split())
+        accesses = {one.access for one in self.conditions}
+        return len(set(map(parts, self.conditions))) > len(accesses)
 
     @property
     def tells_of_operator(self) -> bool:

@@ -39,11 +39,10 @@ def dataset_of(
     with_events = drives is None
     drives = list(drives_of(study, choice)) if drives is None else drives
     sessions = sessions_of(study, drives, release)
-    # The last session of a round: practice comes before the task, and a participant may have had to
-    # start again. The numbers of drives are no order, as each step counts its own.
+    # the last session of a round: practice comes before the task, and a participant may have had to
+    # start again
     places: dict[Round, str] = {
-        (one.participant_id, one.visit, one.round): names.session(one.session_id)
-        for one in sorted(drives, key=lambda one: one.granted_at)
+        (one.participant_id, one.visit, one.round): names.session(one.session_id) for one in drives
     }
     found = Dataset(
         study=definition,

@@ -32,7 +32,8 @@ def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
     rows = Drive.objects.filter(participant__in=people_of(study, choice))
     rows = rows.exclude(participant__status=Participant.Status.WITHDRAWN)
     related = rows.select_related("session__robot", "participant__user")
-    return related.order_by("participant__code", "number", "granted_at")
+    # numbers are no order: each step counts its own drives
+    return related.order_by("participant__code", "granted_at", "number")
 
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
@@ -84,6 +85,7 @@ def _session(
         operator=stopped or drive.session_id in with_operator,
         missing=visit.summary.get("missing", 0),
         excluded=drive.excluded_reason,
+        excluded_at=_excluded_at(drive, release),
         fault_side=fault.side,
         fault_part=fault.part,
         **{f"{name}_version": drive.versions.get(name, "") for name in VERSIONED},
@@ -129,6 +131,14 @@ def _docking(drive: Drive) -> dict[str, float]:
         return {}
     contacts = float(drive.result.get("dock_contacts", NAN))
     return {"docked_seconds": float(rule["seconds"]), "dock_contacts": contacts}
+
+
+def _excluded_at(drive: Drive, release: Release) -> str:
+    """Return when a researcher excluded a drive: what was known of the results by then."""
+    at = drive.excluded_at
+    if at is None:
+        return ""
+    return f"{at:%Y-%m-%d}" if release.choice.public else f"{at:%Y-%m-%d %H:%M}"
 
 
 def granted(drive: Drive) -> float:

@@ -20,7 +20,7 @@ from accounts.rate_limits import limited
 from experiments.definition.recruitment.recruiting import Appointments
 from experiments.models import Appointment, Participant
 from experiments.participation import progress
-from experiments.participation.drive_status import robots_of
+from experiments.participation.drive_status import conditions_on_robot, robots_of
 from experiments.participation.step_page import render_in_frame, to_step
 from experiments.recruitment import appointments, reminders
 
@@ -70,7 +70,7 @@ def _is_booked(request: HttpRequest, participant: Participant, email: str) -> bo
         starts_at = datetime.datetime.fromisoformat(request.POST.get("at", ""))
     except ValueError:
         return False
-    robots = robots_of(progress.open_conditions(participant))
+    robots = robots_of(conditions_on_robot(participant))
     made = appointments.book(participant, robots, starts_at, timezone.now())
     if made is not None and email:
         reminders.keep_address(participant, email, request.build_absolute_uri("/"))
@@ -81,7 +81,7 @@ def _page(
     request: HttpRequest, participant: Participant, asked: Appointments, form: AddressForm
 ) -> HttpResponse:
     study, zone = participant.study, ZoneInfo(participant.study.time_zone)
-    robots = robots_of(progress.open_conditions(participant))
+    robots = robots_of(conditions_on_robot(participant))
     days: dict[datetime.date, list[tuple[str, datetime.datetime]]] = defaultdict(list)
     for slot in appointments.free(study, asked, robots, timezone.now()):
         at = slot.starts_at.astimezone(zone)

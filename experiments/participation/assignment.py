@@ -4,14 +4,15 @@ instructions that only some conditions have, preferably for the cell that has th
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
 conditions (within them). A participant then holds a place in it, which is
 
-- freed only when the participant left without being exposed: their page never showed the robot's
-  video, nor anything else that only their condition has. They are drawn again if they return;
+- freed only when the participant left without having seen the robot's video, in practice or in the
+  task, or anything else that only their condition has. They are drawn again if they return;
 - filled by every other ending, whose outcome counts in the cell;
 - refilled: filled and yet given to another participant, when the study's frozen rule says so of its
   outcome, as often as the rule allows;
-- left, where a participant has several conditions to do, or learned of theirs before the video, and
-  is gone before driving them: such a place is given to another, so that the *complete cases* of the
-  orders are even. Whether someone is gone is computed each time; those who return keep their place.
+- left, where a participant has several conditions to do, or learned of theirs before the task (from
+  practice, too), and is gone before being exposed to all of them in the task: such a place is given
+  to another, so that the *complete cases* of the orders are even. Whether someone is gone is
+  computed each time; those who return keep their place.
 
 Smallest first alone would be predictable: of two cells, every second participant's would be known
 beforehand. So the best cell is only the most probable one (a biased coin, Efron, "Forcing a
@@ -186,9 +187,9 @@ def stage_now(
     stage: Stage, *, conditions: int, done: int, is_gone: bool, knows_condition: bool = False
 ) -> Stage:
     """Return the stage of a place as it counts now, of a participant who is to do a number of
-    `conditions` and drove in `done` of them; `is_gone` tells whether they withdrew, or were not
-    seen for as long as the study waits, `knows_condition` whether they learned of their condition
-    before any video.
+    `conditions` and was exposed to `done` of them; `is_gone` tells whether they withdrew, or were
+    not seen for as long as the study waits, `knows_condition` whether they learned of their
+    condition before the video of the task.
     """
     is_taken = stage in {"under_way", "filled"}
     may_leave = conditions > 1 or knows_condition

@@ -11,12 +11,12 @@ import hmac
 
 from accounts.passwordless import CODE_LETTERS
 from experiments.definition.recruitment.recruiting import ENDINGS, Ending
-from experiments.models import CODE_LENGTH, Drive, Participant, Study
+from experiments.models import CODE_LENGTH, LEFT, Drive, Participant, Study
 from experiments.recruitment import appointments, sites
 from sessions.leases.absences import faults_of
 from sessions.models import Session
 
-TECHNICAL = {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
+BEST_FIRST: tuple[Ending, ...] = ("done", "timed_out", "technical_failure", "left")
 TECHNICAL_SIDES = frozenset({"network", "platform", "robot", "operator"})
 MIN_MOTION_M = 0.1  # below, the odometer of a robot at rest is noise
 
@@ -40,18 +40,32 @@ def codes(study: Study) -> dict[Ending, str]:
 
 
 def ending_of(participant: Participant) -> Ending:
-    """Return the ending of a participant who has reached the end. The best drive in which the robot
-    moved decides. Without one, any failure that was not the participant's is a technical failure;
-    else they left, or their time was up.
+    """Return the ending of a participant who has reached the end. Each condition counts by its best
+    drive. Those who left the drive of one, or never moved the robot in it, have left; a failure
+    that was not theirs takes nothing away from the other conditions.
     """
-    practice = participant.study.as_definition().practice_keys
-    drives = Drive.objects.filter(participant=participant).exclude(step__in=practice)
-    rows = list(drives.select_related("session"))
-    moved = [drive.outcome or drive.session.outcome for drive in rows if has_moved(drive.session)]
-    fair = [outcome for outcome in moved if outcome not in TECHNICAL]
-    if fair:
-        return "timed_out" if set(fair) == {"timed_out"} else "done"
-    return "technical_failure" if moved else _without_motion(participant, rows)
+    drives = list(participant.task_drives.select_related("session"))
+    sides = {key: fault.side for key, fault in faults_of(one.session for one in drives).items()}
+    endings: set[Ending] = set()
+    for number in range(max(1, len(participant.conditions))):
+        own = [drive for drive in drives if drive.round == number]
+        found = [_of_drive(one, sides[one.session_id]) for one in own if has_moved(one.session)]
+        best = min(found, key=BEST_FIRST.index) if found else None
+        endings.add(best or _without_motion(participant, number, own))
+    if "left" in endings:
+        return "left"
+    fair = endings - {"technical_failure"}
+    return min(fair or endings, key=BEST_FIRST.index)
+
+
+def _of_drive(drive: Drive, side: str) -> Ending:
+    """Return the ending of a drive in which the robot moved; `side` is that of the fault."""
+    outcome = drive.outcome or drive.session.outcome
+    if outcome == "completed":
+        return "done"
+    if outcome == "timed_out" and (not side or drive.session.outcome != outcome):
+        return "timed_out"
+    return "technical_failure" if side in TECHNICAL_SIDES else "left"
 
 
 def has_moved(session: Session) -> bool:
@@ -60,12 +74,24 @@ def has_moved(session: Session) -> bool:
     return session.first_motion_at is not None or distance >= MIN_MOTION_M
 
 
-def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
+def has_left_drive(participant: Participant) -> bool:
+    """Tell whether a participant left after moving the robot in the task."""
+    drives = participant.task_drives.select_related("session")
+    return participant.completion == LEFT and any(has_moved(drive.session) for drive in drives)
+
+
+def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:
+    """Return the ending of a round in which the robot never moved: by its drives, and by the
+    sessions that never got the robot.
+    """
     sessions = [drive.session for drive in drives]
-    if participant.user_id is not None:
-        since = participant.created_at
-        own = Session.objects.filter(visitor=participant.user_id, queued_at__gte=since)
-        sessions += own.filter(granted_at=None, ended_at__isnull=False)
+    task = participant.study.as_definition().task
+    if participant.user_id is not None and task is not None:
+        waited = Session.objects.filter(visitor=participant.user_id, granted_at=None)
+        visits = participant.step_visits.filter(round=number, step=task.key)
+        for began, ended in visits.values_list("began_at", "finished_at"):
+            own = waited.filter(queued_at__gte=began, ended_at__isnull=False)
+            sessions += own.filter(queued_at__lte=ended) if ended else own
     # without a session no robot was available
     sides = {fault.side for fault in faults_of(sessions).values()} or {"platform"}
     if sides & TECHNICAL_SIDES:
@@ -81,11 +107,15 @@ def conclude(participant: Participant, now: datetime.datetime) -> None:
 
 
 def close(participant: Participant, status: str, ending: Ending, now: datetime.datetime) -> None:
-    """End an active participation, or update one that has ended with this status."""
+    """End an active participation, or update one that has ended with this status. Its end is when
+    this ending was reached first: a second visit does not make the first one longer.
+    """
     given = codes(participant.study).get(ending, "")
+    is_reached = participant.completion == ending and participant.finished_at is not None
+    ended = participant.finished_at if is_reached else now
     status_in = (Participant.Status.ACTIVE, status)
     rows = Participant.objects.filter(pk=participant.pk, status__in=status_in)
-    rows.update(status=status, finished_at=now, completion=ending, completion_code=given)
+    rows.update(status=status, finished_at=ended, completion=ending, completion_code=given)
     participant.refresh_from_db()
 
 

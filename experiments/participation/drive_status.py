@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, StepVisit
-from experiments.participation import assignment, places, progress
+from experiments.participation import progress
 from experiments.participation.journey import JourneyPlace
 from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
@@ -87,19 +87,24 @@ def series_of(robot: Robot) -> str:
     return series if isinstance(series, str) else ""
 
 
+def conditions_on_robot(participant: Participant) -> tuple[Condition, ...]:
+    """Return the conditions that a participant may get on the robot of their next drive; none while
+    the draw has yet to decide which robot that is.
+    """
+    conditions = progress.open_conditions(participant)
+    kinds = {(condition.robot, condition.site) for condition in conditions}
+    return conditions if len(kinds) == 1 else ()
+
+
 def robot_for(
     participant: Participant, now: datetime.datetime
 ) -> tuple[Robot | None, tuple[Condition, ...]]:
-    """Return the robot that a participant is led to, and the conditions that they may get on it.
-
-    Before the assignment it is of the series that the smallest cell needs, so that the robot does
-    not decide the cell. Of several, it is the one that they already have, else one that is online,
-    with the fewest visitors.
+    """Return the robot that a participant is led to, and the conditions that they may get on it. Of
+    several alike, it is the one that they already have, else one that is online, with the fewest
+    visitors.
     """
-    conditions = progress.open_conditions(participant)
-    kind = _kind_wanted(participant, conditions, now)
-    fitting = tuple(one for one in conditions if (one.robot, one.site) == kind)
-    robots = [robot for robot in robots_of(fitting) if robot.shown_to_visitors]
+    conditions = conditions_on_robot(participant)
+    robots = [robot for robot in robots_of(conditions) if robot.shown_to_visitors]
     sessions = Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED)
     living = list(sessions.values_list("robot_id", "visitor_id"))
     own = {robot for robot, visitor in living if visitor == participant.user_id}
@@ -109,7 +114,7 @@ def robot_for(
         key=lambda robot: (robot.pk not in own, not robot.is_online(now), visitors[robot.pk]),
         default=None,
     )
-    return best, fitting
+    return best, conditions
 
 
 def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
@@ -123,21 +128,3 @@ def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
         minutes = traffic_at(robot, sessions.get(robot.pk, []), now).minutes or 0.0
         waits[kind] = min(minutes, waits.get(kind, math.inf))
     return math.ceil(max(waits.values(), default=0.0))
-
-
-def _kind_wanted(
-    participant: Participant, conditions: tuple[Condition, ...], now: datetime.datetime
-) -> tuple[str, str]:
-    kinds = {(condition.robot, condition.site) for condition in conditions}
-    if len(kinds) > 1:
-        definition = participant.study.as_definition()
-        chosen = assignment.choose(
-            assignment.cells(definition, progress.access_of(participant)),
-            places.held(participant.study, participant.kind, now),
-            definition.allocation,
-            participant.pk.int % 2**31,
-        )
-        key = chosen.cell.conditions[participant.round] if chosen is not None else ""
-        if (first := definition.condition(key)) is not None:
-            return first.robot, first.site
-    return next(iter(kinds), ("", ""))

@@ -2,9 +2,10 @@
 
 Called by sessions (sessions/leases/terms.py) in the process that grants the robot, perhaps by two
 processes at once and again after one was killed: every answer equals the first. Participants are
-assigned at the first grant, or on reaching instructions that only some conditions have. Those who
-were not exposed give up their place and are drawn again, unless they have learned of their
-condition in another way.
+assigned at the first grant, or earlier: on reaching instructions that only some conditions have,
+or a drive whose robot depends on the condition, which participants must not choose. Those who were
+not exposed give up their place and are drawn again, unless they have learned of their condition in
+another way.
 
 Assignment does not rely on transactions. A draw is a row with a number that is unique in its study;
 it considers the places of all draws before that number, so that of two participants drawn at once
@@ -31,8 +32,7 @@ from experiments.definition.schema import Condition, StudyDefinition, as_stored
 from experiments.definition.step import DriveStep
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
-from experiments.participation.assignment import Cell
-from experiments.participation.drive_status import kind_of, status_at
+from experiments.participation.drive_status import conditions_on_robot, kind_of, status_at
 from experiments.participation.robot_eligibility import may_use
 from experiments.versions import versions_of
 from robots.access import may_operate
@@ -67,23 +67,12 @@ class PendingDrive:
     robot: Robot
     assigned: Condition | None
 
-    @property
-    def cells(self) -> list[Cell]:
-        access, number = progress.access_of(self.participant), self.participant.round
-        offered = []
-        for cell in assignment.cells(self.definition, access):
-            key = cell.conditions[number] if number < len(cell.conditions) else ""
-            condition = self.definition.condition(key)
-            if condition is not None and is_for(condition, self.robot):
-                offered.append(cell)
-        return offered
-
     def why_not(self, now: datetime) -> str:
         one = self.participant
         if not progress.may_begin_drive(one, now):
             return "closed"
-        free = self.assigned or places.free_cells(one.study, one.kind, self.cells, now)
-        if not free:
+        access = progress.access_of(one)
+        if not self.assigned and progress.is_full(one.study, access, now, one.kind):
             return "full"
         has_moved = status_at(one, progress.place(one)).state == "moved"
         return "not_allowed" if has_moved else ""
@@ -116,7 +105,7 @@ class StudyTerms:
         drive = pending_drive(session.visitor, session.robot)
         if drive is None:
             return None
-        condition = draw(drive.participant, drive.cells, now)
+        condition = draw(drive.participant, now)
         if condition is None:
             raise NotGranted("full")
         if not is_for(condition, session.robot):
@@ -158,10 +147,11 @@ def _pending_drives(user: User, robots: Sequence[Robot]) -> dict[Any, PendingDri
         step = definition.drive(participant.step)
         if step is None:
             continue
-        condition = progress.wanted_condition(participant, definition)
+        assigned = progress.wanted_condition(participant, definition)
+        fitting = conditions_on_robot(participant)
         for robot in robots:
-            drive = PendingDrive(participant, definition, step, robot, condition)
-            if is_for(condition, robot) if condition is not None else drive.cells:
+            if any(is_for(condition, robot) for condition in fitting):
+                drive = PendingDrive(participant, definition, step, robot, assigned)
                 found.setdefault(robot.pk, drive)
     return found
 
@@ -220,10 +210,10 @@ def _is_reserved(robot: Robot, now: datetime) -> bool:
     )
 
 
-def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Condition | None:
-    """Draw one of these cells for a participant, unless they have one, and return the condition of
-    their round; None when every cell is full, AssignmentContention when other participants are
-    drawn during every attempt.
+def draw(participant: Participant, now: datetime) -> Condition | None:
+    """Draw a cell for a participant, unless they have one, and return the condition of their round;
+    None when every cell is full, AssignmentContention when other participants are drawn during
+    every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
@@ -234,7 +224,7 @@ def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Cond
         try:
             # PostgreSQL: without it the error would abort the transaction of a caller
             with transaction.atomic():
-                drawn = decided or _new_draw(participant, cells, now)
+                drawn = decided or _new_draw(participant, now)
         except IntegrityError:  # another process took the number, or drew for this participant
             continue
         if drawn is None:
@@ -244,17 +234,13 @@ def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Cond
     raise AssignmentContention(participant.study.slug)
 
 
-def assign_reader(participant: Participant, now: datetime) -> Condition | None:
-    study, access = participant.study.as_definition(), progress.access_of(participant)
-    return draw(participant, assignment.cells(study, access), now)
-
-
-def _new_draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Draw | None:
+def _new_draw(participant: Participant, now: datetime) -> Draw | None:
     study, kind = participant.study, participant.kind
-    allocation = study.as_definition().allocation
+    definition = study.as_definition()
+    allocation, access = definition.allocation, progress.access_of(participant)
     number, levels = places.next_number(study, kind), balance_levels(participant)
     held, seed = places.held(study, kind, now), secrets.randbits(31)
-    chosen = assignment.choose(cells, held, allocation, seed, levels)
+    chosen = assignment.choose(assignment.cells(definition, access), held, allocation, seed, levels)
     if chosen is None:
         return None
     nth = participant.draws_applied + 1

@@ -12,14 +12,15 @@ from experiments.definition import opening_hours
 from experiments.definition.design import Controller
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import DONE, TIMED_OUT, Participant, Study
-from experiments.participation import journey, progress
+from experiments.participation import completion, journey, progress
 from experiments.participation.drive_status import longest_wait, robots_of
 from surveys.documents import spoken
 
 # In the order in which they are checked: the first that holds decides.
-OfParticipant = Literal["recognized", "other_account", "finished", "under_way", "screened_out"]
+OfPerson = Literal["withdrawn", "recognized", "other_account"]
+OfParticipant = Literal["finished", "under_way", "screened_out"]
 OfStudy = Literal["closed", "shut", "personal", "full"]
-Admission = Literal[OfParticipant, OfStudy, "device", "anonymous", "stranger", "welcome"]
+Admission = Literal[OfPerson, OfParticipant, OfStudy, "device", "anonymous", "stranger", "welcome"]
 _WEEK = 7
 
 
@@ -29,6 +30,7 @@ def landing(
     own: Participant | None,
     *,
     known: Participant | None = None,
+    has_withdrawn: bool = False,
     has_device: bool = True,
     is_recruited: bool = False,
     language: str,
@@ -38,12 +40,14 @@ def landing(
     maximal time of driving, `wait` the maximal wait for a robot, in minutes, while others have the
     robots; `opens_at` is in the study's time zone. `own` is the visitor's participation, `known`
     that of another user with the id of a recruitment site that their link names; `is_recruited`
-    tells whether it names one.
+    tells whether it names one, `has_withdrawn` whether they took part before and withdrew.
     """
     definition = study.as_definition()
-    if known is not None:
+    if has_withdrawn:
+        admission: Admission = "withdrawn"
+    elif known is not None:
         is_guest = known.user is not None and known.user.is_guest
-        admission: Admission = "recognized" if is_guest else "other_account"
+        admission = "recognized" if is_guest else "other_account"
     else:
         admission = _admission(study, user, own, now, has_device=has_device)
     return {
@@ -110,14 +114,17 @@ def _admission(
 
 def may_take_part_again(participant: Participant, now: datetime.datetime) -> bool:
     """Tell whether a participant who has finished may take part again. A recruitment site pays
-    once, so its participants may only after a failure, or for a second session.
+    once, so its participants may only after a failure, if they left before they drove, or for a
+    second session.
     """
     study, asked = participant.study, participant.study.as_definition().appointments
     if not progress.is_open(study, now):
         return False
     has_second = asked is not None and asked.second_after_days is not None
-    is_paid = bool(participant.recruitment_id) and participant.completion in {DONE, TIMED_OUT}
-    return not is_paid or (has_second and participant.visit == 1)
+    ending, is_over = participant.completion, False
+    if participant.recruitment_id:
+        is_over = ending in {DONE, TIMED_OUT} or completion.has_left_drive(participant)
+    return not is_over or (has_second and participant.visit == 1)
 
 
 def driving_minutes(definition: StudyDefinition) -> int:

@@ -29,12 +29,12 @@ def held(study: Study, kind: str, now: datetime) -> list[Held]:
     definition = study.as_definition()
     allocation, reveals = definition.allocation, definition.reveals_condition
     since = now - timedelta(hours=allocation.left_after_hours)
-    may_leave = allocation.design == "within" or reveals
+    may_leave = allocation.design == "within" or reveals or bool(definition.practice_keys)
     draws = _last_draws(study, kind)
     # read before the drives: a participant who drives in between does not count as gone
     columns = ("pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at")
     people = list(Participant.objects.filter(study=study, kind=kind).values_list(*columns))
-    done = _conditions_done(study, kind) if may_leave else {}
+    done, practised = _exposures(study, kind) if may_leave else ({}, set())
     found = []
     for pk, cell, stage, applied, conditions, status, seen in people:
         nth, drawn, levels = draws.get(pk, (0, "", {}))
@@ -46,7 +46,7 @@ def held(study: Study, kind: str, now: datetime) -> list[Held]:
                 conditions=len(conditions),
                 done=0 if status == Status.WITHDRAWN else len(done.get(pk, ())),
                 is_gone=may_leave and (status != Status.ACTIVE or seen < since),
-                knows_condition=reveals,
+                knows_condition=reveals or pk in practised,
             )
             found.append(Held(cell, counted, levels))
     return found
@@ -63,13 +63,18 @@ def _last_draws(study: Study, kind: str) -> dict[object, tuple[int, str, dict[st
     return {pk: (nth, cell, levels) for pk, nth, cell, levels in rows.values_list(*columns)}
 
 
-def _conditions_done(study: Study, kind: str) -> dict[object, set[str]]:
-    """Return the conditions in which each participant drove the task, or may have driven it."""
-    task = study.as_definition().task
+def _exposures(study: Study, kind: str) -> tuple[dict[object, set[str]], set[object]]:
+    """Return the conditions under which each participant was exposed to the task, or may have been,
+    and the participants who saw the robot's video in practice.
+    """
+    practice = study.as_definition().practice_keys
     rows = Drive.objects.filter(participant__study=study, participant__kind=kind)
-    of_task = rows.filter(step=task.key if task is not None else "")
-    drives = of_task.filter(Q(moved=True) | Q(settled_at=None))
-    found: dict[object, set[str]] = defaultdict(set)
-    for participant, condition in drives.values_list("participant_id", "condition"):
-        found[participant].add(condition)
-    return found
+    drives = rows.filter(Q(exposed_at__isnull=False) | Q(settled_at=None))
+    done: dict[object, set[str]] = defaultdict(set)
+    practised = set()
+    for participant, step, condition in drives.values_list("participant_id", "step", "condition"):
+        if step in practice:
+            practised.add(participant)
+        else:
+            done[participant].add(condition)
+    return done, practised

@@ -14,9 +14,17 @@ from django.utils.functional import Promise
 from experiments.definition.opening_hours import opens_on_the_wall
 from experiments.definition.step import Step
 from experiments.models import LEFT, TECHNICAL_FAILURE, Participant, Study
-from experiments.participation import completion, drive_status, landing, progress, questions
+from experiments.participation import (
+    completion,
+    drive_status,
+    grants,
+    landing,
+    progress,
+    questions,
+)
 from experiments.participation.drive_status import DriveStatus, robot_for
 from experiments.recruitment import appointments, recognition, sites
+from robots.models import Robot
 from surveys.definition import language_for
 from surveys.documents import BadDefinitionError, Text, spoken
 from surveys.models import Questionnaire
@@ -120,22 +128,30 @@ class DrivePage(StepPage):
             return False
         if self.done.state == "unmoved" or self.participant.study.status == Study.Status.CLOSED:
             return True
-        robot, _conditions = robot_for(self.participant, now)
+        robot = self._robot(now)
         return robot is None or not robot.is_online(now)
+
+    def _robot(self, now: datetime) -> Robot | None:
+        """Return the robot to which the participant is led. Where it depends on the condition, the
+        condition is drawn first.
+        """
+        is_open = self.participant.study.status != Study.Status.CLOSED
+        if is_open and not drive_status.conditions_on_robot(self.participant):
+            grants.draw(self.participant, now)
+        return robot_for(self.participant, now)[0]
 
     def take(self, request: HttpRequest, now: datetime) -> bool:
         return request.POST.get("go") == "without" and self.may_do_without(now)
 
     def show(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         """Show the page. Participants who arrive when every cell is full are screened out."""
-        participant, study = self.participant, self.participant.study
+        participant, study, robot = self.participant, self.participant.study, self._robot(now)
         is_full = not progress.has_place(participant) and progress.is_full(
             study, progress.access_of(participant), now, participant.kind
         )
         if is_full and self.done.state == "never":
             progress.screen_out(participant, now)
             return to_step(participant)
-        robot, _conditions = robot_for(participant, now)
         more = {
             "drive": self.done,
             "robot": robot,
@@ -179,12 +195,14 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
     def filled(text: Text) -> str:
         return questions.with_answers(participant, spoken(text, language), language=language)
 
+    left_drive = completion.has_left_drive(participant)
     may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
         "text": filled(progress.step_of(participant).end_text),
         "operator": filled(definition.operator_text) if may_have_met else "",
         "may_take_part_again": may_return,
-        "may_try_again": may_return and participant.completion in MAY_TRY_AGAIN,
+        "left_drive": left_drive,
+        "may_try_again": may_return and not left_drive and participant.completion in MAY_TRY_AGAIN,
         **return_button(participant),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)

@@ -64,6 +64,7 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     has_device = screening.has_device(study.as_definition(), device)
     about: dict[str, Any] = {
         "known": known,
+        "has_withdrawn": own is None and recognition.has_withdrawn(study, came, request.user),
         "has_device": has_device,
         "is_recruited": bool(came.identifier),
     }

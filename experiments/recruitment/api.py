@@ -21,8 +21,9 @@ from accounts.attempts import Attempts, address_of
 from accounts.json_api import VERSION, problem, too_many
 from accounts.tokens import hash_of
 from experiments.access import may
-from experiments.models import Participant, ParticipantKind, Study, StudyKey
+from experiments.models import LEFT, Participant, ParticipantKind, Study, StudyKey
 from experiments.recruitment.payments import minutes_of
+from experiments.recruitment.recognition import withdrawn_as
 
 READ = Attempts("study-api-read", limit=120)
 REFUSED = Attempts("study-api-refused", limit=20)
@@ -99,14 +100,18 @@ def participants(request: HttpRequest, slug: str) -> JsonResponse:
     if (refusal := _refusal(request, slug)) is not None:
         return refusal
     rows = Participant.objects.filter(study__slug=slug, kind=ParticipantKind.PARTICIPANT)
-    rows = rows.exclude(status=Participant.Status.WITHDRAWN)
     if identifier := request.GET.get("id", ""):
-        rows = rows.filter(recruitment_id=identifier)
+        rows = rows.filter(recruitment_id__in=(identifier, withdrawn_as(slug, identifier)))
+    else:
+        rows = rows.exclude(status=Participant.Status.WITHDRAWN)
     if after := request.GET.get("after", ""):
         rows = rows.filter(code__gt=after)
     found = list(rows.select_related("study").order_by("code")[: MAX_LISTED + 1])
     audit.note("participants_read_by_api", study=slug, detail=f"{len(found)} participants")
-    listed = [_described(one) for one in found[:MAX_LISTED]]
+    listed = [
+        _withdrawn(one, identifier) if one.withdrawn_at else _described(one)
+        for one in found[:MAX_LISTED]
+    ]
     more = {"next": listed[-1]["participant"]} if len(found) > MAX_LISTED else {}
     return JsonResponse({"apiVersion": VERSION, "participants": listed, **more})
 
@@ -126,3 +131,12 @@ def _described(one: Participant) -> dict[str, Any]:
         "finished": one.finished_at and one.finished_at.isoformat(timespec="seconds"),
         "minutes": minutes_of(one),
     }
+
+
+def _withdrawn(one: Participant, identifier: str) -> dict[str, Any]:
+    """Describe a participant who withdrew to a researcher who knows the id: only what is due. The
+    code of the row that stays would lead to the assigned condition.
+    """
+    unknown = dict.fromkeys(("started", "lastSeen", "finished", "minutes"))
+    due = {"outcome": one.completion or LEFT, "completionCode": one.completion_code}
+    return {**_described(one), **unknown, **due, "id": identifier, "participant": "", "step": ""}

@@ -4,7 +4,7 @@ import datetime
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.models import Participant, ParticipantKind, Study
+from experiments.models import LEFT, Participant, ParticipantKind, Study
 from experiments.recruitment.recognition import arrival_of
 
 HEAD = (
@@ -14,7 +14,9 @@ HEAD = (
 
 
 def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
-    """Yield the table of all versions, head first, of participants who may be paid."""
+    """Yield the table of all versions, head first. Those who withdrew are lines without id and
+    times: what they got stays due, and the recruitment site knows who entered their code.
+    """
     # with NumPy, which pages about other things need not load
     from experiments.recruitment.quality import flag_cells  # noqa: PLC0415
 
@@ -24,6 +26,9 @@ def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
         rows = list(people.exclude(status=Participant.Status.WITHDRAWN).order_by("created_at"))
         flags = flag_cells(version) if rows else {}
         yield from (_row(one, version, flags.get(one.code, "")) for one in rows)
+        for one in people.filter(status=Participant.Status.WITHDRAWN).order_by("withdrawn_at"):
+            ending = (one.status, one.completion or LEFT, one.completion_code)
+            yield ("", "", "", version.version, *ending, "", "", None, "")
 
 
 def _row(one: Participant, study: Study, flags: str) -> Sequence[Any]:

@@ -4,11 +4,17 @@ versions.
 A link with the id continues that participation. Other people know the id too, such as the
 researchers of earlier studies, so a browser that did not show the id of the same submission gets no
 copy of the participant's data (`is_confirmed`).
+
+Participants who withdraw after their assignment cannot join again, which would be a second draw. A
+hash of their id, or of their account, stays for that. It is keyed with the site's secret key, so
+that a list of ids and a copy of the database do not tell who withdrew.
 """
 
 from collections.abc import Mapping
 from hashlib import sha256
 from typing import Any
+
+from django.utils.crypto import salted_hmac
 
 from experiments.models import Participant, ParticipantKind, Study, not_drawn
 from experiments.recruitment.sites import Arrival, arrival
@@ -43,6 +49,36 @@ def known(study: Study, came: Arrival) -> Participant | None:
         return None
     rows = Participant.objects.select_related("study", "user")
     return rows.filter(recruited_as=recruited_as(study.slug, came.identifier)).first()
+
+
+def kept_after_withdrawal(participant: Participant) -> str:
+    """Return the hash that stays of a participant; empty for those who may join again: they had
+    neither been assigned nor finished, or are pilots or bots.
+    """
+    took_part = participant.cell or participant.completion
+    if participant.kind != ParticipantKind.PARTICIPANT or not took_part:
+        return ""
+    who = participant.recruitment_id or _account(participant.user)
+    return withdrawn_as(participant.study.slug, who) if who else ""
+
+
+def withdrawn_as(slug: str, who: str) -> str:
+    return salted_hmac("experiments.withdrawn", f"{slug}:{who}", algorithm="sha256").hexdigest()
+
+
+def has_withdrawn(study: Study, came: Arrival, user: Any) -> bool:
+    """Tell whether the person that a link names, or this user, has withdrawn from a version of the
+    study after being assigned.
+    """
+    hashes = [withdrawn_as(study.slug, who) for who in (came.identifier, _account(user)) if who]
+    rows = Participant.objects.filter(study__slug=study.slug, recruitment_id__in=hashes)
+    return rows.filter(status=Participant.Status.WITHDRAWN).exists()
+
+
+def _account(user: Any) -> str:
+    """Return the name under which an account withdraws; empty for guests, who have none to keep."""
+    is_full = user is not None and user.is_authenticated and not user.is_guest
+    return f"account {user.pk}" if is_full else ""
 
 
 def is_confirmed(participant: Participant, came: Arrival) -> bool:

@@ -81,7 +81,7 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
     definition = study.as_definition()
     answers = Response.objects.filter(user__participations__study=study).order_by("pk").distinct()
     of_people = ("pk", "kind", "status", "stage", "cell", "step", "age", "completion")
-    of_drives = ("pk", "outcome", "settled_at", "excluded_reason")
+    of_drives = ("pk", "outcome", "settled_at", "excluded_at", "excluded_reason")
     of_sessions = ("session__ended_at", "session__closed_at", "session__outcome")
     chunks = StateChunk.objects.filter(session__drive__participant__study=study)
     visits = StepVisit.objects.filter(participant__study=study)

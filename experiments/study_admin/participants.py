@@ -3,7 +3,7 @@
 from typing import Any
 
 from django.contrib import admin
-from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
+from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Value, When
 from django.http import Http404, HttpRequest, HttpResponse
 from django.urls import URLPattern
 from django.utils import timezone
@@ -70,7 +70,7 @@ def _quality_flags(row: Participant) -> str | SafeString:
 def _drives(row: Participant) -> SafeString:
     drives = (
         (one.pk, f"{one.number} · {one.condition} · {one.outcome or NOTHING}")
-        for one in row.drives.order_by("number")
+        for one in row.drives.order_by("granted_at")
     )
     page = "admin:experiments_drive_change"
     return by_line("{}", ([link_to(page, text, key)] for key, text in drives))
@@ -118,7 +118,7 @@ class ParticipantAdmin(StudyRows):
         self, request: HttpRequest, obj: Participant | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
+        who = ("person", "known_id", "came_with", "age") if is_known else ()
         times = ("created_at", "seen_at", "finished_at")
         progress = ("status", "visit", "step", "round", *times, "ending")
         return [
@@ -133,12 +133,12 @@ class ParticipantAdmin(StudyRows):
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
         """Annotate who has driven, and the recruitment ids that this user may read and search."""
         rows: QuerySet[Participant] = super().get_queryset(request)
-        known: Any = F("recruitment_id")
+        is_shown = ~Q(status=Participant.Status.WITHDRAWN)  # whose id is a hash
         if not request.user.is_superuser:
             ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
             own = StudyMember.objects.filter(user=request.user, role__in=ranks)
-            slugs = list(own.values_list("slug", flat=True))
-            known = Case(When(study__slug__in=slugs, then=known), default=Value(""))
+            is_shown &= Q(study__slug__in=list(own.values_list("slug", flat=True)))
+        known = Case(When(is_shown, then=F("recruitment_id")), default=Value(""))
         drives = Drive.objects.filter(participant=OuterRef("pk"))
         return rows.annotate(has_driven=Exists(drives), visible_id=known)
 

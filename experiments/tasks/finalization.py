@@ -192,12 +192,13 @@ def _write_events(drive: Drive, engine: TaskEngine | None) -> None:
 
 
 def settle_place(drive: Drive) -> None:
-    """Fill, free or pass on the place of a participant whose drive is over. A place whose
-    participant was exposed to the condition is never freed.
+    """Fill, free or pass on the place of a participant whose drive is over. Only the video of the
+    task exposes them, and fills it; that of practice tells them their condition, so that it is
+    never freed.
     """
     participant = Participant.objects.select_related("study").get(pk=drive.participant_id)
-    drives = Drive.objects.filter(participant=participant)
-    exposed = drives.filter(exposed_at__isnull=False).order_by("granted_at").first()
+    seen = {"exposed_at__isnull": False}
+    exposed = participant.task_drives.filter(**seen).order_by("granted_at").first()
     if exposed is not None:
         is_filled_again = participant.stage == Stage.FILLED and drive.visit == exposed.visit
         if participant.stage in {Stage.UNDER_WAY, Stage.FREED} or is_filled_again:
@@ -205,7 +206,8 @@ def settle_place(drive: Drive) -> None:
     elif (
         participant.stage == Stage.UNDER_WAY
         and not participant.study.as_definition().reveals_condition
-        and not drives.filter(settled_at=None).exclude(pk=drive.pk).exists()
+        and not participant.drives.filter(**seen).exists()
+        and not participant.drives.filter(settled_at=None).exclude(pk=drive.pk).exists()
     ):
         _move(participant, Stage.FREED)
 

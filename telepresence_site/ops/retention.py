@@ -17,6 +17,7 @@ from accounts import audit
 from accounts.models import User
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Drive
+from experiments.participation.withdrawal import deletion
 from robots.models import Enrolment
 from sessions.models import NetworkSample, Session, Snapshot, SystemLog
 from sessions.recording.batches import iter_batches
@@ -43,6 +44,7 @@ def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, 
             yield kind.name, kind.count(before) if dry_run else kind.forget(before)
     stale = Enrolment.objects.filter(expires_at__lt=now)
     yield "enrolments", stale.count() if dry_run else stale.delete()[0]
+    yield "undecided", deletion.forget_undecided(now - GUESTS_KEPT, dry_run=dry_run)
     idle = _idle_guests(now - GUESTS_KEPT)
     yield "guests", idle.count() if dry_run else idle.delete()[1].get(User._meta.label, 0)
 
@@ -58,7 +60,8 @@ def empty_write_ahead_log() -> None:
 
 def _idle_guests(before: datetime.datetime) -> "QuerySet[User]":
     """Return old accounts without a password that are no longer needed: visitors who tried a
-    simulated robot, with their drives, and participants who withdrew while they were driving.
+    simulated robot, with their drives, and participants who withdrew while they were driving, or
+    never agreed to a consent.
     """
     withdrawn = Q(kind=User.Kind.PARTICIPANT, participations=None, robot_sessions=None)
     tried = Q(kind=User.Kind.VISITOR, last_login__lt=before)

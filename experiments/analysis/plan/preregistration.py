@@ -214,13 +214,16 @@ class _Text:
         if len(study.conditions) == 1:
             yield _part("one_condition")
             return
-        when = _part(
-            "when_instructed" if study.has_condition_specific_pages else "when_getting_robot"
-        )
-        yield _part("assignment", when=when, allocation=allocation)
+        when = "when_offered_robot" if study.decides_robot else "when_getting_robot"
+        when = "when_instructed" if study.has_condition_specific_pages else when
+        yield _part("assignment", when=_part(when), allocation=allocation)
         if allocation.balance:
             yield self._balance()
         yield _part("keeps_cell" if study.reveals_condition else "drawn_again")
+        if study.practice_keys and not study.reveals_condition:
+            yield _part("practised")
+        if allocation.design == "between" and (study.practice_keys or study.reveals_condition):
+            yield _part("left", allocation=allocation)
         if allocation.design == "within":
             order = _part("orders", allocation.order)
             yield _part("within", order=order, allocation=allocation)

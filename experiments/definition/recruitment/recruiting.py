@@ -9,7 +9,7 @@ from msgspec import Meta
 from surveys.documents import DocumentPart, Key, Problem, Slug
 from surveys.documents import gettext_noop as _
 
-# How taking part ended. `left`: without moving the robot, or withdrawn.
+# How taking part ended. `left`: before the task was completed or its time over, or withdrawn.
 Ending = Literal["done", "timed_out", "technical_failure", "screened_out", "left"]
 ENDINGS: tuple[Ending, ...] = get_args(Ending)
 RecruitmentSite = Literal["any", "prolific", "mturk", "sona", "cloudresearch", "other"]

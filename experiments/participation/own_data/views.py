@@ -121,6 +121,7 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         is_active = participant.status == Participant.Status.ACTIVE
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
+        more["cannot_return"] = bool(recognition.kept_after_withdrawal(participant))
         return render(request, "experiments/withdraw.html", more)
     return leave(request, participant, timezone.now())
 

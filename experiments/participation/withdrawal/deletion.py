@@ -17,14 +17,24 @@ from django.contrib.admin.models import LogEntry
 from django.contrib.auth import SESSION_KEY
 from django.contrib.sessions.models import Session as BrowserSession
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Max, QuerySet
 from django.utils import timezone
 
 from accounts import audit
 from experiments.export import reports
 from experiments.extraction.people import EXPOSED, stages_of
-from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
+from experiments.models import (
+    Contact,
+    Draw,
+    Drive,
+    Participant,
+    ParticipantKind,
+    PersonalLink,
+    Study,
+    not_drawn,
+)
 from experiments.participation import progress, questions
+from experiments.recruitment import recognition
 from sessions.leases import store
 from sessions.models import Session, Snapshot
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -35,6 +45,7 @@ WITHDRAWN = "withdrawn"  # the reason of a session that was ended by it
 # The fields of the row that stays; all others have their defaults.
 KEPT = (
     *("study", "kind", "access", "status", "cell", "conditions", "draws_applied", "stage"),
+    "recruitment_id",  # only a keyed hash: experiments/recruitment/recognition.py
     *("completion", "completion_code", "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
 )
 # Of each of their draws, so that those of others can still be checked; not the time, the seed, and
@@ -93,6 +104,23 @@ def withdraw_everywhere(instance: Any, **_more: Any) -> None:
         audit.unlink([f"user:{instance.pk}"], person=instance)
 
 
+def forget_undecided(before: datetime, *, dry_run: bool) -> int:
+    """Delete who those are who did not agree to the consent and were last seen before a moment, and
+    by which link they came; return their number. Their rows still count who came.
+    """
+    rows = Participant.objects.filter(seen_at__lt=before, consents=None, cell="").exclude(user=None)
+    undecided = [
+        one
+        for one in rows.filter(kind=ParticipantKind.PARTICIPANT).select_related("study")
+        if one.study.as_definition().consent is not None
+    ]
+    for one in () if dry_run else undecided:
+        none: dict[str, Any] = {"user": None, "recruitment": {}, "recruitment_id": ""}
+        own = {"slot": str(one.pk), "recruited_as": not_drawn()}
+        Participant.objects.filter(pk=one.pk).update(**none, **own)
+    return len(undecided)
+
+
 def _strip(participant: Participant, now: datetime) -> None:
     """Delete all that can be deleted at once; the slot marks that it is done."""
     _mark(participant, now)
@@ -110,11 +138,12 @@ def _strip(participant: Participant, now: datetime) -> None:
         "age": None,
         "language": "",
         "recruitment": {},
-        "recruitment_id": "",
     }
-    Participant.objects.filter(pk=participant.pk).update(
-        slot=str(participant.pk),
+    slot = str(participant.pk)
+    Participant.objects.filter(pk=participant.pk).exclude(slot=slot).update(
+        slot=slot,
         recruited_as=not_drawn(),
+        recruitment_id=recognition.kept_after_withdrawal(participant),
         seen_at=_begin_of(now.date()),
         **none,
     )
@@ -131,7 +160,7 @@ def _mark(participant: Participant, now: datetime) -> None:
     staying = rows.exclude(status=Status.WITHDRAWN)
     if staying.update(status=Status.WITHDRAWN, **times, **place):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
-    was_exposed = participant.drives.filter(EXPOSED).exists()
+    was_exposed = participant.task_drives.filter(EXPOSED).exists()
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
 
 
@@ -194,7 +223,8 @@ def _replace(participant: Participant) -> None:
     """
     begin = _begin_of(participant.withdrawn_at or participant.seen_at.date())
     kept = {name: getattr(participant, name) for name in KEPT}
-    fields = {**kept, "language": "", "created_at": begin, "seen_at": begin}
+    times = {"created_at": _published_before(participant) or begin, "seen_at": begin}
+    fields = {**kept, "language": "", **times}
     slot = _slot_after(participant)
     with transaction.atomic():
         row, _made = Participant.objects.get_or_create(slot=slot, defaults=fields)
@@ -202,6 +232,15 @@ def _replace(participant: Participant) -> None:
         participant.draws.all().delete()  # their numbers are unique
         Draw.objects.bulk_create(Draw(participant=row, **draw) for draw in draws)
         Participant.objects.filter(pk=participant.pk).delete()
+
+
+def _published_before(participant: Participant) -> datetime | None:
+    """Return when the version was published that was the newest when a participant joined: it tells
+    which plans are older than their data, and nothing about the person.
+    """
+    versions = Study.objects.filter(slug=participant.study.slug)
+    before = versions.filter(published_at__lte=participant.created_at)
+    return before.aggregate(last=Max("published_at"))["last"]
 
 
 def _slot_after(participant: Participant) -> str:

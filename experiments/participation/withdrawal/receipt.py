@@ -26,6 +26,7 @@ from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskE
 from experiments.participation import completion, progress
 from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
+from experiments.recruitment import recognition
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
 
@@ -81,7 +82,8 @@ class Export(msgspec.Struct, frozen=True):
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
     """The receipt: `deleted` counts rows by the keys of `COUNTED`; `waits` tells that a drive has
     yet to end, `with_account` that the account is deleted too. `completion_code` is the one that
-    they got for the recruitment site; it stays valid.
+    they got for the recruitment site; it stays valid. `cannot_return` tells that a keyed hash stays
+    of their id or account.
     """
 
     title: str
@@ -94,6 +96,7 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
     deleted: dict[str, int]
     exports: tuple[Export, ...]
     completion_code: str = ""
+    cannot_return: bool = False
 
     @property
     def counts(self) -> list[tuple[str | Promise, int]]:
@@ -113,6 +116,7 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
         deleted=_counted(participant),
         exports=_exports(participant),
         completion_code=participant.completion_code,
+        cannot_return=bool(recognition.kept_after_withdrawal(participant)),
         **about_study,
     )
 

@@ -547,6 +547,18 @@ def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
     name = stored().steps[-1].leaves[0].picture
     answer = client.get(reverse("study_media", args=[name]))
     assert (answer.content, answer["Content-Type"]) == (png, "image/png")
+    parts = {
+        "bytes=0-1": (206, png[:2], "bytes 0-1/58"),
+        "bytes=50-": (206, png[50:], "bytes 50-57/58"),
+        "bytes=50-900": (206, png[50:], "bytes 50-57/58"),
+        "bytes=-3": (206, png[-3:], "bytes 55-57/58"),
+        "bytes=58-": (416, b"", "bytes */58"),
+        "bytes=-": (200, png, None),
+        "bytes=0-1,4-5": (200, png, None),
+    }
+    for asked, expected in parts.items():
+        part = client.get(reverse("study_media", args=[name]), headers={"range": asked})
+        assert (part.status_code, part.content, part.get("Content-Range")) == expected, asked
     assert "lab.png" in read(client.get(address)).text
     wrong_type = SimpleUploadedFile("lab.svg", b"<svg/>")
     refused = send(client, address, leaves__0__picture__file=wrong_type)
@@ -554,6 +566,22 @@ def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
     large = SimpleUploadedFile("large.png", png + bytes(2 * 1024 * 1024))
     assert "at most 2 MB" in read(send(client, address, leaves__0__picture__file=large)).text
     assert stored().steps[-1].leaves[0].picture == name
+
+
+def test_pictures_of_a_deleted_study_are_deleted_unless_another_study_shows_them(client, study):
+    address = press(client, study, "steps", "add:instructions").headers["Location"]
+    for number, name in enumerate(("a.png", "b.png")):
+        send(client, address, "add:leaves")
+        png = SimpleUploadedFile(name, b"\x89PNG\r\n\x1a\n" + name.encode())
+        send(client, address, **{f"leaves__{number}__picture__file": png})
+    shown, unshown = (leaf.picture for leaf in stored().steps[-1].leaves)
+    steps = list(msgspec.to_builtins(stored().steps))
+    leaf = {**steps[-1]["leaves"][0], "text": {"en": "Read"}}
+    steps[-1] = {**steps[-1], "title": {"en": "Read"}, "leaves": [leaf]}
+    publishing.store(small_study(slug="another", steps=steps), NOW)
+    Study.objects.get(slug=study.slug).delete()
+    assert client.get(reverse("study_media", args=[shown])).status_code == 200
+    assert client.get(reverse("study_media", args=[unshown])).status_code == 404
 
 
 def test_leaves_are_moved_with_what_was_typed_in_them(client, study):

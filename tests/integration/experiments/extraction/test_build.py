@@ -2,6 +2,7 @@
 identity.
 """
 
+import datetime
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from django.utils import timezone
 from experiments.analysis.report import reports
 from experiments.dataset.columns import matrix_of
 from experiments.extraction.build import dataset_of
-from experiments.models import Participant
+from experiments.extraction.selection import Selection
+from experiments.models import Drive, Participant
 from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask
@@ -114,17 +116,41 @@ def test_tables_of_extracted_and_stored_dataset_are_the_same(both):
         ], first.name
 
 
-def test_answers_after_a_repeated_practice_are_about_the_task():
+@pytest.fixture
+def practised_twice() -> Participant:
+    """A participant who had to repeat the practice, and then left the task."""
     robot, study = p.site(), p.published(p.of("assistance"))
     one = p.assign(p.comer(study, person()), "alone", "assisted")
     for step, number, outcome in (
         ("practice", 1, "connection_refused"),
         ("practice", 2, "completed"),
-        ("task", 1, "completed"),
+        ("task", 1, "cancelled"),
     ):
         Participant.objects.filter(pk=one.pk).update(step=step)
         one.refresh_from_db()
         p.drive_of(robot, one, outcome=outcome, moved=True, number=number)
+    return one
+
+
+def test_drives_are_in_the_order_of_time_although_each_step_counts_its_own(practised_twice):
+    dataset = dataset_of(practised_twice.study)
+    outcomes = [one.outcome for one in dataset.sessions]
+    assert outcomes == ["connection_refused", "completed", "cancelled"]
+    assert dataset.participants[0].left == "cancelled", "not the outcome of the second practice"
+
+
+@pytest.mark.parametrize(("public", "time"), [(False, "2026-05-04 10:07"), (True, "2026-05-04")])
+def test_a_drive_that_a_researcher_excluded_has_the_time_of_that(practised_twice, public, time):
+    at = datetime.datetime(2026, 5, 4, 10, 7, 33, tzinfo=datetime.UTC)
+    drives = Drive.objects.filter(step="task")
+    drives.update(excluded_reason="a test", excluded_at=at)
+    sessions = dataset_of(practised_twice.study, choice=Selection(public=public)).sessions
+    found = [(one.excluded, one.excluded_at) for one in sessions]
+    assert found == [("", ""), ("", ""), ("a test", time)]
+
+
+def test_answers_after_a_repeated_practice_are_about_the_task(practised_twice):
+    one, study = practised_twice, practised_twice.study
     place = JourneyPlace(1, 0, "workload")
     asked = study.as_definition().step("workload")
     ask(one, place, asked, drive=DriveStatus(), now=timezone.now())

@@ -5,8 +5,11 @@ import datetime
 import pytest
 from django.utils import timezone
 
+from experiments.dataset.counting import attempted, counting
+from experiments.extraction.build import dataset_of
 from experiments.models import Draw, Drive, Participant
 from experiments.participation import grants, places
+from experiments.participation.withdrawal.deletion import withdraw
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame, Seen
 from experiments.tasks.runner import Runner
@@ -16,7 +19,7 @@ from sessions.models import SessionEvent
 from sessions.protocol import PageEvent
 from tests.support.people import person
 from tests.support.studies import participants as p
-from tests.support.studies.studies import STUDY, small_study
+from tests.support.studies.studies import PRACTICE, STUDY, small_study
 from tests.support.studies.task_session import begin, cabin_robot, close, small_conditions, write
 
 pytestmark = pytest.mark.django_db
@@ -87,6 +90,37 @@ def test_condition_that_the_page_shows_before_any_video_is_never_drawn_again(rob
     assert come_back(robot, drive.participant).condition == drive.condition
 
 
+def test_video_of_practice_shows_the_condition_and_fills_no_place(robot):
+    steps = [PRACTICE, *STUDY["steps"]]
+    study = p.published(small_study(steps=steps, allocation={"quota": 1}))
+    drive = begin(robot, "ada", study)
+    at = timezone.now().timestamp()
+    write(drive, [FirstFrame(at, repr(at)), *docked(at)])
+    drive = ended(drive, at + 5.0)
+    assert (drive.step, drive.participant.stage) == ("try", "under_way")
+    later = timezone.now() + datetime.timedelta(hours=25)
+    for when, stage in ((timezone.now(), "under_way"), (later, "left")):
+        assert [one.stage for one in places.held(study, "participant", when)] == [stage]
+    assert not attempted(counting(dataset_of(study))), "the analysis does not count it either"
+    Participant.objects.update(step="task")
+    assert come_back(robot, drive.participant).condition == drive.condition
+    withdraw(drive.participant, timezone.now())
+    assert Participant.objects.get().stage == "freed"
+
+
+def test_video_of_the_task_fills_the_place_whether_or_not_the_robot_moved(robot):
+    conditions = [*small_conditions()]
+    conditions[1] = {**conditions[1], "interface": "expert"}
+    drive = begin(robot, "ada", p.published(small_study(conditions=conditions)))
+    at = timezone.now().timestamp()
+    write(drive, [FirstFrame(at, repr(at)), *docked(at)])
+    drive = ended(drive, at + 40.0)
+    later = timezone.now() + datetime.timedelta(hours=25)
+    (place,) = places.held(drive.participant.study, "participant", later)
+    assert (drive.moved, place.stage) == (False, "filled")
+    assert attempted(counting(dataset_of(drive.participant.study)))
+
+
 def test_exposure_is_known_while_the_drive_lives(robot):
     drive = begin(robot)
     runner, at = Runner(), timezone.now().timestamp()
@@ -112,11 +146,10 @@ def test_frame_that_a_killed_session_manager_stored_exposes_the_participant(robo
 def test_draw_that_was_decided_before_a_process_died_is_applied_and_not_repeated(robot):
     study = p.published(small_study())
     participant = p.comer(study, person("ada"))
-    pending = grants.pending_drive(participant.user, robot)
-    decided = grants._new_draw(participant, pending.cells, timezone.now())
+    decided = grants._new_draw(participant, timezone.now())
     (place,) = places.held(study, "participant", timezone.now())
     assert (place.cell, place.stage) == (decided.cell, "under_way")
-    condition = grants.draw(participant, pending.cells, timezone.now())
+    condition = grants.draw(participant, timezone.now())
     participant.refresh_from_db()
     assert (condition.key, participant.cell, participant.draws_applied) == (
         decided.cell,
@@ -142,9 +175,7 @@ def test_assignment_is_balanced_by_an_answer_stored_with_the_draw(robot):
     study = p.published(small_study(steps=steps, allocation=allocation))
     for name, games in (("ada", 4), ("ben", 4), ("cyn", 0), ("dan", 0)):
         participant = p.answered(p.comer(study, person(name)), "you", {"games": games})
-        grants.draw(
-            participant, grants.pending_drive(participant.user, robot).cells, timezone.now()
-        )
+        grants.draw(participant, timezone.now())
     for level in ("4", "0"):
         rows = [row for row in Draw.objects.all() if row.levels == {"ict.games": level}]
         assert {row.cell for row in rows} == {"all_open", "shut"}

@@ -5,6 +5,7 @@ from collections import Counter
 
 import msgspec
 import pytest
+from django.urls import reverse
 from django.utils import timezone
 
 from experiments.definition.course import CourseTrack
@@ -12,6 +13,7 @@ from experiments.definition.schema import digest, from_stored
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import advance, grants
 from experiments.participation.grants import StudyTerms
+from experiments.tasks.finalization import settle_place
 from experiments.tasks.stored_records import track_of
 from robots.access import may_drive, may_observe
 from robots.models import Robot, RobotPermit, RobotPresence
@@ -195,6 +197,62 @@ def test_a_practice_drive_has_no_course_and_is_completed_by_leaving(robot):
     granted = take(robot, participant.user)
     drive = Drive.objects.get()
     assert (drive.step, track_of(drive), granted.terms.leaving_completes) == ("try", None, True)
+
+
+def two_robots(**changes) -> tuple[Study, dict[str, Robot]]:
+    """The paper's study, whose conditions with open doors are open to all; one is on each robot."""
+    robots = {series: p.site(series=series) for series in ("giraff", "rhodon")}
+    conditions = [
+        {**msgspec.to_builtins(one), "access": "open"}
+        for one in p.of("exploration").conditions
+        if not one.doors_closed
+    ]
+    more = {"conditions": conditions, "analyses": [], "plan": None, **changes}
+    return p.published(p.of("exploration", **more)), robots
+
+
+def shown_step(client, one: Participant):
+    """The page of a participant's task, whom it may have assigned."""
+    Participant.objects.filter(pk=one.pk).update(step="task")
+    client.force_login(one.user)
+    page = client.get(reverse("study_step", args=[one.study.slug]))
+    one.refresh_from_db()
+    return page
+
+
+def test_participants_cannot_choose_a_condition_by_choosing_the_robot(client):
+    study, robots = two_robots(allocation={"design": "between", **SURE})
+    for one in comers(study, 4):
+        Participant.objects.filter(pk=one.pk).update(step="task")
+        assert grants.claimed(one.user, list(robots.values())) == [], "before the draw"
+        given = shown_step(client, one).context["robot"]
+        assert shown_step(client, one).context["robot"] == given
+        assert one.cell == f"{given.presence.factsheet['series']}_open"
+        assert grants.claimed(one.user, list(robots.values())) == [given]
+        for robot in robots.values():
+            leave(take(robot, one.user).session)
+        assert [drive.session.robot for drive in one.drives.all()] == [given]
+    draws = Draw.objects.all()
+    assert Counter(draw.cell for draw in draws) == {"giraff_open": 2, "rhodon_open": 2}
+    assert all(set(draw.counts) == {"giraff_open", "rhodon_open"} for draw in draws)
+
+
+def test_a_participant_who_learned_of_their_robot_is_not_drawn_again(client):
+    study, _robots = two_robots()
+    one = p.comer(study, person("ada"))
+    given = shown_step(client, one).context["robot"]
+    settle_place(p.drive_of(given, one, outcome="connection_refused"))
+    one.refresh_from_db()
+    assert (one.stage, one.draws_applied) == ("under_way", 1)
+    assert shown_step(client, one).context["robot"] == given
+
+
+def test_nobody_is_assigned_to_a_robot_while_the_study_is_closed(client):
+    study, _robots = two_robots()
+    one = p.comer(study, person("ada"))
+    Study.objects.update(status="closed")
+    assert "This study is over" in shown_step(client, one).content.decode()
+    assert not Draw.objects.exists()
 
 
 # --- who may not ----------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """From the recruitment site and back: every ending, every device, with nothing but its id."""
 
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from accounts.models import EntryCode, User
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress
 from experiments.recruitment import recognition
+from sessions.leases.absences import note_page_closed
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
@@ -289,6 +291,56 @@ def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(ada):
     leads_back(ada, "done")
 
 
+@pytest.mark.parametrize(("outcome", "reason"), [("cancelled", "left"), ("timed_out", "idle")])
+def test_leaving_after_the_first_motion_is_not_completion(ada, outcome, reason):
+    page = ada.finish(outcome, reason=reason)
+    assert faults(page) == []
+    assert "You left before the task was done" in page.text
+    assert "Try the drive again" not in page.text
+    leads_back(ada, "left")
+    assert ada.client.post(FRONT).url == STEP
+    assert ada.participant.visit == 1, "drives that displease are not repeated"
+
+
+def test_closing_the_page_after_the_first_motion_is_leaving(ada):
+    ada.go_to("task")
+    drive = ada.walker.drive("connection_lost", moved=True)
+    note_page_closed(str(drive.session_id), 1001, timezone.now())
+    ada.walker.look()
+    ada.go_to("thanks")
+    leads_back(ada, "left")
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "ending"),
+    [
+        ("completed completed", "done"),
+        ("completed timed_out", "done"),
+        ("timed_out timed_out", "timed_out"),
+        ("completed cancelled", "left"),
+        ("cancelled completed", "left"),
+        ("completed robot_fault", "done"),
+        ("robot_fault robot_fault", "technical_failure"),
+        ("cancelled,completed completed", "done"),
+        ("completed queue", "left"),
+        ("completed -", "done"),
+    ],
+)
+def test_completion_needs_a_fair_drive_in_every_condition(robot, outcomes, ending):
+    study = p.published(p.of("assistance"))
+    one = p.assign(p.comer(study, person("ada")), "alone", "assisted")
+    for number, some in enumerate(outcomes.split()):
+        Participant.objects.filter(pk=one.pk).update(round=number, step="task")
+        one.refresh_from_db()
+        progress.see(one, timezone.now())
+        for outcome in some.split(","):
+            if outcome == "queue":
+                p.session_of(robot, one, outcome="cancelled", granted=False, reason="left")
+            elif outcome != "-":
+                p.drive_of(robot, one, outcome=outcome, moved=True)
+    assert completion.ending_of(one) == ending
+
+
 def test_a_participant_idle_until_the_page_gave_up_has_left(ada):
     ada.finish("timed_out", moved=False, reason="idle")
     leads_back(ada, "left")
@@ -327,8 +379,38 @@ def test_a_withdrawal_after_the_end_keeps_the_completion_code(ada):
     assert COMPLETE + code in [one.attributes.get("href") for one in page.all("a")]
     left = Participant.objects.get()
     # all participants with this ending have the code, so it does not identify one
-    assert (left.recruitment_id, left.recruitment, left.completion_code) == ("", {}, code)
-    assert "5f0c" not in left.recruited_as
+    assert (left.recruitment, left.completion_code) == ({}, code)
+    assert "5f0c" not in left.recruited_as + left.recruitment_id
+    assert sha256(b"5f0c").hexdigest() not in left.recruited_as + left.recruitment_id
+
+
+def test_an_id_that_withdraws_after_the_draw_cannot_join_again(recruit, ada, publish):
+    ada.finish()
+    receipt = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
+    assert "you can't take part a second time" in receipt.text
+    Study.objects.update(status="closed")
+    for study in (ada.study, publish(version=2)):
+        again = recruit(study)
+        page = again.arrive()
+        assert faults(page) == []
+        assert "You have left this study" in page.text
+        assert again.client.post(FRONT).url == FRONT
+    assert Participant.objects.count() == 1
+    assert recruit(ada.study, PROLIFIC_PID="b0b").join().url == STEP
+
+
+def test_an_account_that_withdraws_after_the_draw_cannot_join_again(publish, client):
+    study, user = publish(), person("ada")
+    client.force_login(user)
+    for status in ("withdrawn", "welcome"):
+        one = p.comer(study, user)
+        if status == "withdrawn":
+            p.assign(one, "giraff_open")
+        asked = read(client.get(f"/taking-part/{one.code}/withdraw/"))
+        assert ("can't take part in this study again" in asked.text) == (status == "withdrawn")
+        client.post(f"/taking-part/{one.code}/withdraw/")
+        assert client.get(FRONT).context["page"]["admission"] == status
+        Participant.objects.all().delete()
 
 
 def test_declining_the_consent_returns_the_code_of_leaving(recruit, ada):

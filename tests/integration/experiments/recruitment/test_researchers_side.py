@@ -10,7 +10,8 @@ from django.utils import timezone
 
 from experiments.models import Participant, StudyKey, StudyMember
 from experiments.participation import completion
-from experiments.recruitment import api
+from experiments.participation.withdrawal.deletion import withdraw
+from experiments.recruitment import api, payments
 from experiments.resources import obstacles_here
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
@@ -97,6 +98,35 @@ def test_the_payment_table_has_a_line_for_each_participant(client, study, ada):
     assert (row["id"], row["submission"], row["participant"]) == ("5f0c", "625d", ada.code)
     assert (row["outcome"], row["minutes"]) == ("technical_failure", "30.0")
     assert row["code"] == completion.code(study, "technical_failure")
+
+
+def test_a_second_visit_does_not_change_when_the_first_was_finished(study, ada):
+    Participant.objects.filter(pk=ada.pk).update(completion="done")
+    ada.refresh_from_db()
+    completion.conclude(ada, ada.created_at + p.datetime.timedelta(minutes=30))
+    completion.conclude(ada, ada.created_at + p.datetime.timedelta(days=7))
+    assert payments.minutes_of(ada) == 30.0
+
+
+def test_a_participant_who_withdrew_is_still_paid(client, study, ada, key):
+    Participant.objects.filter(pk=ada.pk).update(step="task")
+    p.drive_of(p.site(), p.assign(ada, "giraff_open"), outcome="completed", moved=True)
+    completion.conclude(ada, timezone.now())
+    code = completion.code(study, "done")
+    withdraw(ada, timezone.now())
+    lines = list(payments.payment_rows(study))
+    assert [dict(zip(lines[0], line, strict=True)) for line in lines[1:]] == [
+        dict.fromkeys(("id", "submission", "participant", "started", "finished", "flags"), "")
+        | {"version": 1, "status": "withdrawn", "outcome": "done", "code": code, "minutes": None}
+    ]
+    (one,) = ask(client, key, id="5f0c").json()["participants"]
+    assert (one["id"], one["status"], one["outcome"]) == ("5f0c", "withdrawn", "done")
+    assert one["completionCode"] == code
+    assert (one["participant"], one["parameters"], one["started"]) == ("", {}, None)
+    assert ask(client, key).json()["participants"] == [], "without the id nobody is named"
+    signed_in(client, "researcher", study.slug, "rex")
+    shown = client.get(LIST).content.decode()
+    assert Participant.objects.get().recruitment_id not in shown, "nor is the hash of it"
 
 
 def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client, study):

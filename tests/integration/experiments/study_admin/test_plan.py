@@ -2,8 +2,10 @@
 
 import datetime
 import re
+from importlib import import_module
 
 import pytest
+from django.apps import apps
 from django.core.management import CommandError, call_command
 from django.urls import reverse
 
@@ -11,6 +13,7 @@ from accounts.models import AuditEntry
 from experiments import publishing
 from experiments.extraction.build import freeze_of
 from experiments.models import Participant, Study, StudyMember
+from experiments.participation.withdrawal.deletion import withdraw
 from experiments.study_admin.plan import by_test
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.analysis.planned import PLAN, planned_study
@@ -65,6 +68,29 @@ def test_a_version_knows_whether_it_was_frozen_before_its_data(study):
     assert (freeze_of(second).before_data, freeze_of(second).earlier) == (True, 1)
     joined(second, NOW)
     assert not freeze_of(second).before_data
+
+
+def test_a_withdrawal_does_not_change_what_was_frozen_before_data(study):
+    first = published(study)
+    early = joined(first, NOW + DAY)
+    second = published(publishing.new_version(first, NOW), NOW + 2 * DAY)
+    late = joined(second, NOW + 2 * DAY + datetime.timedelta(minutes=5))
+    for one in (early, late):
+        withdraw(one, NOW + 2 * DAY + datetime.timedelta(hours=1))
+    assert freeze_of(first).before_data
+    assert (freeze_of(second).before_data, freeze_of(second).earlier) == (True, 1)
+    times = set(Participant.objects.values_list("created_at", flat=True))
+    assert times == {first.published_at, second.published_at}, "and nothing of the person's"
+
+
+def test_an_upgrade_corrects_the_times_of_earlier_withdrawals(study):
+    frozen = published(study)
+    one = joined(frozen, NOW + DAY)
+    withdraw(one, NOW + DAY)
+    Participant.objects.update(created_at=NOW.replace(hour=0, minute=0))
+    assert not freeze_of(frozen).before_data
+    import_module("experiments.migrations.0020_joined_after_publication").correct(apps, None)
+    assert freeze_of(frozen).before_data
 
 
 def test_page_states_in_its_language_whether_data_existed(client, study):

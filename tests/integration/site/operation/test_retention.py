@@ -17,7 +17,10 @@ from experiments.export import reports
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Appointment, ConsentReceipt, Contact, Participant, Study, StudyMember
 from experiments.participation import links
+from experiments.participation.consent import agree
 from experiments.participation.withdrawal import deletion
+from experiments.recruitment import recognition
+from experiments.recruitment.sites import Arrival
 from robots.models import Robot, RobotPermit
 from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, SystemLog
@@ -25,6 +28,7 @@ from surveys.questionnaires import store
 from surveys.responses import Context, Respondent, begin
 from tests.support.people import person
 from tests.support.sessions import replays
+from tests.support.studies import participants as p
 from tests.support.studies import questionnaires
 
 pytestmark = pytest.mark.django_db
@@ -68,7 +72,7 @@ def test_each_kind_of_data_is_deleted_after_its_days(robot):
         system_log.log("robot_online", robot=robot, at=timezone.now() - days * DAY)
         audit.note("photo_opened", at=timezone.now() - days * 20 * DAY)
     kinds = ("sessions", "photos", "network_samples", "addresses", "system_log", "audit_log")
-    never = {"enrolments": 0, "guests": 0}
+    never = {"enrolments": 0, "undecided": 0, "guests": 0}
     assert forget() == {**dict.fromkeys(kinds, 1), "addresses": 2, **never}
     visitors = Session.objects.values_list("visitor__username", flat=True)
     assert set(visitors) == {"today", "last_month", "last_spring"}
@@ -94,7 +98,7 @@ def test_dry_run_deletes_nothing_and_deletions_are_logged(robot):
 def test_records_without_a_retention_limit_are_kept(robot, settings):
     settings.RETENTION_DAYS = dict.fromkeys(settings.RETENTION_DAYS, 0.0)
     visit(robot, "last_year", 4000)
-    assert forget() == {"enrolments": 0, "guests": 0}
+    assert forget() == {"enrolments": 0, "undecided": 0, "guests": 0}
     assert Session.objects.get().device == DEVICE
 
 
@@ -115,6 +119,28 @@ def test_session_of_a_study_loses_only_its_address(robot):
     assert (row.snapshots.count(), row.network_samples.count()) == (1, 1)
     assert row.device["network"] == before == names.network(row.device["network"])
     assert row.device["user_agent"] == ""
+
+
+def test_who_never_agreed_to_the_consent_is_forgotten_after_a_day():
+    study = p.published(p.of("exploration"), entry="code")
+    for number, days in enumerate((0, 2, 2)):
+        one = p.comer(
+            study, create_guest("participant"), recruitment={"PROLIFIC_PID": f"zq{number}"}
+        )
+        times = {"seen_at": timezone.now() - days * DAY, "created_at": timezone.now() - days * DAY}
+        Participant.objects.filter(pk=one.pk).update(**times)
+        User.objects.filter(pk=one.user_id).update(date_joined=times["created_at"])
+        if number == 2:
+            agree(one, study.as_definition().consent, language="en", now=timezone.now())
+    assert forget(dry_run=True)["undecided"] == 1
+    assert Participant.objects.exclude(recruitment_id="").count() == 3
+    found = forget()
+    assert (found["undecided"], found["guests"], User.objects.count()) == (1, 1, 2)
+    (row,) = Participant.objects.filter(user=None)
+    assert (row.status, row.recruitment_id, row.recruitment) == ("active", "", {})
+    assert "zq1" not in row.recruited_as
+    assert recognition.known(study, Arrival("prolific", "zq1")) is None, "and may come again"
+    assert forget()["undecided"] == 0
 
 
 # --- accounts -------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from experiments.definition.shipped import shipped
 from tests.support.analysis.planned import PLAN, hypothesis, plan_with, planned_study
 from tests.support.analysis.planned_data import planned_data
 from tests.support.analysis.study_dataset import made_up, questionnaires
+from tests.support.studies.studies import PRACTICE, STUDY
 
 FROZEN = FreezeRecord(sha256="ab" * 32, frozen_at="2026-05-01 09:00 UTC", before_data=True)
 TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}
@@ -93,6 +94,15 @@ def with_condition(**changes):
         ),
         ({}, "Exposed participants are not replaced."),
         ({}, "A participant who was not exposed gives the place back and is drawn anew"),
+        (
+            {"steps": [PRACTICE, *STUDY["steps"]]},
+            "saw the robot's video in practice keeps the cell.",
+        ),
+        ({"steps": [PRACTICE, *STUDY["steps"]]}, "not seen for 24 hours has left"),
+        (
+            {"conditions": [STUDY["conditions"][0], {**STUDY["conditions"][1], "robot": "rhodon"}]},
+            "Before the first drive is offered, because the robot depends on it, a participant",
+        ),
         ({}, "Exposed is a participant to whom the page showed a video frame of the task."),
         ({"analysis": {"counts": "last"}}, "Of several responses of one participant the last"),
         (
