@@ -297,6 +297,10 @@ class Participant(UuidModel):
     def __str__(self) -> str:
         return f"{self.code} · {self.study.slug} {self.study.version}"
 
+    @property
+    def task_drives(self) -> "models.QuerySet[Drive]":
+        return self.drives.exclude(step__in=self.study.as_definition().practice_keys)
+
 
 def _participant(related_name: str) -> "ForeignKey[Participant, Participant]":
     title = _("participant")

@@ -32,6 +32,7 @@ from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.plan import hypotheses
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
+from experiments.analysis.plan.sensitivity import success_sensitivity
 from experiments.analysis.tables import delays, effects, flow, paper_tables, people, summaries
 from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.scale_reliability import reliability_table
@@ -113,6 +114,7 @@ def report(
     if not is_sensitivity:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         tables += [hypotheses.hypotheses_table(study, decisions), *also]
+        tables.append(success_sensitivity(dataset, attempts, alpha_of(study)))
         tables += [hypotheses.exclusions_table(dataset.exclusions), sheet]
     tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
     marked = partial(hypotheses.marked_figure, study, is_sensitivity=is_sensitivity)

@@ -203,10 +203,8 @@ class BuilderPages(StudyPages):
     ) -> HttpResponse:
         """Show a list, or the form of a `place` with its own problems; `more` is its context."""
         is_draft = row.status == Row.Status.DRAFT
-        found, tab = (
-            linked_problems(row) if is_draft else [],
-            INNER_LISTS.get(place.section, place.section),
-        )
+        found = linked_problems(row) if is_draft else []
+        tab = INNER_LISTS.get(place.section, place.section)
         is_form = "form" in more
         mine = [one for one in found if not is_form or one.url == address(row, place)]
         context = {

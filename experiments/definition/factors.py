@@ -112,9 +112,9 @@ def steps_about_drive(study: StudyDefinition) -> frozenset[str]:
 
 
 class SideLayout(NamedTuple):
-    """How participants are on the sides of a comparison, by the design of the study alone: who
-    comes back or leaves does not change the test. `is_paired`: some have all sides; None: some have
-    several, but nobody all. `is_single`: nobody has several conditions of a side.
+    """How participants are on the sides of a comparison, by the design of the study alone, so that
+    returning and leaving do not change the test. `is_paired`: some have all sides; None: some have
+    several, but none has all. `is_single`: none has several conditions of a side.
     """
 
     is_paired: bool | None

@@ -24,8 +24,9 @@ from experiments.models import (
 )
 from experiments.models import Participant as Row
 
-LEFT = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
-CONTINUES = frozenset({"", "completed", "timed_out"})  # outcomes after which the study goes on
+LEFT_BY_STATUS = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
+# Outcomes of the last drive that do not say why somebody has left: the study goes on after them.
+NO_REASON_TO_LEAVE = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round
 # the page showed the robot's video; before a drive is settled, also: the robot moved
 EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False)
@@ -86,7 +87,7 @@ def participants_of(
             stage=stages[row.pk],
             place=row.stage,
             reached=row.withdrawn_step or row.step or begun.get(row.pk, ""),
-            left=LEFT.get(row.status, "" if outcome in CONTINUES else outcome),
+            left=LEFT_BY_STATUS.get(row.status, "" if outcome in NO_REASON_TO_LEAVE else outcome),
             finished=row.completion not in {"", SCREENED_OUT},
             withdrawn=withdrawn,
         )

@@ -22,11 +22,11 @@ factors in the controlled clinical trial", 1975, with the totals of all cells as
 Bland, "Treatment allocation by minimisation", 2005).
 
 With `best_probability` 1 and no factors, the numbers of filled places never differ by more than the
-greatest number of participants in progress at once: the last one who filled the largest cell was
-drawn when it was not larger than any other, and only those in progress at that moment, fewer by
-that one, can have left since. (A refill rule frees places when they would be filled, which changes
-nothing in this.) tests/unit/experiments/participation/test_assignment.py tries it, and simulates
-how predictable and how uneven other probabilities are.
+greatest number of participants in progress at once. When the last participant of the largest cell
+was drawn, no other cell was smaller; since then, cells can only have lost the places of the other
+participants who were in progress at that moment. (A refill rule frees places when they would be
+filled, which does not change this.) tests/unit/experiments/participation/test_assignment.py checks
+it, and simulates how predictable and how uneven other probabilities are.
 
 Pure: a function of the places that are held, and of a seed that is stored with the choice.
 """

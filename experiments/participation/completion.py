@@ -44,9 +44,7 @@ def ending_of(participant: Participant) -> Ending:
     drive. Those who left the drive of one, or never moved the robot in it, have left; a failure
     that was not theirs takes nothing away from the other conditions.
     """
-    practice = participant.study.as_definition().practice_keys
-    rows = Drive.objects.filter(participant=participant).exclude(step__in=practice)
-    drives = list(rows.select_related("session"))
+    drives = list(participant.task_drives.select_related("session"))
     sides = {key: fault.side for key, fault in faults_of(one.session for one in drives).items()}
     endings: set[Ending] = set()
     for number in range(max(1, len(participant.conditions))):
@@ -78,10 +76,8 @@ def has_moved(session: Session) -> bool:
 
 def has_left_drive(participant: Participant) -> bool:
     """Tell whether a participant left after moving the robot in the task."""
-    practice = participant.study.as_definition().practice_keys
-    drives = participant.drives.exclude(step__in=practice).select_related("session")
-    has_left = participant.completion == LEFT
-    return has_left and any(has_moved(drive.session) for drive in drives)
+    drives = participant.task_drives.select_related("session")
+    return participant.completion == LEFT and any(has_moved(drive.session) for drive in drives)
 
 
 def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:

@@ -32,7 +32,6 @@ from experiments.definition.schema import Condition, StudyDefinition, as_stored
 from experiments.definition.step import DriveStep
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
-from experiments.participation.assignment import Cell
 from experiments.participation.drive_status import conditions_on_robot, kind_of, status_at
 from experiments.participation.robot_eligibility import may_use
 from experiments.versions import versions_of
@@ -68,16 +67,12 @@ class PendingDrive:
     robot: Robot
     assigned: Condition | None
 
-    @property
-    def cells(self) -> tuple[Cell, ...]:
-        return _cells_of(self.participant)
-
     def why_not(self, now: datetime) -> str:
         one = self.participant
         if not progress.may_begin_drive(one, now):
             return "closed"
-        free = self.assigned or places.free_cells(one.study, one.kind, self.cells, now)
-        if not free:
+        access = progress.access_of(one)
+        if not self.assigned and progress.is_full(one.study, access, now, one.kind):
             return "full"
         has_moved = status_at(one, progress.place(one)).state == "moved"
         return "not_allowed" if has_moved else ""
@@ -110,7 +105,7 @@ class StudyTerms:
         drive = pending_drive(session.visitor, session.robot)
         if drive is None:
             return None
-        condition = draw(drive.participant, drive.cells, now)
+        condition = draw(drive.participant, now)
         if condition is None:
             raise NotGranted("full")
         if not is_for(condition, session.robot):
@@ -215,10 +210,10 @@ def _is_reserved(robot: Robot, now: datetime) -> bool:
     )
 
 
-def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Condition | None:
-    """Draw one of these cells for a participant, unless they have one, and return the condition of
-    their round; None when every cell is full, AssignmentContention when other participants are
-    drawn during every attempt.
+def draw(participant: Participant, now: datetime) -> Condition | None:
+    """Draw a cell for a participant, unless they have one, and return the condition of their round;
+    None when every cell is full, AssignmentContention when other participants are drawn during
+    every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
@@ -229,7 +224,7 @@ def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Cond
         try:
             # PostgreSQL: without it the error would abort the transaction of a caller
             with transaction.atomic():
-                drawn = decided or _new_draw(participant, cells, now)
+                drawn = decided or _new_draw(participant, now)
         except IntegrityError:  # another process took the number, or drew for this participant
             continue
         if drawn is None:
@@ -239,22 +234,13 @@ def draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Cond
     raise AssignmentContention(participant.study.slug)
 
 
-def assign(participant: Participant, now: datetime) -> Condition | None:
-    """Draw a participant's cell before they ask for a robot, as `draw`."""
-    return draw(participant, _cells_of(participant), now)
-
-
-def _cells_of(participant: Participant) -> tuple[Cell, ...]:
-    definition = participant.study.as_definition()
-    return assignment.cells(definition, progress.access_of(participant))
-
-
-def _new_draw(participant: Participant, cells: Sequence[Cell], now: datetime) -> Draw | None:
+def _new_draw(participant: Participant, now: datetime) -> Draw | None:
     study, kind = participant.study, participant.kind
-    allocation = study.as_definition().allocation
+    definition = study.as_definition()
+    allocation, access = definition.allocation, progress.access_of(participant)
     number, levels = places.next_number(study, kind), balance_levels(participant)
     held, seed = places.held(study, kind, now), secrets.randbits(31)
-    chosen = assignment.choose(cells, held, allocation, seed, levels)
+    chosen = assignment.choose(assignment.cells(definition, access), held, allocation, seed, levels)
     if chosen is None:
         return None
     nth = participant.draws_applied + 1

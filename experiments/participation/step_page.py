@@ -137,7 +137,7 @@ class DrivePage(StepPage):
         """
         is_open = self.participant.study.status != Study.Status.CLOSED
         if is_open and not drive_status.conditions_on_robot(self.participant):
-            grants.assign(self.participant, now)
+            grants.draw(self.participant, now)
         return robot_for(self.participant, now)[0]
 
     def take(self, request: HttpRequest, now: datetime) -> bool:

@@ -39,8 +39,8 @@ TOPICS = (
     AnalysisTopic(
         "outcomes",
         _("Outcomes"),
-        "outcomes fault-sides hypotheses analysis- exclusions-effect conditions learning "
-        "learning-tests metrics",
+        "outcomes fault-sides hypotheses analysis- exclusions-effect success-sensitivity "
+        "conditions learning learning-tests metrics",
     ),
     AnalysisTopic(
         "questionnaires",

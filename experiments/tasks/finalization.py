@@ -197,19 +197,17 @@ def settle_place(drive: Drive) -> None:
     never freed.
     """
     participant = Participant.objects.select_related("study").get(pk=drive.participant_id)
-    definition = participant.study.as_definition()
-    drives = Drive.objects.filter(participant=participant)
-    seen = drives.filter(exposed_at__isnull=False).order_by("granted_at")
-    exposed = seen.exclude(step__in=definition.practice_keys).first()
+    seen = {"exposed_at__isnull": False}
+    exposed = participant.task_drives.filter(**seen).order_by("granted_at").first()
     if exposed is not None:
         is_filled_again = participant.stage == Stage.FILLED and drive.visit == exposed.visit
         if participant.stage in {Stage.UNDER_WAY, Stage.FREED} or is_filled_again:
             _move(participant, _stage_after(drive, participant))
     elif (
         participant.stage == Stage.UNDER_WAY
-        and not definition.reveals_condition
-        and not seen.exists()
-        and not drives.filter(settled_at=None).exclude(pk=drive.pk).exists()
+        and not participant.study.as_definition().reveals_condition
+        and not participant.drives.filter(**seen).exists()
+        and not participant.drives.filter(settled_at=None).exclude(pk=drive.pk).exists()
     ):
         _move(participant, Stage.FREED)
 

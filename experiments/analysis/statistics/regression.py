@@ -106,8 +106,11 @@ def fit_family(
 @contextmanager
 def _separation() -> Iterator[None]:
     """Replace warnings and errors of a fit by the reason: where all drives of a level have the same
-    outcome, estimates run to infinity.
+    outcome, estimates run to infinity, which the callers see by their size.
     """
+    # Imported before warnings are ignored: its import turns those of convergence on.
+    import statsmodels.tools.sm_exceptions  # noqa: F401, PLC0415 - not on robots
+
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -208,6 +211,9 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
         return np.asarray(scores[:, own])
     information = model.hessian(at_null)
     within, across = np.ix_(others, others), np.ix_(others, own)
+    errors = -np.linalg.inv(information[within]).diagonal()
+    if not (np.abs(at_null).max() <= LARGEST and errors.max() <= LARGEST**2):
+        return np.full((len(times), len(own)), math.nan)
     explained = np.linalg.solve(information[within], information[across])
     return np.asarray(scores[:, own] - scores[:, others] @ explained)
 

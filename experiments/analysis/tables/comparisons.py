@@ -19,8 +19,9 @@ READ_AS = (
     (
         "Difference: of means or proportions, first less second. Effect: d, the difference over the"
         " root of the mean of both variances; d_z, mean over SD of the differences; η²p, partial"
-        " eta squared; W (Kendall); odds, rate and hazard ratio (second over first: above 1, times"
-        " of the first are longer). Effects of several conditions have no interval."
+        " eta squared; W (Kendall); odds and rate ratio, first over second; hazard ratio, second"
+        " over first, so that it is above 1 where times of the first are longer. Effects of several"
+        " conditions have no interval."
     ),
 )
 

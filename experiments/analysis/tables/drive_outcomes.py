@@ -17,13 +17,15 @@ from experiments.dataset.records import COMPLETED
 from experiments.definition.factors import SideLayout
 
 CENSORED_AT_END = (
-    "Times that never came are censored at the end of the session; their medians are by Kaplan and"
-    " Meier."
+    "Times that never came are censored at the end of the session, which takes those who gave up as"
+    " if they would have gone on like the others: see the table success-sensitivity. Medians are by"
+    " Kaplan and Meier."
 )
 ONLY_KNOWN = "Times are those of sessions in which they came."
 UNMOVED = (
     "In proportions and times, a participant who saw the video and never moved the robot under a"
-    " condition is one who did not succeed; participants who are excluded as incomplete stay in."
+    " condition is one who did not succeed, as in a drive that the robot, the network or an"
+    " operator ended; participants who are excluded as incomplete stay in."
 )
 FIRST = (
     "Comparisons of proportions and times have one drive of a participant in a condition: the first"
@@ -44,7 +46,7 @@ def sessions_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
 
 def compared_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
     """Return the attempts that comparisons of conditions have: of success and times, the first of a
-    participant in a condition, so that the test does not depend on who comes back.
+    participant in a condition, so that the test does not depend on who returns.
     """
     found = sessions_of(name, attempts)
     if KINDS.get(name) not in OF_SUCCESS:

@@ -31,7 +31,7 @@ class InstructionsStepPage(StepPage):
         """Show the requested page. Before instructions with pages for some conditions, participants
         are assigned, or screened out when every cell is full.
         """
-        if self.step.named_conditions and grants.assign(self.participant, now) is None:
+        if self.step.named_conditions and grants.draw(self.participant, now) is None:
             progress.screen_out(self.participant, now)
             return to_step(self.participant)
         return self._show(request) if self.pages() else to_step(self.participant)

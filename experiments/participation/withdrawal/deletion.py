@@ -160,8 +160,7 @@ def _mark(participant: Participant, now: datetime) -> None:
     staying = rows.exclude(status=Status.WITHDRAWN)
     if staying.update(status=Status.WITHDRAWN, **times, **place):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
-    practice = participant.study.as_definition().practice_keys
-    was_exposed = participant.drives.filter(EXPOSED).exclude(step__in=practice).exists()
+    was_exposed = participant.task_drives.filter(EXPOSED).exists()
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
 
 

@@ -26,14 +26,10 @@ READ = """
 from django.utils import timezone
 from experiments.models import Participant
 from experiments.participation import grants
-from robots.models import Robot
-robot = Robot.objects.select_related("floor_plan").get()
 participant = Participant.objects.select_related("study", "user").get(pk=question)
-pending = grants.pending_drive(participant.user, robot)
-assert pending is not None
 """
 DRAW = """
-condition = grants.draw(participant, pending.cells, timezone.now())
+condition = grants.draw(participant, timezone.now())
 print(json.dumps(condition.key if condition is not None else "full"))
 """
 COUNT = """

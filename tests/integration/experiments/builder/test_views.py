@@ -547,6 +547,18 @@ def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
     name = stored().steps[-1].leaves[0].picture
     answer = client.get(reverse("study_media", args=[name]))
     assert (answer.content, answer["Content-Type"]) == (png, "image/png")
+    parts = {
+        "bytes=0-1": (206, png[:2], "bytes 0-1/58"),
+        "bytes=50-": (206, png[50:], "bytes 50-57/58"),
+        "bytes=50-900": (206, png[50:], "bytes 50-57/58"),
+        "bytes=-3": (206, png[-3:], "bytes 55-57/58"),
+        "bytes=58-": (416, b"", "bytes */58"),
+        "bytes=-": (200, png, None),
+        "bytes=0-1,4-5": (200, png, None),
+    }
+    for asked, expected in parts.items():
+        part = client.get(reverse("study_media", args=[name]), headers={"range": asked})
+        assert (part.status_code, part.content, part.get("Content-Range")) == expected, asked
     assert "lab.png" in read(client.get(address)).text
     wrong_type = SimpleUploadedFile("lab.svg", b"<svg/>")
     refused = send(client, address, leaves__0__picture__file=wrong_type)

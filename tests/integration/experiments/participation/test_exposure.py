@@ -146,11 +146,10 @@ def test_frame_that_a_killed_session_manager_stored_exposes_the_participant(robo
 def test_draw_that_was_decided_before_a_process_died_is_applied_and_not_repeated(robot):
     study = p.published(small_study())
     participant = p.comer(study, person("ada"))
-    pending = grants.pending_drive(participant.user, robot)
-    decided = grants._new_draw(participant, pending.cells, timezone.now())
+    decided = grants._new_draw(participant, timezone.now())
     (place,) = places.held(study, "participant", timezone.now())
     assert (place.cell, place.stage) == (decided.cell, "under_way")
-    condition = grants.draw(participant, pending.cells, timezone.now())
+    condition = grants.draw(participant, timezone.now())
     participant.refresh_from_db()
     assert (condition.key, participant.cell, participant.draws_applied) == (
         decided.cell,
@@ -176,9 +175,7 @@ def test_assignment_is_balanced_by_an_answer_stored_with_the_draw(robot):
     study = p.published(small_study(steps=steps, allocation=allocation))
     for name, games in (("ada", 4), ("ben", 4), ("cyn", 0), ("dan", 0)):
         participant = p.answered(p.comer(study, person(name)), "you", {"games": games})
-        grants.draw(
-            participant, grants.pending_drive(participant.user, robot).cells, timezone.now()
-        )
+        grants.draw(participant, timezone.now())
     for level in ("4", "0"):
         rows = [row for row in Draw.objects.all() if row.levels == {"ict.games": level}]
         assert {row.cell for row in rows} == {"all_open", "shut"}

@@ -212,7 +212,8 @@ def test_cell_without_a_success_leaves_no_coefficients_with_endless_intervals():
     assert (found.coefficients, found.terms[0].p < 0.05) == ((), True)
 
 
-def test_effect_beside_others_that_separate_the_outcomes_has_no_test():
+@pytest.mark.parametrize("family", ["proportions", "times"])
+def test_effect_beside_others_that_separate_the_outcomes_has_no_test(family):
     """With much delay no participant succeeds. Estimates of the interaction diverge without an
     effect of the help, and the remaining test would depend on where the fit stops.
     """
@@ -220,9 +221,11 @@ def test_effect_beside_others_that_separate_the_outcomes_has_no_test():
     outcomes, rows = [], []
     for delay, help_ in product(LEVELS["delay"], LEVELS["help"]):
         for n, value in enumerate(cells.get((delay, help_), [0, 0, 0, 0])):
-            outcomes.append(DriveOutcome(f"{delay}{n}", float(value)))
+            seconds = 30.0 + 5.0 * n + 2.0 * len(help_) if value else 100.0
+            given = (float(value), 1.0) if family == "proportions" else (seconds, float(value))
+            outcomes.append(DriveOutcome(f"{delay}{n}", *given))
             rows.append({"delay": delay, "help": help_})
-    found = fit_family("proportions", outcomes, design_of(LEVELS, TERMS, rows), TERMS)
+    found = fit_family(family, outcomes, design_of(LEVELS, TERMS, rows), TERMS)
     delay, help_, both = found.terms
     assert delay.p < 0.01
     assert math.isnan(help_.p)

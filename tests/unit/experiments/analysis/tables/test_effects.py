@@ -132,7 +132,7 @@ def test_every_session_with_a_known_delay_falls_into_one_class():
 
 
 def test_mixed_design_is_compared_by_a_mixed_model_and_by_clusters():
-    """Two groups of participants, each of whom drives two of the four conditions."""
+    """Two groups of participants, who each drive two of the four conditions."""
     rng = np.random.default_rng(36)
     study = success_study()
     dataset = Dataset(study)

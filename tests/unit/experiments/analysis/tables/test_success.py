@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.analysis.report import reports
-from experiments.dataset.records import Dataset, ParticipantRecord
+from experiments.dataset.records import Dataset, EventRecord, ParticipantRecord
 from tests.support.analysis.every_ending import NEVER, drive, every_ending
 from tests.support.analysis.planned import plan_with
 
@@ -130,3 +130,64 @@ def test_success_within_participants_is_tested_in_pairs_whoever_comes_back():
     dataset = replace(dataset, study=study, sessions=tuple(sessions), participants=tuple(people))
     (found,) = reports(dataset)
     assert [name for name, *_ in compared_in(found)] == ["McNemar mid-p", "score F (Cox)"] * 2
+
+
+def measured_study(n, ends):
+    """Return a study whose drives have times, as measured without states."""
+    dataset = study_of(n, ends=ends)
+    events = tuple(
+        EventRecord(one.id, one.ended, "task", "docked")
+        for one in dataset.sessions
+        if one.outcome == "completed"
+    )
+    return replace(dataset, events=events)
+
+
+def slow_ones_give_up(cell, k):
+    """With a closed door, two of three leave after a minute, and the others succeed in time."""
+    if cell == "shut" and k % 3:
+        return {"outcome": "cancelled", "fault_side": "visitor", "ended": 60.0 + k}
+    return {"ended": 200.0 + 5.0 * k}
+
+
+def by_drives(report, measure):
+    """The rows of a declared test in the sensitivity analyses of success and times."""
+    table = tables_of(report)["success-sensitivity"]
+    rows = [dict(zip(table.head, row, strict=True)) for row in table.rows]
+    return {
+        one["Drives"].text: one
+        for one in rows
+        if one["Measure"].text == measure and one["Analysis"].text != "conditions"
+    }
+
+
+def test_giving_up_is_no_uninformative_censoring_in_a_sensitivity_analysis():
+    (found,) = reports(measured_study(24, slow_ones_give_up))
+    planned, at_limit = by_drives(found, "task_time").values()
+    assert planned["p (Holm)"].value > 0.05
+    assert at_limit["p (Holm)"].value < 0.001
+    assert (at_limit["Drives"].text, at_limit["Significance"].text) == (
+        "giving up at the limit",
+        "changes",
+    )
+    assert by_drives(found, "completed") == {
+        "as planned": by_drives(found, "completed")["as planned"]
+    }
+
+
+def test_drives_that_the_robot_ended_are_left_out_in_a_sensitivity_analysis():
+    def ends(cell, k):
+        robot = {"outcome": "robot_fault", "fault_side": "robot", "ended": 30.0}
+        return robot if cell == "shut" and k % 2 else {"ended": 200.0 + k if k else 900.0}
+
+    (found,) = reports(measured_study(12, ends))
+    planned, without = by_drives(found, "completed").values()
+    assert (planned["n"].value, planned["Significance"].text) == (24, "")
+    assert planned["Difference"].value == pytest.approx(0.5)
+    assert (without["Drives"].text, without["n"].value) == ("without faults", 18)
+    assert without["Difference"].value == 0.0
+
+
+def test_study_without_faults_and_drives_given_up_has_no_sensitivity_analysis_of_success():
+    (found,) = reports(study_of())
+    assert tables_of(found)["success-sensitivity"].rows == ()
