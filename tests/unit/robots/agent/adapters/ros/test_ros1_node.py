@@ -100,27 +100,6 @@ def test_our_own_type_is_not_reported_as_that_of_a_subscriber():
     assert reported == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
 
 
-def test_velocities_are_announced_again_to_a_subscriber_that_has_not_connected():
-    called, counts = [], []
-    kind = "geometry_msgs/Twist"
-    publisher = SimpleNamespace(type=kind)
-    node = node_without_ros(
-        driving="/cmd_vel",
-        was_alone=False,
-        publishers={"/cmd_vel": publisher},
-        rospy=SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/"),
-        own_master=lambda caller: SimpleNamespace(
-            registerPublisher=lambda *more: called.append((caller, *more))
-        ),
-    )
-    for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):
-        publisher.get_num_connections = lambda there=there: there
-        node.announce_again(wanted)
-        counts.append(len(called))
-    assert counts == [0, 1, 1, 1, 1, 1]
-    assert called == [("/us", "/cmd_vel", kind, "http://us:1/")]
-
-
 @pytest.fixture
 def bus():
     bus = Ros1Bus(Ros1Options(master="http://127.0.0.1:1", watchdog=0.6))
