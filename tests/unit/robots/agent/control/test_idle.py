@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from robots.agent.broker_link.reconnection import SPREAD, Reconnection
+from robots.agent.broker_link.reconnection import Reconnection
 from robots.agent.control import dispatcher, reports
 from robots.api import messages as m
 from robots.api.idle import WATCHER, is_news

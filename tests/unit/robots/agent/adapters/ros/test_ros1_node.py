@@ -110,60 +110,48 @@ def bus():
     return bus
 
 
-class FailingMaster:
-    """A master that is lost between two calls of one description."""
+def master_of(*names, lookup):
+    """Return a master of these nodes, of which some may be gone when they are looked up."""
+    return lambda: SimpleNamespace(
+        getSystemState=lambda: [[["/odom", names]], [], []],
+        getTopicTypes=list,
+        lookupNode=lookup,
+    )
 
-    def getSystemState(self):  # noqa: N802 - the master's API
-        return [["/odom", ["/base_driver"]]], [], []
 
-    def getTopicTypes(self):  # noqa: N802 - the master's API
-        return []
+def lost(_name):
+    raise OSError("connection refused")
 
-    def lookupNode(self, _name):  # noqa: N802 - the master's API
-        raise OSError("connection refused")
+
+def but_ended(name):
+    if name == "/ended":
+        raise MasterError("unknown node [/ended]")
+    return BASE["/base_driver"]
 
 
 def test_a_request_for_the_graph_is_answered_when_the_master_is_lost():
-    node = node_without_ros(FailingMaster)
+    node = node_without_ros(master_of("/base_driver", lookup=lost))
     node.describe_graph(1, "/cmd_vel", {})
     assert (node.sent[0]["op"], node.sent[0]["number"]) == ("response", 1)
     assert "nodes" not in node.sent[0]
 
 
-class ForgetfulMaster:
-    """A master from which /ended unregisters between two calls of one description."""
-
-    names = ("/base_driver", "/ended")
-
-    def getSystemState(self):  # noqa: N802 - the master's API
-        return [["/odom", self.names]], [], []
-
-    def getTopicTypes(self):  # noqa: N802 - the master's API
-        return []
-
-    def lookupNode(self, name):  # noqa: N802 - the master's API
-        if name == "/ended":
-            raise MasterError("unknown node [/ended]")
-        return "http://base:1/"
-
-
-def described(old):
+def described(old, *names):
     """Return the description of the graph, given the nodes of earlier connections."""
-    node = node_without_ros(ForgetfulMaster)
+    node = node_without_ros(master_of("/base_driver", *names, lookup=but_ended))
     node.describe_graph(1, "/cmd_vel", old)
     return node.sent[0]
 
 
 def test_a_node_that_ends_during_a_description_hides_no_other(monkeypatch):
     monkeypatch.setattr(ros1_node, "answers", lambda _: True)
-    found = described({"/planner": "http://planner:1/"})
+    found = described({"/planner": "http://planner:1/"}, "/ended")
     assert found["nodes"] == BASE
     assert found["forgotten"] == ["/planner"]
 
 
 @pytest.mark.slow
 def test_the_graph_is_described_in_time_although_many_old_nodes_hang(monkeypatch):
-    monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
     ended = threading.Event()
     monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
     monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))

@@ -117,15 +117,21 @@ def test_an_older_goal_of_ours_is_cancelled_and_no_younger_or_other_one(goals, c
     assert cancelled_ids(goals) == [left, left]
 
 
-def test_a_goal_that_is_accepted_after_it_was_given_up_is_cancelled(goals, clock):
+@pytest.mark.parametrize("resumed", [False, True], ids=["accepted late", "resumed"])
+def test_a_goal_that_was_given_up_is_cancelled_when_it_runs_after_all(goals, clock, resumed):
     goals.start(id_at(2000), "g", {})
+    if resumed:
+        goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
     for client in (goals.sender, goals.canceller):
         client.ready = False
     clock.time += 3.0
     goals.attend_all()
     assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
     goals.canceller.ready = True
-    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
+    if resumed:
+        goals.take_status(listed((id_at(2000), EXECUTING)))
+    else:
+        goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
     assert cancelled_ids(goals) == [id_at(2000)]
 
 
@@ -169,19 +175,6 @@ def test_a_guard_sends_no_goal_any_more(goals):
     goals.node.guarding = True
     goals.start(id_at(2000), "g", {})
     assert goals.sender.requests == []
-
-
-def test_a_goal_that_was_given_up_is_cancelled_when_its_planner_resumes(goals, clock):
-    goals.start(id_at(2000), "g", {})
-    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
-    for client in (goals.sender, goals.canceller):
-        client.ready = False
-    clock.time += 3.0
-    goals.attend_all()
-    assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
-    goals.canceller.ready = True
-    goals.take_status(listed((id_at(2000), EXECUTING)))
-    assert cancelled_ids(goals) == [id_at(2000)]
 
 
 def test_a_goal_that_its_server_did_not_know_is_cancelled_when_it_runs_after_all(goals, clock):
