@@ -331,8 +331,6 @@ class KernelMachine(RuleBasedStateMachine):
 
     @rule(own=st.booleans(), obeys=st.booleans(), server=st.booleans())
     def is_sent_somewhere(self, own, obeys, server):
-        if self.latched or self.faulty or self.kernel.held:
-            return
         self.navigation_is_over()
         self.bench.navigate("g", by_server=server)
         self.own, self.obeys = own, obeys

@@ -24,23 +24,13 @@ def test_one_bad_address_among_several_is_named(urls):
         parse_nodes(urls)
 
 
-def test_the_first_node_is_tried_first_and_the_next_one_when_it_does_not_answer():
+def test_nodes_are_tried_in_turn_and_a_lost_one_last():
     broker = failover(A, B, C)
     tried = [broker.node]
-    for _ in range(3):
-        broker.ended(was_up=False)
+    for was_up in (False, False, False, True, False, False):
+        broker.ended(was_up=was_up)
         tried.append(broker.node)
-    assert tried == [A, B, C, A]
-
-
-def test_a_lost_node_is_the_last_to_be_tried_again():
-    broker = failover(A, B, C)
-    broker.ended(was_up=True)
-    tried = [broker.node]
-    for _ in range(2):
-        broker.ended(was_up=False)
-        tried.append(broker.node)
-    assert tried == [B, C, A]
+    assert tried == [A, B, C, A, B, C, A]
 
 
 def test_every_node_is_tried_once_before_the_waits_become_longer():

@@ -145,6 +145,16 @@ def test_a_robot_with_a_driver_reconnects_at_once():
     assert max(first_pauses(1000, needed=True)) <= 0.2
 
 
+def test_pauses_grow_to_a_bound_and_are_reset_by_a_lasting_connection():
+    reconnection = Reconnection(random.Random(1))
+    pauses = [reconnection.pause(0.0, 1000.0 + n) for n in range(500)]
+    assert max(pauses) <= SPREAD.longest
+    assert max(pauses[1:]) > SPREAD.first
+    assert all(
+        Reconnection(random.Random(n)).pause(SPREAD.settled, 0.0) <= SPREAD.first for n in range(50)
+    )
+
+
 def test_a_robot_with_a_driver_retries_at_once_for_two_minutes():
     reconnection = Reconnection(random.Random(1))
     reconnection.needed(0.0)

@@ -18,71 +18,49 @@ PRIVATE = re.compile(r"_(?!_)\w*[A-Za-z]\w*$")
 ACCESSORS = {"getattr", "setattr", "delattr", "hasattr"}
 
 
-class Names(ast.NodeVisitor):
-    """Collects the private names that one file touches and that are not its own."""
-
-    def __init__(self, imported):
-        self.imported, self.found = imported, set()
-        self._bases = []  # of each class that the visit is in: what of it belongs to a library
-
-    def visit_ClassDef(self, node):
-        bases = [
-            self.imported[base.id]
-            for base in node.bases
-            if isinstance(base, ast.Name) and base.id in self.imported
-        ]
-        self._bases.append([base for base in bases if inspect.isclass(base)])
-        self.found |= {
-            part.name
-            for part in node.body
-            if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef)
-            and self._inherited(part.name)
-        }
-        self.generic_visit(node)
-        self._bases.pop()
-
-    def visit_Attribute(self, node):
-        if PRIVATE.match(node.attr) and (not is_own(node.value) or self._inherited(node.attr)):
-            self.found.add(node.attr)
-        self.generic_visit(node)
-
-    def visit_Call(self, node):
-        if isinstance(node.func, ast.Name) and node.func.id in ACCESSORS:
-            name = node.args[1]
-            assert isinstance(name, ast.Constant), (
-                f"line {node.lineno}: a name that is put together cannot be found"
-            )
-            if PRIVATE.match(name.value):
-                self.found.add(name.value)
-        self.generic_visit(node)
-
-    def visit_ImportFrom(self, node):
-        if (node.module or "").partition(".")[0] in LIBRARIES:
-            self.found |= {
-                part
-                for part in [*node.module.split("."), *(alias.name for alias in node.names)]
-                if PRIVATE.match(part)
-            }
-
-    def visit_Import(self, node):
-        for alias in node.names:
-            if alias.name.partition(".")[0] in LIBRARIES:
-                self.found |= {part for part in alias.name.split(".") if PRIVATE.match(part)}
-
-    def _inherited(self, name):
-        bases = self._bases[-1] if self._bases else []
-        classes = [one for base in bases for one in base.__mro__[:-1]]
-        return PRIVATE.match(name) and any(
-            name in vars(one) or name in codes(one) for one in classes
-        )
+def touched(text):
+    """Return the private names that a file touches and that are not its own."""
+    tree = ast.parse(text)
+    imported, found = imports(tree), set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Attribute(value=value, attr=name) if not is_own(value):
+                found.add(name)
+            case ast.Call(func=ast.Name(id=accessor), args=[_, name, *_]) if accessor in ACCESSORS:
+                assert isinstance(name, ast.Constant), (
+                    f"line {node.lineno}: a name that is put together cannot be found"
+                )
+                found.add(name.value)
+            case ast.ImportFrom(module=module, names=names) if is_library(module):
+                found |= {*module.split("."), *(alias.name for alias in names)}
+            case ast.Import(names=names):
+                modules = [alias.name for alias in names if is_library(alias.name)]
+                found |= {part for module in modules for part in module.split(".")}
+            case ast.ClassDef(bases=bases):
+                own = {getattr(part, "attr", getattr(part, "name", "")) for part in ast.walk(node)}
+                found |= own & inherited(imported[b.id] for b in bases if is_name(b, imported))
+    return {name for name in found if PRIVATE.match(name)}
 
 
-def codes(one):
-    return getattr(getattr(one.__init__, "__code__", None), "co_names", ())
+def inherited(bases):
+    """Return the names that instances have of a library's classes."""
+    classes = [one for base in bases if inspect.isclass(base) for one in base.__mro__[:-1]]
+    codes = [getattr(one.__init__, "__code__", None) for one in classes]
+    return {name for one in classes for name in vars(one)} | {
+        name for code in codes for name in getattr(code, "co_names", ())
+    }
+
+
+def is_name(node, names):
+    return isinstance(node, ast.Name) and node.id in names
 
 
 def is_own(value):
     return ast.unparse(value) in {"self", "cls", "super()"}
+
+
+def is_library(module):
+    return (module or "").partition(".")[0] in LIBRARIES
 
 
 def imports(tree):
@@ -90,16 +68,9 @@ def imports(tree):
     return {
         alias.asname or alias.name: getattr(importlib.import_module(node.module), alias.name)
         for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in LIBRARIES
+        if isinstance(node, ast.ImportFrom) and is_library(node.module)
         for alias in node.names
     }
-
-
-def touched(text):
-    tree = ast.parse(text)
-    names = Names(imports(tree))
-    names.visit(tree)
-    return names.found
 
 
 CHECKED = {name for names in PRIVATE_NAMES.values() for name in names}

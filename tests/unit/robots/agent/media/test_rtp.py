@@ -48,6 +48,17 @@ def test_a_page_computes_the_stamp_across_the_wrap_of_32_bits() -> None:
     assert capture_stamp(clock, 2**32 - 90_000) == NOW - 0.5
 
 
+def test_media_clock_is_sent_every_second_and_when_it_no_longer_fits() -> None:
+    sender = MediaClockSender()
+    assert sender.before(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
+    assert sender.before(45_000, NOW + 0.5, 0.5) is None
+    assert sender.before(90_000, NOW + 1.0, 1.0) is not None
+    assert sender.before(93_000, NOW + 3600.0, 1.03) is not None, "the robot's clock was set"
+    assert sender.before(96_000, NOW + 3600.0 + 3_000 / 90_000, 1.07) is None
+    sender.forget()
+    assert sender.before(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
+
+
 @examples(50, thorough=1000)
 @given(
     st.integers(1, 14),

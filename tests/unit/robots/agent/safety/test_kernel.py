@@ -639,12 +639,6 @@ def test_a_transport_that_the_lease_does_not_allow_is_refused(bench):
     assert bench.drive(sender=CommandSender("mqtt")).reason is None
 
 
-def test_a_lease_without_input_methods_refuses_all_of_them(bench):
-    bench.lease(renewal=1, methods=())
-    methods = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
-    assert {bench.drive(method=method).reason for method in methods} == {"not_allowed"}
-
-
 def test_an_action_that_the_lease_does_not_allow_is_refused_and_stops_are_obeyed(bench):
     bench.lease(renewal=1, actions=("photo",))
     for action, reason in (

@@ -252,14 +252,6 @@ def test_a_driver_who_turns_along_the_edge_of_a_view_is_slowed_without_jumps():
     assert np.abs(steps).max() < 1e-3
 
 
-def test_with_only_a_bumper_a_driver_creeps():
-    watch = monitor(BumperSource(hull(FOOTPRINT)))
-    watch.sense(reading(bumper=()), 1.0)
-    for wanted in (AHEAD, BACK):
-        sent = watch.shape(wanted, ZERO, "slow", 1.1).velocity
-        assert abs(sent.linear) == pytest.approx(MONITOR.creep)
-
-
 def test_a_robot_whose_bumper_is_silent_creeps_though_its_sonars_report_no_obstacle():
     watch = monitor(SonarSource((FRONT, REAR)), BumperSource(hull(FOOTPRINT)))
     watch.sense(reading(sonar=echoes(None, None), bumper=()), 1.0)

@@ -75,12 +75,6 @@ def test_the_visitors_stop_holds_the_robot_until_the_wizard_sends_zeros(bench):
     assert bench.run(1.0, every=0.06, linear=0.5, sender=WIZARD, epoch=7) > 0.0
 
 
-def test_the_visitors_emergency_stop_stops_and_does_not_latch(bench):
-    bench.estop(way="datachannel", peer="p1")
-    assert bench.kernel.latch is None
-    assert bench.kernel.held
-
-
 def test_the_visitor_speaks_and_takes_photos_without_moving_the_robot(bench):
     for kind, fields in ((m.Photo, {}), (m.Say, {"text": "Hi"}), (m.Call, {})):
         assert bench.ask(action(bench, kind, 1, "visitor", **fields)) is None

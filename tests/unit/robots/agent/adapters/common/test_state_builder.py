@@ -52,10 +52,6 @@ def test_velocity_and_distance_are_derived_from_poses():
     assert state.odometry is None
 
 
-def test_a_robot_in_reverse_has_a_negative_velocity():
-    assert moved_by_poses(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
-
-
 def test_a_pose_that_jumps_is_a_new_fix_and_no_motion():
     readings = moved_by_poses(Readings(), speed=0.0)
     readings.located(Pose(x=8.0, y=3.0, theta=1.0), 101.0, 101.0)
@@ -157,13 +153,6 @@ def test_echoes_and_points_are_in_one_state(readings):
     assert first.points is not None
     again = readings.state(1.2)
     assert (again.sonar, again.points) == ((), None)
-
-
-def test_states_are_sound():
-    readings = moved_by_poses(Readings())
-    readings.scanned(SCAN)
-    readings.charged(voltage=25.0, charge=0.5)
-    assert sound(readings.state(101.0)).distance > 0.0
 
 
 def test_charge_is_unknown_without_a_battery_range_or_a_current_reading(readings):

@@ -23,11 +23,6 @@ def sent(gate, velocity, asked, answered):
     return gate.answered(answered)
 
 
-def test_a_velocity_is_the_reply_to_an_answer(gate):
-    assert sent(gate, AHEAD, 0.1, 0.101) == AHEAD
-    assert gate.moving
-
-
 def test_only_one_question_is_open_and_its_answer_gets_the_newest_velocity(gate):
     gate.want(AHEAD, 0.1)
     assert gate.ask(0.1)
@@ -57,14 +52,6 @@ def test_a_velocity_that_waited_is_not_sent(gate):
     gate.want(AHEAD, 0.5)
     gate.ask(0.7)
     assert gate.answered(0.76) is None
-
-
-def test_velocity_does_not_follow_a_stop(gate):
-    gate.want(AHEAD, 0.1)
-    gate.ask(0.1)
-    gate.stood(0.11)
-    assert gate.answered(0.12) is None
-    assert not gate.moving
 
 
 def test_each_reading_permits_three_velocities_that_differ(gate):

@@ -49,22 +49,17 @@ async def test_a_reading_is_assembled_with_the_first_odometry(adapter_and_topics
     assert adapter.readings.pose.x == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("order", ["both before", "one on each side"])
 @on_virtual_time
-async def test_of_two_before_the_odometry_the_newer_one_counts(adapter_and_topics):
+async def test_the_newer_of_two_poses_counts_beside_the_first_odometry(adapter_and_topics, order):
     adapter, hear_fix, hear_odometry = adapter_and_topics
     hear_fix(fix(5.0, 100.0))
-    hear_fix(fix(2.0, 199.0))
-    hear_odometry(odometry(200.0))
-    await asyncio.sleep(1.0)
-    assert adapter.readings.pose.x == pytest.approx(2.0)
-
-
-@on_virtual_time
-async def test_one_after_the_odometry_is_not_undone_by_one_before_it(adapter_and_topics):
-    adapter, hear_fix, hear_odometry = adapter_and_topics
-    hear_fix(fix(5.0, 100.0))
-    hear_odometry(odometry(200.0))
-    hear_fix(fix(2.0, 200.0))
-    hear_odometry(odometry(200.1))
+    if order == "both before":
+        hear_fix(fix(2.0, 199.0))
+        hear_odometry(odometry(200.0))
+    else:
+        hear_odometry(odometry(200.0))
+        hear_fix(fix(2.0, 200.0))
+        hear_odometry(odometry(200.1))
     await asyncio.sleep(1.0)
     assert adapter.readings.pose.x == pytest.approx(2.0)

@@ -100,27 +100,6 @@ def test_our_own_type_is_not_reported_as_that_of_a_subscriber():
     assert reported == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
 
 
-def test_velocities_are_announced_again_to_a_subscriber_that_has_not_connected():
-    called, counts = [], []
-    kind = "geometry_msgs/Twist"
-    publisher = SimpleNamespace(type=kind)
-    node = node_without_ros(
-        driving="/cmd_vel",
-        was_alone=False,
-        publishers={"/cmd_vel": publisher},
-        rospy=SimpleNamespace(get_name=lambda: "/us", get_node_uri=lambda: "http://us:1/"),
-        own_master=lambda caller: SimpleNamespace(
-            registerPublisher=lambda *more: called.append((caller, *more))
-        ),
-    )
-    for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):
-        publisher.get_num_connections = lambda there=there: there
-        node.announce_again(wanted)
-        counts.append(len(called))
-    assert counts == [0, 1, 1, 1, 1, 1]
-    assert called == [("/us", "/cmd_vel", kind, "http://us:1/")]
-
-
 @pytest.fixture
 def bus():
     bus = Ros1Bus(Ros1Options(master="http://127.0.0.1:1", watchdog=0.6))
@@ -131,60 +110,48 @@ def bus():
     return bus
 
 
-class FailingMaster:
-    """A master that is lost between two calls of one description."""
+def master_of(*names, lookup):
+    """Return a master of these nodes, of which some may be gone when they are looked up."""
+    return lambda: SimpleNamespace(
+        getSystemState=lambda: [[["/odom", names]], [], []],
+        getTopicTypes=list,
+        lookupNode=lookup,
+    )
 
-    def getSystemState(self):  # noqa: N802 - the master's API
-        return [["/odom", ["/base_driver"]]], [], []
 
-    def getTopicTypes(self):  # noqa: N802 - the master's API
-        return []
+def lost(_name):
+    raise OSError("connection refused")
 
-    def lookupNode(self, _name):  # noqa: N802 - the master's API
-        raise OSError("connection refused")
+
+def but_ended(name):
+    if name == "/ended":
+        raise MasterError("unknown node [/ended]")
+    return BASE["/base_driver"]
 
 
 def test_a_request_for_the_graph_is_answered_when_the_master_is_lost():
-    node = node_without_ros(FailingMaster)
+    node = node_without_ros(master_of("/base_driver", lookup=lost))
     node.describe_graph(1, "/cmd_vel", {})
     assert (node.sent[0]["op"], node.sent[0]["number"]) == ("response", 1)
     assert "nodes" not in node.sent[0]
 
 
-class ForgetfulMaster:
-    """A master from which /ended unregisters between two calls of one description."""
-
-    names = ("/base_driver", "/ended")
-
-    def getSystemState(self):  # noqa: N802 - the master's API
-        return [["/odom", self.names]], [], []
-
-    def getTopicTypes(self):  # noqa: N802 - the master's API
-        return []
-
-    def lookupNode(self, name):  # noqa: N802 - the master's API
-        if name == "/ended":
-            raise MasterError("unknown node [/ended]")
-        return "http://base:1/"
-
-
-def described(old):
+def described(old, *names):
     """Return the description of the graph, given the nodes of earlier connections."""
-    node = node_without_ros(ForgetfulMaster)
+    node = node_without_ros(master_of("/base_driver", *names, lookup=but_ended))
     node.describe_graph(1, "/cmd_vel", old)
     return node.sent[0]
 
 
 def test_a_node_that_ends_during_a_description_hides_no_other(monkeypatch):
     monkeypatch.setattr(ros1_node, "answers", lambda _: True)
-    found = described({"/planner": "http://planner:1/"})
+    found = described({"/planner": "http://planner:1/"}, "/ended")
     assert found["nodes"] == BASE
     assert found["forgotten"] == ["/planner"]
 
 
 @pytest.mark.slow
 def test_the_graph_is_described_in_time_although_many_old_nodes_hang(monkeypatch):
-    monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
     ended = threading.Event()
     monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
     monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))

@@ -120,21 +120,21 @@ def test_an_older_goal_of_ours_is_cancelled_and_no_younger_or_other_one(goals, c
     assert cancelled_ids(goals) == [left, left]
 
 
-def test_before_it_is_ready_every_goal_of_ours_is_one_of_an_earlier_run(goals):
-    goals.node.starting = True
-    goals.take_status(listed((id_at(5000), EXECUTING)))
-    assert cancelled_ids(goals) == [id_at(5000)]
-
-
-def test_a_goal_that_is_accepted_after_it_was_given_up_is_cancelled(goals, clock):
+@pytest.mark.parametrize("resumed", [False, True], ids=["accepted late", "resumed"])
+def test_a_goal_that_was_given_up_is_cancelled_when_it_runs_after_all(goals, clock, resumed):
     goals.start(id_at(2000), "g", {})
+    if resumed:
+        goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
     for client in (goals.sender, goals.canceller):
         client.ready = False
     clock.time += 3.0
     goals.attend_all()
     assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
     goals.canceller.ready = True
-    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
+    if resumed:
+        goals.take_status(listed((id_at(2000), EXECUTING)))
+    else:
+        goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
     assert cancelled_ids(goals) == [id_at(2000)]
 
 
@@ -178,25 +178,6 @@ def test_a_guard_sends_no_goal_any_more(goals):
     goals.node.guarding = True
     goals.start(id_at(2000), "g", {})
     assert goals.sender.requests == []
-
-
-def test_messages_become_json():
-    assert guarded_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
-    assert guarded_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
-    assert guarded_node.plain((True, "text", -math.inf)) == [True, "text", None]
-
-
-def test_a_goal_that_was_given_up_is_cancelled_when_its_planner_resumes(goals, clock):
-    goals.start(id_at(2000), "g", {})
-    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
-    for client in (goals.sender, goals.canceller):
-        client.ready = False
-    clock.time += 3.0
-    goals.attend_all()
-    assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
-    goals.canceller.ready = True
-    goals.take_status(listed((id_at(2000), EXECUTING)))
-    assert cancelled_ids(goals) == [id_at(2000)]
 
 
 def test_a_goal_that_its_server_did_not_know_is_cancelled_when_it_runs_after_all(goals, clock):

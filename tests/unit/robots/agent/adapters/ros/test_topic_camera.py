@@ -1,30 +1,17 @@
 """A camera whose pictures are published."""
 
-import io
-
-import av
 import numpy as np
 import pytest
 
 from robots.agent.adapters.ros import messages, topic_camera
 from robots.agent.adapters.ros.topic_camera import TopicCamera
 from robots.agent.robot_interface import AdapterError
+from robots.world.grid import encode_png
 from tests.support.media.picture_server import jpeg_of
 
 
 def png_of(grey: int) -> bytes:
-    kept = io.BytesIO()
-    with av.open(kept, "w", format="image2pipe") as container:
-        stream = container.add_stream("png", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "rgb24"
-        for packet in (
-            *stream.encode(
-                av.VideoFrame.from_ndarray(np.full((48, 64, 3), grey, np.uint8), format="rgb24")
-            ),
-            *stream.encode(),
-        ):
-            container.mux(packet)
-    return kept.getvalue()
+    return encode_png(np.full((48, 64), grey, np.uint8))
 
 
 def test_the_newest_picture_counts_in_any_format():

@@ -94,12 +94,6 @@ def test_short_hang_of_a_computer_costs_at_most_two_layers_for_a_while():
     assert network.run(8.0).adapter.layer == 0
 
 
-def test_a_network_that_is_slightly_too_narrow_lowers_the_layer():
-    network = Network(5e6).run(20.0)
-    network.capacity = 1e6
-    assert network.run(6.0).adapter.layer >= 1
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_400_kbits_get_the_fitting_layer_within_two_seconds_and_short_delays(seed):
     network = Network(5e6, rng=random.Random(seed)).run(5.0)

@@ -57,3 +57,14 @@ def test_only_commands_are_accepted(gate: PacketGate) -> None:
         assert isinstance(packet, Rejection)
         reasons.append(packet.reason)
     assert reasons == ["not_from_server", "wrong_direction", "unknown_topic", "malformed"]
+
+
+def test_ten_seconds_of_a_flood_are_one_and_a_page_that_is_twice_too_fast_is_none(
+    gate: PacketGate,
+) -> None:
+    for n in range(2000):
+        gate.take(STOP, n / 100)
+    assert not gate.floods
+    for n in range(2000):
+        gate.take(STOP, 20.0 + n / 1000)
+    assert gate.floods

@@ -78,18 +78,6 @@ def test_a_robot_with_a_wrong_pose_drives_through_the_middle_of_an_observed_gap(
     assert np.abs(aside).max() < 0.02
 
 
-def test_a_line_is_unchanged_with_room_or_an_obstacle_on_one_side_only() -> None:
-    line = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21)])
-    for posts in (
-        [(0.5, 0.35)],
-        [(0.5, 0.2)],
-        [(0.5, 0.6), (0.5, -0.5)],
-        [(0.5, 0.1), (0.5, -0.2)],
-    ):
-        moved = centred_between(line, line[:, 0], np.array(posts), HALF)
-        assert np.array_equal(moved, line)
-
-
 def test_a_line_is_moved_between_two_posts_and_returns_behind_them() -> None:
     line = np.column_stack([np.linspace(0.0, 3.0, 61), np.zeros(61)])
     moved = centred_between(line, line[:, 0], np.array([(1.5, 0.40), (1.5, -0.30)]), HALF)

@@ -68,6 +68,19 @@ def test_a_path_leads_round_a_wall_and_keeps_the_robot_clear_of_it() -> None:
     assert 2.2 < found.length < 3.6
 
 
+def test_a_blocked_gap_leaves_no_path_or_a_detour() -> None:
+    made = planner()
+    live = np.zeros(made.costmap.shape, dtype=np.bool_)
+    rows, columns, _ = made.costmap.cells(np.array([[1.7, y] for y in np.arange(0.2, 1.0, 0.05)]))
+    live[rows, columns] = True
+    assert made.plan((0.8, 1.7), (2.6, 1.7), made.costmap.clearance_with(live)) is None
+    one = np.zeros(made.costmap.shape, dtype=np.bool_)
+    one[made.costmap.cells(np.array([[2.7, 1.0]]))[:2]] = True
+    detour = made.plan((2.3, 0.5), (3.1, 1.5), made.costmap.clearance_with(one))
+    assert detour is not None
+    assert np.hypot(*(detour.points - (2.7, 1.0)).T).min() > made.costmap.inscribed
+
+
 def test_unknown_cells_are_not_free() -> None:
     made = planner("######\n#????#\n#?..?#\n#....#\n#....#\n#....#\n######".replace("\n", " "))
     with pytest.raises(NoWayError):

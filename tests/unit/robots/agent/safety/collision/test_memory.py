@@ -174,17 +174,6 @@ def test_a_clockwise_laser_is_compared_with_its_own_beams():
     assert through.tolist() == [True, False]
 
 
-POSES = st.builds(Pose2D, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
-
-
-@given(POSES, st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=20))
-def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
-    array = np.array(points).reshape(-1, 2)
-    assert np.allclose(points_from_frame(frame, points_in_frame(frame, array)), array)
-    world = np.array([frame.apply(x, y) for x, y in points]).reshape(-1, 2)
-    assert np.allclose(points_in_frame(frame, world), array)
-
-
 @pytest.mark.slow
 @examples(30, thorough=300)
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
