@@ -164,6 +164,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
 
 
 def test_command_with_a_token_is_shown_once(client, robot, owner):
+    assert "--enrol" not in client.get(address(robot, "enrol")).content.decode()
     answer = client.post(address(robot, "enrol"))
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]

@@ -127,13 +127,6 @@ def test_ticks_of_several_sources_are_joined_to_one_count() -> None:
     assert counted == [960, 1920, 2880, 3840, 4800]
 
 
-def test_display_measures_the_mean_colour() -> None:
-    display = MeasuringDisplay()
-    assert display.colour is None
-    display.show(np.full((4, 4, 3), (10, 20, 30), dtype=np.uint8))
-    assert display.colour == (10.0, 20.0, 30.0)
-
-
 def test_loudspeaker_measures_no_tone_in_silence() -> None:
     speaker = MeasuringSpeaker()
     assert (speaker.level, speaker.tone) == (0.0, 0.0)
