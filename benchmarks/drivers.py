@@ -1,7 +1,7 @@
 """Drives through the whole office with every controller in a real browser: out of the dock, through
 both doors to the far end, and back.
 
-The scripted driver sees only what the page shows (tests/support/browsers/scripted_visitor.py). For
+The scripted driver sees only what the page shows (benchmarks/driving/scripted_visitor.py). For
 each controller the table has seconds, metres, contacts with walls, furniture and doors, presses on
 the video, and presses at its sides to turn. `keyboard mouse` runs these two alone. It takes some
 minutes, because the robot drives in real time. The only bound is that there is no contact.
@@ -40,8 +40,8 @@ def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
+    from benchmarks.driving.scripted_visitor import Mouse, Pad
     from tests.support.browsers.first_time_user import Keys, Thumb, Touch
-    from tests.support.browsers.scripted_visitor import Mouse, Pad
 
     def fingers(page: Page) -> Touch:
         return Touch(page.context.new_cdp_session(page))
@@ -56,9 +56,9 @@ def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]
 
 
 def tour(browser: Browser, name: str) -> list[Figure]:
+    from benchmarks.driving.scripted_visitor import Tour
     from robots.world.sites import load_plan
     from tests.support.browsers.fake_robot_page import FakeRobotPage
-    from tests.support.browsers.scripted_visitor import Tour
     from tests.support.media.scene_source import SceneSource
     from tests.support.patience import patient
 

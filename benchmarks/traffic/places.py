@@ -16,13 +16,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmarks.traffic.machines.machine import Partition
+from benchmarks.traffic.machines.site import Placed, running_machines
 from benchmarks.traffic.verdicts import DrivePeriod, NumberedState
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clustered_brokers.nats import HOST, NatsNodes
 from tests.support.clustered_brokers.node import Node
 from tests.support.clustered_brokers.site import ClusterSite
-from tests.support.machines.machine import Partition
-from tests.support.machines.site import Placed, running_machines
 from tests.support.programs.janus import Janus
 from tests.support.programs.postgres import Postgres, running_postgres
 from tests.support.programs.redis import Redis

@@ -52,36 +52,6 @@ async def test_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
 
 
 @pytest.mark.nightly
-async def test_driver_moves_between_web_processes(site):
-    port = site.second_web()
-    async with (
-        RobotDouble(site) as robot,
-        page(site, "ada") as here,
-        page(site, "ada", port=port) as there,
-        page(site, "bob", port=port) as bob,
-    ):
-        granted = await here.take(takeover=True)
-        await bob.observe()
-        await tune_in(robot, here, bob)
-        own = {"session": granted.session, "epoch": granted.epoch}
-        await robot.say("state", words.state(seq=8, viewers=2, **own))
-        await bob.expect("room", lambda room: room.driving and room.driver == "ada")
-        moved = await there.take(takeover=True)
-        ended = await here.expect("session/ended")
-        assert (ended.session, ended.outcome) == (granted.session, "moved")
-        assert moved.session == granted.session
-        own = {"session": moved.session, "epoch": moved.epoch}
-        await here.say("command/velocity", words.velocity(seq=1, **own))
-        await there.say("command/velocity", words.velocity(seq=2))
-        assert (await here.expect("denied")).reason == "not_driver"
-        await there.settle(robot)
-        (command,) = robot.commands("command/velocity")
-        assert (command.seq, command.epoch) == (2, moved.epoch)
-        await leave(there)
-    site.stop("web-2")
-
-
-@pytest.mark.nightly
 async def test_slow_page_loses_only_old_telemetry_and_others_lose_nothing(
     site,
 ):

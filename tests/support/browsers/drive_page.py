@@ -13,6 +13,14 @@ from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.patience import HELD, patient
 
 WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
+# plugs in a gamepad, whose `stub` a test moves
+PAD = """() => {
+  const buttons = Array.from({ length: 17 }, () => ({ pressed: false }));
+  const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons };
+  window.stub = pad;
+  navigator.getGamepads = () => [pad];
+  window.dispatchEvent(Object.assign(new Event("gamepadconnected"), { gamepad: pad }));
+}"""
 
 
 @asynccontextmanager

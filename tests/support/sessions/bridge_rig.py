@@ -14,7 +14,7 @@ from robots.api.messages import Stop
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.browsers.pages import Expecting, decode
 from tests.support.patience import patient, until
-from tests.support.sessions.site import LOOPBACK, Site, free_port, wait_for
+from tests.support.sessions.site import LOOPBACK, Site, wait_for
 
 SECONDS = 10.0
 
@@ -35,13 +35,6 @@ class Rig(Site):
 
     def web(self, name, port):
         self.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
-
-    def second_web(self):
-        """Start another web process of the same site and return its port."""
-        port = free_port()
-        self.web("web-2", port)
-        wait_for(lambda: self.listening(port), 20, "the second web server")
-        return port
 
 
 class RobotDouble:

@@ -1,5 +1,6 @@
 """Rows of sessions and their states."""
 
+import datetime
 from typing import Any
 
 from django.utils import timezone
@@ -7,6 +8,13 @@ from django.utils import timezone
 from accounts.models import User
 from robots.models import Robot
 from sessions.models import Session, StateChunk
+
+NOW = timezone.now()
+
+
+def after(seconds: float) -> datetime.datetime:
+    """Return the moment so long after NOW."""
+    return NOW + datetime.timedelta(seconds=seconds)
 
 
 def session_row(robot: Robot, visitor: User, **fields: Any) -> Session:

@@ -17,7 +17,6 @@ from tests.support.programs.deployed import (
     OURS,
     compose,
     documents,
-    in_words,
     kubernetes,
     kustomization,
     pods,
@@ -269,9 +268,3 @@ def test_the_image_has_what_the_site_needs():
     apps = {name.partition(".")[0] for name in settings.INSTALLED_APPS}
     ours = {name for name in apps if (ROOT / name).is_dir()}
     assert ours | {"templates", "static", "locale", "docs/reference", "manage.py"} <= sent
-
-
-def test_the_command_of_a_shell_line_is_found():
-    shell = in_words('sh -c "python manage.py migrate && cp a b"')
-    assert shell[:3] == ("python", "manage.py", "migrate")
-    assert in_words(["python", "-m", "daphne"]) == ("python", "-m", "daphne")

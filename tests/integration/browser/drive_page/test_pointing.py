@@ -14,10 +14,18 @@ from robots.agent.safety.permissions import CommandSender
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Goto, Stop, VelocityCommand
 from robots.world.sites import load_plan
-from tests.support.browsers.drive_page import UPRIGHT, WIDE, actions, driven, hold, stands, stops
+from tests.support.browsers.drive_page import (
+    PAD,
+    UPRIGHT,
+    WIDE,
+    actions,
+    driven,
+    hold,
+    stands,
+    stops,
+)
 from tests.support.browsers.fake_robot_page import FakeRobotPage
 from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.browsers.scripted_visitor import PAD
 from tests.support.media.scene_source import SceneSource
 from tests.support.patience import until
 

@@ -3,7 +3,6 @@
 import datetime
 
 import pytest
-from django.utils import timezone
 
 from accounts.models import User
 from sessions.leases import store
@@ -16,14 +15,9 @@ from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from sessions.shards import rows
 from tests.support.robots import online_robot
-from tests.support.sessions.rows import chunk_row
+from tests.support.sessions.rows import NOW, after, chunk_row
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
-
-
-def after(seconds: float) -> datetime.datetime:
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Taking and giving up the robot, in the database."""
 
-import datetime
 import functools
 import random
 from itertools import pairwise
@@ -10,7 +9,6 @@ import pytest
 from django.conf import settings
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
-from django.utils import timezone
 
 from robots.api import topics
 from robots.models import Robot, RobotPresence
@@ -21,13 +19,9 @@ from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
 from tests.support.robots import online_robot, update_robots
+from tests.support.sessions.rows import NOW, after
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
-
-
-def after(seconds: float) -> datetime.datetime:
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 def link(seconds: float, **fields: Any) -> RobotLink:

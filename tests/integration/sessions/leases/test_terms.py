@@ -1,10 +1,7 @@
 """The terms of a session: fixed when it begins, applied by lease, queue and page."""
 
-import datetime
-
 import msgspec
 import pytest
-from django.utils import timezone
 
 from accounts.models import User
 from robots.api import messages as m
@@ -19,11 +16,10 @@ from sessions.models import Lease, Session
 from sessions.protocol import Ended
 from tests.support.browsers.pages import Page
 from tests.support.robots import online_robot, update_robots
-from tests.support.sessions.rows import session_row
+from tests.support.sessions.rows import NOW, after, session_row
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
 STUDY = terms.Terms(
     label="A tour",
     linear=0.2,
@@ -37,10 +33,6 @@ STUDY = terms.Terms(
     leaving_completes=False,
     study={"slug": "tour"},
 )
-
-
-def after(seconds: float) -> datetime.datetime:
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 @pytest.fixture

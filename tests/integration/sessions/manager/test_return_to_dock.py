@@ -2,12 +2,10 @@
 is stored.
 """
 
-import datetime
 from collections import deque
 
 import pytest
 from django.db import OperationalError, connection
-from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec
@@ -23,18 +21,14 @@ from sessions.models import SystemLog
 from sessions.protocol import Offered
 from tests.support import words
 from tests.support.robots import online_robot, update_robots
+from tests.support.sessions.rows import NOW, after
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
 FACTS = {
     "series": "giraff",
     "capabilities": ["velocity", "dock", "tilt"],
     "tilt": {"minimum": -0.5, "maximum": 0.9, "home": 0.28, "speed": 0.8},
 }
-
-
-def after(seconds: float) -> datetime.datetime:
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import json
 
 import pytest
 from django.db import OperationalError, connection
-from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, topics
@@ -15,16 +14,12 @@ from sessions import protocol
 from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Session, SessionEvent
+from sessions.models import Session, SessionEvent, SystemLog
 from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Queued, TurnWarning
 from tests.support.robots import online_robot, update_robots
+from tests.support.sessions.rows import NOW, after
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
-
-
-def after(seconds):
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 @pytest.fixture
@@ -158,7 +153,8 @@ def test_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):
     session = Session.objects.get(pk=drive)
     assert (session.state, session.granted_at) == ("connecting", after(1))
     Scheduler().tick({"giraff": idle}, idle, after(60))
-    assert Session.objects.get(pk=drive).outcome_reason == "robot_offline"
+    broken_off = {"outcome": "robot_fault", "reason": "robot_offline"}
+    assert SystemLog.objects.get(event="session_broken_off").fields == broken_off
 
 
 def test_two_versions_of_a_lease_never_have_the_same_number(drive, monkeypatch):

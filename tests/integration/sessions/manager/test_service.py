@@ -132,13 +132,6 @@ async def driven(broker, visitor: User, **wish: Any) -> AsyncIterator[tuple[Scri
         yield robot, await drive(visitor)
 
 
-@contextlib.asynccontextmanager
-async def notices_of(broker) -> AsyncIterator["Notices"]:
-    async with aiomqtt.Client(HOST, broker.port) as web:
-        await web.subscribe(topics.session_notices("+"), 1)
-        yield Notices(web)
-
-
 @contextlib.contextmanager
 def receiving(signal: Signal, receiver: Callable[..., None]) -> Iterator[None]:
     signal.connect(receiver, weak=False)
@@ -166,21 +159,6 @@ async def test_presence_follows_the_robot(broker, giraff):
             )
         logged = [entry.event async for entry in SystemLog.objects.order_by("at")]
         assert logged == ["robot_online", "robot_offline"]
-
-
-async def test_signal_receives_each_state_once_and_in_order(broker, giraff, visitors):
-    seen = []
-
-    def receive(**news):
-        seen.append((news["session"], news["state"].seq))
-
-    with receiving(signals.state_received, receive):
-        async with driven(broker, visitors["ana"]) as (robot, session):
-            await wait_for(lambda: len(seen) > 20, what="twenty states")
-            await robot.publish("state", robot.buffer[seen[3][1]])  # an old one again
-            count = len(seen)
-            await wait_for(lambda: len(seen) > count + 10)
-    assert seen == [(session, seq) for seq in range(seen[0][1], seen[0][1] + len(seen))]
 
 
 async def test_robot_that_is_taken_during_the_first_tick_keeps_its_lease(broker, giraff, visitors):
@@ -398,72 +376,6 @@ async def test_retained_lease_from_before_a_crash_is_cleared(broker, giraff):
 # --- outcomes, queue, turns, grace ----------------------------------------------------------------
 
 
-@pytest.mark.nightly
-async def test_robot_that_stays_offline_ends_the_session_as_a_robot_fault(
-    broker, giraff, visitors, monkeypatch
-):
-    monkeypatch.setattr("sessions.leases.transitions.ROBOT_SILENCE", 2.0)
-    async with driven(broker, visitors["ana"]) as (robot, session):
-        robot.speaks = False
-        ended = await state_of(session, "ended")
-        assert ended.outcome == "robot_fault"
-        log = await wait_for(lambda: SystemLog.objects.filter(event="session_broken_off").first())
-        assert (str(log.session_id), log.fields) == (
-            session,
-            {"outcome": "robot_fault", "reason": "robot_offline"},
-        )
-
-
-class Notices:
-    """The notices that a web process receives, by session."""
-
-    def __init__(self, client: aiomqtt.Client) -> None:
-        self._client = client
-        self._received: list[protocol.Notice] = []
-
-    async def of(
-        self,
-        session: str,
-        kind: type[protocol.Notice],
-        is_right: Callable[[Any], bool] = lambda _: True,
-        within: float = 10.0,
-    ) -> Any:
-        """Return the first notice of this kind of a session, received before or yet to come."""
-
-        def is_it(notice: protocol.Notice) -> bool:
-            return isinstance(notice, kind) and notice.session == session and is_right(notice)
-
-        async with asyncio.timeout(patient(within)):
-            while (found := next(filter(is_it, self._received), None)) is None:
-                message = await anext(self._client.messages)
-                self._received.append(protocol.decode_notice(message.payload.decode()))
-        return found
-
-
-@pytest.mark.nightly
-async def test_turn_ends_if_others_wait_and_the_next_is_offered_the_robot(
-    broker, giraff, visitors, settings
-):
-    settings.TURN_WARNING_SECONDS = 2.5  # several looks at the clock, of which one may come late
-    await sync_to_async(update_robots)(turn_minutes=4.0 / 60.0)
-    async with (
-        notices_of(broker) as notices,
-        driven(broker, visitors["ana"]) as (_, ana),
-    ):
-        ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
-        assert [type(taken) for taken in (ben, cem)] == [store.Queued, store.Queued]
-        assert (await notices.of(cem.session, protocol.Queued)).place == 2
-        assert (await notices.of(ana, protocol.TurnWarning)).remaining <= 2.5
-        ended = await notices.of(ana, protocol.Ended)
-        assert (ended.outcome, ended.reason) == ("timed_out", "turn_over")
-        offered = await notices.of(ben.session, protocol.Offered)
-        assert offered.seconds == settings.START_SECONDS
-        assert isinstance(await take(visitors["cem"]), store.Queued)
-        assert isinstance(await take(visitors["ben"]), store.TakeGranted)
-        await state_of(ben.session, "driving")
-        await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
-
-
 # --- other parts of the record --------------------------------------------------------------------
 
 
@@ -524,25 +436,6 @@ async def test_events_page_reports_network_samples_and_photos_are_stored_once(
         assert (snapshot.action_id, bytes(snapshot.jpeg)) == ("p1", jpeg)
 
 
-async def test_robot_cannot_write_into_the_record_of_another_robots_session(
-    broker, giraff, visitors
-):
-    await sync_to_async(Robot.objects.create)(name="rogue", title="Rogue")
-    async with (
-        running_manager(broker.url) as manager,
-        ScriptedRobot("giraff", broker.url) as robot,
-        ScriptedRobot("rogue", broker.url) as rogue,
-    ):
-        session = await drive(visitors["ana"])
-        rogue.session, rogue.epoch = session, 1
-        await rogue.event("collision")
-        rogue.session = "no-such-session"
-        await rogue.event("collision")
-        await wait_for(lambda: manager.active.recorder.counts["foreign_session"] > 10)
-        await leave_and_complete(session, visitors["ana"], robot)
-        assert not await SessionEvent.objects.filter(type="collision").aexists()
-
-
 @pytest.mark.nightly
 async def test_session_that_ended_without_a_session_manager_is_closed_by_the_next(
     broker, giraff, visitors
@@ -563,10 +456,3 @@ async def test_session_that_ended_without_a_session_manager_is_closed_by_the_nex
                 await closed_record(session)
     assert ended == [session]
     assert not await Lease.objects.filter(session__isnull=False).aexists()
-
-
-async def test_received_stamps_are_of_the_recorders_clock(broker, giraff, visitors):
-    begun = time.time()
-    async with driven(broker, visitors["ana"], clock_ahead=-500.0) as (_, session):
-        chunk = await wait_for(StateChunk.objects.filter(session=session).first)
-        assert begun <= chunk.received_at <= time.time()

@@ -1,6 +1,5 @@
 """The fence around the writes of session managers, in real databases."""
 
-import datetime
 import json
 import os
 import subprocess
@@ -9,7 +8,6 @@ import sys
 import pytest
 from django.db import OperationalError, connection
 from django.test.utils import CaptureQueriesContext
-from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, messages, topics
@@ -32,13 +30,9 @@ from tests.support.paths import ROOT
 from tests.support.programs.postgres import running_postgres
 from tests.support.robots import online_robot
 from tests.support.sessions.fence_races import race
+from tests.support.sessions.rows import NOW, after
 
-NOW = timezone.now()
 SHARD = shard_of("giraff")
-
-
-def at(seconds: float) -> datetime.datetime:
-    return NOW + datetime.timedelta(seconds=seconds)
 
 
 @pytest.fixture
@@ -118,16 +112,16 @@ def test_one_of_two_processes_that_take_a_slot_at_once_gets_it(db):
 
 def test_last_time_of_a_session_manager_is_known_after_it_left(db):
     assert rows.last_alive() is None
-    rows.occupy(0, None, "first", at(1))
-    rows.occupy(1, None, "second", at(2))
+    rows.occupy(0, None, "first", after(1))
+    rows.occupy(1, None, "second", after(2))
     rows.give_back("second")
-    assert rows.last_alive() == at(2)
+    assert rows.last_alive() == after(2)
     _, second = rows.members()
-    rows.occupy(1, second, "third", at(3))
+    rows.occupy(1, second, "third", after(3))
     rows.give_back("third")
-    assert rows.last_alive() == at(3)
+    assert rows.last_alive() == after(3)
     ManagerBeat.objects.filter(name=rows.name_of(1)).update(report={})
-    assert rows.last_alive() == at(1)
+    assert rows.last_alive() == after(1)
 
 
 @pytest.mark.django_db(transaction=True)
@@ -172,10 +166,10 @@ def test_reading_needs_no_additional_statement(owner):
 def test_scheduler_renews_leases_of_its_robots_only(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
-    assert scheduler.renew(at(1))
+    assert scheduler.renew(after(1))
     take_away()
     scheduler.outbox.clear()
-    assert not scheduler.renew(at(10)), "the write of the renewal's number is refused"
+    assert not scheduler.renew(after(10)), "the write of the renewal's number is refused"
     assert Lease.objects.get(robot=giraff).renewal == 1
 
 
@@ -183,14 +177,14 @@ def test_only_the_present_owner_publishes_the_lease_of_a_robot(giraff, session, 
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
     scheduler.begin()
-    assert scheduler.renew(at(0))
+    assert scheduler.renew(after(0))
     scheduler.outbox.clear()
     mine = dict(owner.epochs)
     lose(owner)
-    store.end(session, "completed", "left", at(1))
-    assert not scheduler.renew(at(2)), "only its new owner publishes the lease"
+    store.end(session, "completed", "left", after(1))
+    assert not scheduler.renew(after(2)), "only its new owner publishes the lease"
     owner.become(mine)
-    assert scheduler.renew(at(3))
+    assert scheduler.renew(after(3))
     assert [message.payload for message in scheduler.outbox] == [b""]
 
 
@@ -204,15 +198,15 @@ def test_robot_gained_while_the_database_failed_gets_its_lease(giraff, owner):
         raise OperationalError("the database is away")
 
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
-        scheduler.renew(at(0))
-    assert scheduler.renew(at(1))
+        scheduler.renew(after(0))
+    assert scheduler.renew(after(1))
     assert [message.payload for message in scheduler.outbox] == [b""], "it has no driver"
 
 
 def test_robot_lost_during_the_read_of_leases_gets_no_empty_lease(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
-    assert scheduler.renew(at(0))
+    assert scheduler.renew(after(0))
     scheduler.outbox.clear()
 
     def take_after_read(execute, sql, parameters, many, context):
@@ -223,20 +217,20 @@ def test_robot_lost_during_the_read_of_leases_gets_no_empty_lease(giraff, sessio
         return found
 
     with connection.execute_wrapper(take_after_read):
-        scheduler.renew(at(10))
+        scheduler.renew(after(10))
     assert list(scheduler.outbox) == []
 
 
 def test_queued_messages_of_a_robot_are_published_by_its_new_owner(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
-    assert scheduler.renew(at(0))
+    assert scheduler.renew(after(0))
     config = ManagerMessage(topics.of("giraff", "config"), b"{}", retain=True)
     scheduler.outbox.append(config)
     lease, _ = scheduler.outbox
     lose(owner)
-    store.end(session, "completed", "left", at(1))
-    assert scheduler.tick({}, RobotLink(since=NOW.timestamp()), at(2)) == []
+    store.end(session, "completed", "left", after(1))
+    assert scheduler.tick({}, RobotLink(since=NOW.timestamp()), after(2)) == []
     assert not {lease, config} & set(scheduler.outbox)
     assert not SessionEvent.objects.filter(session=session, type="ended").exists()
 

@@ -4,7 +4,6 @@ import pytest
 
 from sessions.leases.readiness import (
     ATTEMPTS,
-    NETWORK_PAUSE_S,
     PAUSED_RETRY_S,
     RETRY_S,
     TIMEOUTS_S,
@@ -24,12 +23,6 @@ def answered(readiness, kind, at, status="", reason=""):
 
 def test_a_robot_that_is_docked_localized_charged_and_level_is_ready():
     assert decide(Readiness(), HOME, 0.0) == (Readiness("ready"), None)
-
-
-def test_a_robot_that_is_away_gets_one_order_to_dock():
-    first, order = decide(Readiness(), AWAY, 0.0)
-    assert (first.phase, order) == ("returning", "dock")
-    assert decide(answered(first, "dock", 0.0, "RUNNING"), AWAY, 100.0)[1] is None
 
 
 @pytest.mark.parametrize(
@@ -124,13 +117,6 @@ def test_a_robot_with_a_camera_is_ready_after_a_picture_in_its_station():
         assert decide(answer, SEEING, 2.0)[0].phase == phase
 
 
-def test_no_picture_is_requested_before_the_last_driver_has_left():
-    held = replace(SEEING, driver_released=False)
-    readiness, kind = decide(Readiness(), held, 0.0)
-    assert (readiness.phase, kind) == ("returning", None)
-    assert decide(readiness, replace(held, driver_released=True), 1.0)[1] == "picture"
-
-
 def test_a_picture_does_not_count_after_the_robot_was_pushed_out_of_its_station():
     finished = answered(Readiness(), "picture", 0.0, "FINISHED")
     readiness, _ = decide(finished, replace(SEEING, is_responsive=False), 1.0)
@@ -138,16 +124,6 @@ def test_a_picture_does_not_count_after_the_robot_was_pushed_out_of_its_station(
     away, kind = decide(readiness, replace(SEEING, docked=False), 2.0)
     assert kind == "dock"
     assert decide(answered(away, "dock", 2.0, "FINISHED"), SEEING, 9.0)[1] == "picture"
-
-
-def test_a_robot_on_a_slow_network_pauses_the_queue_after_a_while():
-    late = replace(SEEING, is_responsive=False)
-    readiness, kind = decide(Readiness(), late, 100.0)
-    assert (readiness.phase, readiness.reason, kind) == ("returning", "network", None)
-    readiness, _ = decide(readiness, late, 100.0 + NETWORK_PAUSE_S)
-    assert (readiness.phase, readiness.reason) == ("paused", "network")
-    assert decide(readiness, SEEING, 200.0)[1] == "picture"
-    assert decide(readiness, HOME, 200.0)[0] == Readiness("ready")
 
 
 @pytest.mark.parametrize("condition", [AWAY, HOME, replace(HOME, head_is_level=False)])

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from benchmarks.traffic.machines.machine import NETWORK, Machine, machines
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clustered_brokers.nats import NatsNodes
 from tests.support.clustered_brokers.site import ClusterSite
 from tests.support.collected import collected_files
-from tests.support.machines.machine import NETWORK, Machine, machines
 from tests.support.programs.patroni import PASSWORD, EtcdNode, PatroniNode, owned_folder
 from tests.support.programs.postgres import OWNER
 from tests.support.programs.redis import Redis

@@ -21,6 +21,7 @@ from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Camera, Point
 from sessions import protocol
+from tests.support.browsers.drive_page import PAD
 from tests.support.browsers.first_time_user import (
     LOOK,
     Hands,
@@ -45,13 +46,6 @@ STEP = 0.6  # m
 APART = 4  # points of the route between a refused one and the next that is tried
 STILL = 0.01  # m and rad
 WAITS = 1.5  # s after a press for which a robot at rest may still start
-PAD = """() => {
-  const buttons = Array.from({ length: 17 }, () => ({ pressed: false }));
-  const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons };
-  window.stub = pad;
-  navigator.getGamepads = () => [pad];
-  window.dispatchEvent(Object.assign(new Event("gamepadconnected"), { gamepad: pad }));
-}"""
 PICTURE = """() => {
   const video = document.getElementById('video');
   const { left, top, width, height } = video.getBoundingClientRect();
