@@ -248,7 +248,7 @@ class GuardedNode:
 
     def cancel_docking(self, *, own: bool) -> None:
         """Call the cancel service every CANCEL_AGAIN until an earlier docking has ended, with `own`
-        also one of this run, which the agent is told: the robot reports no such end.
+        also one of this run. The agent learns of that: the robot reports no such end.
 
         An earlier cancel may still be answered, and so is not abandoned for the next one.
         """

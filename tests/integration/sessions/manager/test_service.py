@@ -209,7 +209,7 @@ async def test_receiver_that_raises_stops_neither_the_others_nor_the_record(
 async def test_disk_that_does_not_answer_delays_neither_leases_nor_the_heartbeat(
     broker, giraff, visitors, monkeypatch
 ):
-    answers, asked, published = threading.Event(), threading.Event(), {"faults": (), "count": 0}
+    answers, asked, published = threading.Event(), threading.Event(), []
     answers.set()
     room = DiskSpace.state
 
@@ -224,7 +224,7 @@ async def test_disk_that_does_not_answer_delays_neither_leases_nor_the_heartbeat
     async def listen(client):
         async for message in client.messages:
             status = msgspec.json.decode(message.payload, type=messages.ManagerStatus)
-            published.update(faults=status.faults, count=published["count"] + 1)
+            published.append(status.faults)
 
     async with (
         running_manager(broker.url),
@@ -237,12 +237,13 @@ async def test_disk_that_does_not_answer_delays_neither_leases_nor_the_heartbeat
         answers.clear()
         try:
             await wait_for(asked.is_set, what="the read of the disk")
-            last_received, leases = published["count"], len(robot.leases)
+            before, leases = len(published), len(robot.leases)
             await wait_for(
-                lambda: published["count"] > last_received + 3 and len(robot.leases) > leases + 1,
+                lambda: len(published) > before + 3 and len(robot.leases) > leases + 1,
                 what="beats and renewals",
             )
-            assert published["faults"] == ()
+            # a busy computer holds the database, which is another fault
+            assert {*itertools.chain(*published[before:])} <= {"database"}
         finally:
             answers.set()
         await cancel(listening)

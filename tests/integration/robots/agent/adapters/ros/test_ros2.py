@@ -339,6 +339,8 @@ async def test_namespaces_separate_two_robots_in_one_domain(patient_adapters):
                 await adapter.start(Goto(action_id="g", stamp=0.0, x=goal.x, y=goal.y))
                 assert (await heard(adapter, ended("g")))[-1].status == "FINISHED"
                 assert (await some(adapter.states(), 1))[0].errors == ()
+            for guard in adapter._bus._guards_left:  # it still brakes its own robot
+                await asyncio.to_thread(guard.wait, patient(10.0))
             assert other.world.commands[before:] == []
             assert other.goals == (name == "/robot2")
 

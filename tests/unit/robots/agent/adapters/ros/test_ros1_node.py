@@ -434,7 +434,7 @@ def test_docking_is_cancelled_until_its_service_answers_or_is_absent():
 
 
 @pytest.mark.parametrize("own", [True, False])
-def test_the_agent_is_told_of_a_cancel_of_its_own_docking(monkeypatch, own):
+def test_the_agent_learns_of_a_cancel_of_its_own_docking(monkeypatch, own):
     sent = []
     node = DockedNode(DONE)
     monkeypatch.setattr(node, "say", lambda **message: sent.append(message["op"]))
