@@ -134,7 +134,7 @@ def _described(one: Participant) -> dict[str, Any]:
 
 
 def _withdrawn(one: Participant, identifier: str) -> dict[str, Any]:
-    """Describe a participant who withdrew to a researcher who knows the id: only what is due. The
+    """Describe what is due to a participant who withdrew, for a researcher who knows the id. The
     code of the row that stays would lead to the assigned condition.
     """
     unknown = dict.fromkeys(("started", "lastSeen", "finished", "minutes"))
