@@ -19,7 +19,7 @@ from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.drive_outcomes import OF_SUCCESS
 from experiments.analysis.tables.effects import compare_conditions
 from experiments.analysis.tables.table import Table, TableCell, number
-from experiments.dataset.records import COMPLETED, Dataset, SessionRecord
+from experiments.dataset.records import Dataset, SessionRecord
 
 PLANNED, AT_LIMIT, WITHOUT_FAULTS = "as planned", "giving up at the limit", "without faults"
 ABOUT = {
@@ -28,6 +28,7 @@ ABOUT = {
     WITHOUT_FAULTS: "drives that the robot, the network or an operator ended are left out, which"
     " as planned are drives without success",
 }
+GAVE_UP = ("", "cancelled")
 TECHNICAL = frozenset({"robot", "network", "operator"})  # sides of faults, beside the platform's
 PRINTED = ("p (Holm)", "Difference", "Effect", "Size", "Size: from", "Size: to")
 HEAD = ("Analysis", "Measure", "Test of", "Drives", "n", *PRINTED, "Significance")
@@ -61,24 +62,19 @@ def _changed(dataset: Dataset, attempts: Attempts) -> Iterator[tuple[str, list[M
         task = dataset.study.task
         ends = [one.values["total_time"] for one in attempts]
         limit = max(60.0 * task.minutes if task else 0.0, *filter(math.isfinite, ends), 1.0)
-        yield (
-            AT_LIMIT,
-            [
-                replace(one, values={**one.values, "total_time": limit})
-                if _gave_up(one.session)
-                else one
-                for one in attempts
-            ],
-        )
+        at_limit = [replace(one, values=one.values | {"total_time": limit}) for one in attempts]
+        both = zip(attempts, at_limit, strict=True)
+        yield AT_LIMIT, [other if _gave_up(one.session) else one for one, other in both]
     working = [one for one in attempts if one.session.fault_side not in TECHNICAL]
     if len(working) < len(attempts):
         yield WITHOUT_FAULTS, working
 
 
 def _gave_up(session: SessionRecord) -> bool:
-    """Tell whether the participant ended a drive: left, closed the page, or gave no sign."""
-    by_itself = session.outcome in {COMPLETED, "timed_out"} or session.fault_side in TECHNICAL
-    return session.fault_side == "visitor" or not by_itself
+    """Tell whether the participant ended a drive: left, closed the page, or gave no sign; datasets
+    of earlier releases have no side.
+    """
+    return session.fault_side == "visitor" or (session.fault_side, session.outcome) == GAVE_UP
 
 
 def _tests(dataset: Dataset, attempts: Attempts) -> Tests:

@@ -16,7 +16,7 @@ from experiments.analysis.plan.reporting_sheet import (
 from experiments.dataset.counting import counting
 from experiments.dataset.records import FreezeRecord, RobotRecord
 from experiments.definition.shipped import shipped
-from tests.support.analysis.planned import PLAN, hypothesis, plan_with, planned_study
+from tests.support.analysis.planned import ANALYSES, PLAN, hypothesis, plan_with, planned_study
 from tests.support.analysis.planned_data import planned_data
 from tests.support.analysis.study_dataset import made_up, questionnaires
 from tests.support.studies.studies import PRACTICE, STUDY
@@ -109,6 +109,15 @@ def with_condition(**changes):
             {"analysis": {"drives": "first"}},
             "Of several such drives of a participant in a condition, the first counts.",
         ),
+        (
+            {"plan": plan_with(incomplete="drives")},
+            "are excluded from all tests except those of proportions and times",
+        ),
+        (
+            {"analyses": [{**ANALYSES[0], "measures": ["completed"], "test": "proportions"}]},
+            "of one drive of a participant in a condition: the first that counts",
+        ),
+        ({}, "A drive that the robot, the network or an operator ended counts, and has not"),
         ({"quality": {"longest_gap": 1.5}}, "no gap above 1.5 s"),
         ({"allocation": {"left_after_hours": 36.0}}, "- allocation.left_after_hours: 36.0"),
         ({"devices": ["computer"]}, "- Only with these devices: computer."),
