@@ -1,7 +1,9 @@
 """Labels, hints and layout of forms of documents; studies and questionnaires have a guide each."""
 
+import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 Words = Mapping[str, Any]
@@ -57,3 +59,11 @@ def is_among(names: frozenset[str], called: str) -> bool:
 
 def _of(words: Mapping[str, Any], called: str, otherwise: Any) -> Any:
     return words.get(called, words.get(called.rpartition(".")[2], otherwise))
+
+
+def word_table(module: str, name: str) -> list[dict[str, str]]:
+    """Return the rows of a table beside a module (its file). Columns called `words`, `label`,
+    `item` and `hint` have texts of pages, which deploy/messages.sh brings into the catalogue.
+    """
+    with Path(module).with_name(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))

@@ -1,6 +1,7 @@
 """Every text of the pages is in the Spanish catalogue, and translated."""
 
 import ast
+import csv
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from tests.unit.site.test_templates import po_entries
 
 ROOT = settings.BASE_DIR
 MARKS = {"_", "gettext", "gettext_lazy", "gettext_noop", "ngettext", "ngettext_lazy"}
+COLUMNS = ("words", "label", "item", "hint")  # of tables (surveys.document_forms.guide.word_table)
 IN_CONTEXT = {"pgettext", "pgettext_lazy"}  # the context comes before the text
 CALLED = re.compile(r"\b(?:_|[np]?gettext\w*)\(")
 MARKED = re.compile(r"\b(_|gettext|ngettext|pgettext)\(")
@@ -41,11 +43,19 @@ def texts_of_template(source: str) -> Iterator[tuple[str | None, str]]:
         yield from texts_of(prepared[found.start() : end])
 
 
+def texts_of_table(path: Path) -> Iterator[str]:
+    with path.open(encoding="utf-8", newline="") as table:
+        for row in csv.DictReader(table):
+            yield from (row[name] for name in COLUMNS if row.get(name))
+
+
 def marked() -> Iterator[tuple[Path, tuple[str | None, str]]]:
     for app in PACKAGES:
         for path in python_files(app):
             if CALLED.search(text_of(path)):
                 yield from ((path, text) for text in texts_of(text_of(path)))
+        for path in (ROOT / app).rglob("*.csv"):
+            yield from ((path, (None, text)) for text in texts_of_table(path))
     for path in (ROOT / "templates").rglob("*"):
         if path.suffix in {".html", ".txt"}:
             yield from ((path, text) for text in texts_of_template(path.read_text()))
