@@ -17,7 +17,7 @@ from experiments.definition.schema import Condition, StudyCheckpoint
 from experiments.definition.step import AskingStep
 from experiments.definition.wizard import Wizard, WizardStep
 from experiments.recruitment.sites import PROFILES
-from surveys.document_forms.guide import FormGuide, word_table
+from surveys.document_forms.guide import FormGuide, column_of, word_table, words_by_kind
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
 
 Words: TypeAlias = str | Promise
@@ -26,9 +26,7 @@ RARE_FACTORS = frozenset({"video_jitter", "control_jitter", "control_way", "angu
 SETTINGS = {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()}
 FACTORS = {name: words for name, words in SETTINGS.items() if name not in RARE_FACTORS}
 
-CHOICES: dict[str, dict[str, Words]] = {}
-for _row in word_table(__file__, "choices.csv"):
-    CHOICES.setdefault(_row["field"], {})[_row["value"]] = translated(_row["words"])
+CHOICES: dict[str, dict[str, Words]] = words_by_kind(__file__, "choices.csv", translated)
 ENDING_NAMES = CHOICES["returning"]
 CHOICES |= {
     "changes": SETTINGS,
@@ -45,11 +43,8 @@ CHOICES |= {
     },
 }
 
+_LEAF = pgettext_lazy("of the instructions", "Page")
 _FIELDS = word_table(__file__, "fields.csv")
-
-
-def _column(name: str) -> dict[str, Words]:
-    return {row["field"]: translated(row[name]) for row in _FIELDS if row[name]}
 
 
 def _with_form(form: str) -> frozenset[str]:
@@ -57,14 +52,15 @@ def _with_form(form: str) -> frozenset[str]:
 
 
 LABELS = {
-    **_column("label"),
+    **column_of(_FIELDS, "label", translated),
     "site": pgettext_lazy("a building", "Site"),
     **{f"EndingCodes.{name}": words for name, words in ENDING_NAMES.items()},
 }
 GUIDE = FormGuide(
     LABELS,
-    _column("hint"),
-    _column("item") | {"leaves": pgettext_lazy("of the instructions", "Page")},
+    column_of(_FIELDS, "hint", translated),
+    column_of(_FIELDS, "item", translated)
+    | {"leaves": pgettext_lazy("of the instructions", "Page")},
     CHOICES,
     kinds={
         "WizardStage.steps": {"": _("Line")} | CHOICES["move"],

@@ -16,6 +16,7 @@ from experiments.analysis.power.exact import LARGE, MEDIUM, SMALL, participants_
 from experiments.bots.diary import Diary, PageVisit
 from experiments.definition import factors
 from experiments.definition.schema import Condition, StudyDefinition
+from surveys.document_forms.guide import word_table
 
 # times longer that people drive than bots: the paper's drives took 4 min 34 s on average, a bot's
 # on such a course 2.5 min
@@ -26,26 +27,12 @@ SECONDS_A_QUESTION = 7.0
 SLOWEST = 2.5
 ENOUGH = 1  # drives that must have been completed in each condition
 COMPLETED = "completed"
-gettext_noop = str  # marks a text for the catalogue
+_ISSUES = word_table(__file__, "issues.csv")
 # Each kind of issue and its sentence, which pages translate. Problems prevent publishing.
-PROBLEMS = {
-    "not_completed": gettext_noop("No bot completed the task (drives: %(drives)s)."),
-    "missed": gettext_noop("No bot passed checkpoint %(number)s."),
-    "too_short": gettext_noop(
-        "The slowest bot took %(minutes)s minutes. A limit of %(limit)s minutes is too short for "
-        "people: allow %(allow)s."
-    ),
-    "not_applied": gettext_noop("A setting was not applied as assigned: %(what)s."),
-    "no_task": gettext_noop("There is no task to drive."),
-    "stuck": gettext_noop("Bot %(bot)s got stuck: %(where)s."),
-    "no_code": gettext_noop("Bot %(bot)s finished the study but got no completion code."),
-    "not_drawn": gettext_noop("Not drawn: %(what)s."),
-    "differs": gettext_noop("A drive was not recorded as it happened. %(what)s"),
-}
-NOTES = {
-    "empty": gettext_noop("No bot gave a value for %(column)s."),
-    "unseen_door": gettext_noop("No bot came to %(door)s, which is closed."),
-}
+PROBLEMS, NOTES = (
+    {row["kind"]: row["words"] for row in _ISSUES if row["severity"] == severity}
+    for severity in ("problem", "note")
+)
 
 
 @dataclass(frozen=True)

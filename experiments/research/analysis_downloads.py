@@ -10,7 +10,7 @@ import structlog
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, StreamingHttpResponse
 from django.shortcuts import render
 from django.urls import reverse
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.debug import sensitive_post_parameters
 from django.views.decorators.http import require_POST
@@ -25,6 +25,7 @@ from experiments.research.analysis_cache import command, environment
 from experiments.research.analysis_query import asked_of, versions_of
 from experiments.research.study_access import viewer_page
 from sessions.system_log import log as keep
+from surveys.document_forms.guide import column_of, word_table
 
 logger = structlog.stdlib.get_logger(__name__)
 PART = 64 * 1024
@@ -35,16 +36,9 @@ LEAST: dict[str, Role] = {
     "free_text": "researcher",
     "identified": "owner",
 }
-# what pages call the fields of the publication details
-PUBLICATION_LABELS = {
-    "authors": _("Authors"),
-    "license": _("Licence"),
-    "funder": _("Funder"),
-    "preregistration": _("Preregistration"),
-    "doi": _("DOI"),
-    "keywords": _("Keywords"),
-    "ethics": _("Ethics approval"),
-}
+# The fields of the publication details, as pages show them.
+PUBLICATION = word_table(__file__, "publication.csv")
+PUBLICATION_LABELS = column_of(PUBLICATION, "label", gettext_lazy)
 
 
 def labels_of(names: Iterable[str]) -> list[str]:

@@ -11,7 +11,7 @@ from accounts.models import GUEST_NAMES
 from robots.readiness_text import in_words as readiness
 from sessions.leases import terms
 from sessions.models import Session
-from surveys.document_forms.guide import word_table
+from surveys.document_forms.guide import words_by_kind
 
 # Left out: drawn on the map, the id of a row, or long and of no use to a reader.
 LEFT_OUT = frozenset(
@@ -28,16 +28,10 @@ PLAIN = frozenset(
     {"name", "detail", "reason", "text", "type", "why", "outcome", "method"}
     | {"choice", "state", "status", "word", "layout"}
 )
-_TABLE = word_table(__file__, "event_words.csv")
-
-
-def _words_of(kind: str) -> dict[str, Any]:
-    return {row["name"]: gettext_lazy(row["words"]) for row in _TABLE if row["kind"] == kind}
-
-
-FIELDS = _words_of("field") | {"hidden": pgettext_lazy("a page", "hidden")}
-CUES = _words_of("cue")
-VALUES = _words_of("value") | {
+_WORDS = words_by_kind(__file__, "event_words.csv", gettext_lazy)
+FIELDS = _WORDS["field"] | {"hidden": pgettext_lazy("a page", "hidden")}
+CUES = _WORDS["cue"]
+VALUES = _WORDS["value"] | {
     "closed": pgettext_lazy("a door", "closed"),
     "FINISHED": pgettext_lazy("an action", "finished"),
 }

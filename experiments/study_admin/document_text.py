@@ -10,10 +10,12 @@ from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_lazy as translated
 
 from experiments.builder.labels import CHOICES, GUIDE, LABELS, Words
 from experiments.research.study_access import shown_time
 from robots.admin import NOTHING
+from surveys.document_forms.guide import word_table
 
 Written = Callable[[Any], str]
 
@@ -39,48 +41,28 @@ def _word(choices: Mapping[str, Words]) -> Written:
     return lambda value: str(choices.get(value, value))
 
 
-# What a drive's record calls its fields, and how their values are written. Stored are radians,
-# shares from 0 to 1, and Unix times.
-DEGREES = _unit("°", 0, 180.0 / math.pi)
-PERCENT = _unit(" %", 0, 100.0)
+# How the values of a drive's record are written. Stored are radians, shares from 0 to 1, and Unix
+# times.
+WRITTEN: dict[str, Written] = {
+    "": str,
+    "time": _clock,
+    "duration": _duration,
+    "m": _unit(" m"),
+    "m/s": _unit(" m/s"),
+    "ms": _unit(" ms", 0, 1000.0),
+    "°": _unit("°", 0, 180.0 / math.pi),
+    "°/s": _unit("°/s", 0, 180.0 / math.pi),
+    "%": _unit(" %", 0, 100.0),
+    "0.1 %": _unit(" %", 1, 100.0),
+    "kbit/s": _unit(" kbit/s", 0, 0.001),
+    "photo": _word({"": _("no answer"), "kept": _("kept"), "skipped": _("skipped")}),
+    "channels": _word({"datachannel": _("direct connection"), "mqtt": _("server")}),
+    **{name: _word(CHOICES[name]) for name in ("outcomes", "controllers", "actions")},
+}
+# What the record calls its fields, and how each is written.
 RECORDED: dict[str, tuple[Words, Written]] = {
-    "outcome": (_("Task outcome"), _word(CHOICES["outcomes"])),
-    "started": (_("Task started"), _clock),
-    "ended": (_("Task ended"), _clock),
-    "checkpoints": (_("Checkpoints passed after"), _duration),
-    "photo": (_("Photo"), _word({"": _("no answer"), "kept": _("kept"), "skipped": _("skipped")})),
-    "doors": (_("Doors driven through"), str),
-    "doors_missed": (_("Open doors not driven through"), str),
-    "dock_contacts": (_("Attempts to dock"), str),
-    "linear": (_("Highest speed"), _unit(" m/s")),
-    "angular": (_("Highest turning speed"), _unit("°/s", 0, 180.0 / math.pi)),
-    "methods": (_("Input devices used"), _word(CHOICES["controllers"])),
-    "ways": (
-        _("Command channels used"),
-        _word({"datachannel": _("direct connection"), "mqtt": _("server")}),
-    ),
-    "actions": (_("Actions carried out"), _word(CHOICES["actions"])),
-    "began_with": (_("at the start"), str),
-    "ended_with": (_("at the end"), str),
-    "docked": (_("Docked"), str),
-    "x": (_("Position x"), _unit(" m")),
-    "y": (_("Position y"), _unit(" m")),
-    "theta": (_("Direction"), DEGREES),
-    "charge": (_("Battery charge"), PERCENT),
-    "control_network": (_("Network towards the robot"), str),
-    "video_network": (_("Network from the camera"), str),
-    "lab": (_("impairment"), str),
-    "delay": (_("Delay"), _unit(" ms", 0, 1000.0)),
-    "jitter": (_("Jitter"), _unit(" ms", 0, 1000.0)),
-    "held": (_("Mean delay of a packet"), _unit(" ms", 0, 1000.0)),
-    "loss": (_("Packet loss"), _unit(" %", 1, 100.0)),
-    "reorder": (_("Reordering"), _unit(" %", 1, 100.0)),
-    "bitrate": (_("Bit rate"), _unit(" kbit/s", 0, 0.001)),
-    "taken": (_("Packets"), str),
-    "lost": (_("Packets lost"), str),
-    "overflowed": (_("Packets over the bit rate"), str),
-    "reordered": (_("Packets overtaken"), str),
-    "waiting": (_("Packets under way at the end"), str),
+    row["field"]: (translated(row["label"]), WRITTEN[row["written"]])
+    for row in word_table(__file__, "recorded.csv")
 }
 
 

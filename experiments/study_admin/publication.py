@@ -12,9 +12,9 @@ from experiments.builder.study_page import StudyPages, study_view
 from experiments.definition import publication
 from experiments.definition.publication import LICENCES, PublicationDetails
 from experiments.models import Study
-from experiments.research.analysis_downloads import PUBLICATION_LABELS, labels_of
+from experiments.research.analysis_downloads import PUBLICATION, PUBLICATION_LABELS, labels_of
 from experiments.research.study_access import note_change
-from surveys.document_forms.guide import FormGuide
+from surveys.document_forms.guide import FormGuide, column_of
 from surveys.document_forms.part_form import PartForm
 from surveys.document_forms.parts import Document
 
@@ -22,22 +22,9 @@ EMPTY_ROWS = 3  # for more authors
 NO_ORCID = _("%(text)s is not an ORCID iD: its check digit or its format is wrong.")
 NO_DOI = _("%(text)s is not a DOI such as 10.5281/zenodo.1234567.")
 GUIDE = FormGuide(
-    labels=PUBLICATION_LABELS
-    | {"name": _("Name"), "orcid": _("ORCID iD"), "affiliation": _("Affiliation")},
-    hints={
-        "authors": _(
-            "In the order in which they are cited. An author without a name is removed. Save to "
-            "get more rows."
-        ),
-        "name": _("Family name, given names"),
-        "license": _("The licence under which others may use the data, as an SPDX identifier."),
-        "funder": _("The organisation that funded the study, with the grant number."),
-        "preregistration": _("Its address, such as https://osf.io/abcde."),
-        "doi": _("The DOI of the dataset, once a repository has reserved one."),
-        "keywords": _("Separated by commas."),
-        "ethics": _("The committee that approved the study, with its reference."),
-    },
-    items={"authors": _("Author")},
+    PUBLICATION_LABELS,
+    column_of(PUBLICATION, "hint", _),
+    column_of(PUBLICATION, "item", _),
     choices={},
     spaced=frozenset({"keywords"}),
 )

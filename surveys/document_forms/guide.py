@@ -1,7 +1,7 @@
 """Labels, hints and layout of forms of documents; studies and questionnaires have a guide each."""
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -67,3 +67,21 @@ def word_table(module: str, name: str) -> list[dict[str, str]]:
     """
     with Path(module).with_name(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def column_of(
+    table: Iterable[Mapping[str, str]], name: str, translate: Callable[[str], Any]
+) -> dict[str, Any]:
+    """Return the texts in a column by the first column, without the empty ones."""
+    return {next(iter(row.values())): translate(row[name]) for row in table if row[name]}
+
+
+def words_by_kind(
+    module: str, name: str, translate: Callable[[str], Any]
+) -> dict[str, dict[str, Any]]:
+    """Return the texts of a table beside a module by its first column, then its second one."""
+    found: dict[str, dict[str, Any]] = {}
+    for row in word_table(module, name):
+        kind, key, words = row.values()
+        found.setdefault(kind, {})[key] = translate(words)
+    return found

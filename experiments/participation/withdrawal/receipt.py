@@ -16,8 +16,7 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.template.loader import render_to_string
 from django.utils.functional import Promise
-from django.utils.translation import get_language
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import get_language, gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST
 
@@ -28,39 +27,12 @@ from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
 from experiments.recruitment import recognition
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
+from surveys.document_forms.guide import words_by_kind
 from surveys.models import Answer
 
 SALT, SECONDS = "withdrawal-receipt", 86_400
-COUNTED: dict[str, str | Promise] = {
-    "questionnaires": _("Questionnaires"),
-    "answers": _("Answers"),
-    "drives": _("Drives"),
-    "states": _("Positions and speeds of the robot"),
-    "events": _("Events during drives"),
-    "network": _("Measurements of your connection"),
-    "photos": _("Photos"),
-    "notes": _("Notes that coders made on your drives"),
-    "consents": _("Consents"),
-    "pages": _("Times at which you saw a page"),
-}
-WHAT: dict[str, str | Promise] = {
-    "identified": _("dataset with names, free text and photos"),
-    "free_text": _("dataset by participant code, with free text"),
-    "public": _("public dataset, with ages as ranges"),
-    "pseudonymous": _("dataset by participant code"),
-    "drive": _("record of your drive"),
-    "drives": _("records of drives, perhaps also yours"),
-    "answers": _("answers to questionnaires, perhaps also yours"),
-}
-BY: dict[str, str | Promise] = {
-    "owner": _("an owner of the study"),
-    "researcher": _("a researcher of the study"),
-    "viewer": _("a viewer of the study"),
-    "coder": _("a coder of the study"),
-    "administrator": _("an administrator of the site"),
-    "operator": _("the operators of the site"),
-    "former": _("somebody who no longer has a role here"),
-}
+_WORDS = words_by_kind(__file__, "receipt_words.csv", gettext_lazy)
+COUNTED, WHAT, BY = _WORDS["counted"], _WORDS["what"], _WORDS["by"]
 
 
 class Export(msgspec.Struct, frozen=True):
