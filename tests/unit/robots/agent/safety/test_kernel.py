@@ -402,13 +402,6 @@ def test_silence_of_the_network_after_an_estop_or_a_fault_releases_no_hold(bench
     assert bench.drive(0.5).reason == "stopped"
 
 
-def test_the_next_driver_is_not_held_by_a_stop_of_the_last_session(bench):
-    bench.drive(0.5)
-    bench.stop(way="mqtt", role="staff")
-    bench.lease(session="s2", epoch=2)
-    assert bench.drive(0.5, session="s2", epoch=2).reason is None
-
-
 def dock_refusal(bench):
     return bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server"))
 
