@@ -36,7 +36,7 @@ def cases(ordinary, thorough):
 
 
 def survives(suffix, payload):
-    """Decode; whatever passes must be finite and come back the same."""
+    """Decode: a message that passes is finite, and encoding does not change it."""
     try:
         message = codec.decode(suffix, payload)
     except Rejection:
