@@ -25,7 +25,7 @@ from experiments.models import (
 from experiments.models import Participant as Row
 
 LEFT_BY_STATUS = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
-# Outcomes of the last drive that do not say why somebody has left: the study goes on after them.
+# Outcomes of the last drive after which the study goes on, so that they are no reason for leaving.
 NO_REASON_TO_LEAVE = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round
 # the page showed the robot's video; before a drive is settled, also: the robot moved

@@ -1,7 +1,7 @@
 """The live view of a study: participants, robots and drives, read every two seconds with a fixed
 number of queries.
 
-Participants have their codes instead of names. `heard` is the age of a robot's report in seconds.
+Participants have their codes instead of names. `heard` is how many seconds ago a robot reported.
 Unknown values are None.
 """
 

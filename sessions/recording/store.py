@@ -181,10 +181,12 @@ class RecordStore:
 
         `careful`: another session manager may have stored some of these states, in other chunks.
         """
-        robots = {self._robot_of_session.get(str(row.session_id)) for row in rows}
-        foreign = {
-            robot for robot in robots if robot is not None and not self.ownership.records(robot)
+        robots = {
+            robot
+            for row in rows
+            if (robot := self._robot_of_session.get(str(row.session_id))) is not None
         }
+        foreign = {robot for robot in robots if not self.ownership.records(robot)}
         by_model: dict[type[Model], list[Model]] = {}
         for row in rows:
             if self._robot_of_session.get(str(row.session_id)) in foreign:
@@ -195,7 +197,7 @@ class RecordStore:
             by_model[StateChunk] = [
                 part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)
             ]
-        with self.ownership.about(*robots - foreign - {None}):
+        with self.ownership.about(*(robots - foreign)):
             for model, fresh in by_model.items():
                 for start in range(0, len(fresh), BATCH):
                     batch = fresh[start : start + BATCH]

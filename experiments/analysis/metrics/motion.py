@@ -23,7 +23,7 @@ def drive(track: Trajectory) -> dict[str, float]:
     states, seconds = track.states, track.lasts
     is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
     return {
-        **_way(track, is_moving),
+        **_path(track, is_moving),
         "idle": float(seconds[~is_moving].sum()),
         "stops": float(_stops(np.abs(states["linear"]), track.at, seconds <= 0.0)),
         "collisions": float(np.nansum(states["contacts"])),
@@ -31,7 +31,7 @@ def drive(track: Trajectory) -> dict[str, float]:
     }
 
 
-def _way(track: Trajectory, is_moving: Bools) -> dict[str, float]:
+def _path(track: Trajectory, is_moving: Bools) -> dict[str, float]:
     """Return how far and fast a robot drove and turned, which needs a position or an odometer."""
     states, seconds, seen = track.states, track.lasts, track.lasts > 0.0
     position, trusted = np.column_stack((states["x"], states["y"])), states["localized"] != 0.0

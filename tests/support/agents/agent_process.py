@@ -5,17 +5,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 from tests.support.paths import ROOT
-from tests.support.patience import patient
+from tests.support.virtual_time import RealTime
 
 
-def wait(condition, seconds=10.0):
-    deadline = time.monotonic() + patient(seconds)
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+def wait(condition, within=10.0, what="what was waited for"):
+    RealTime.wait(condition, within, what)
 
 
 class JsonProcess:
@@ -46,13 +42,9 @@ class JsonProcess:
 
     def wait_for(self, wanted, since=0.0, within=20.0):
         """Return the first event that is wanted."""
-        deadline = time.monotonic() + patient(within)
-        while time.monotonic() < deadline:
-            for event in self.events(since):
-                if wanted(event):
-                    return event
-            time.sleep(0.02)
-        raise AssertionError(f"no such event among {self.events()[-8:]}")
+        found = lambda: [event for event in self.events(since) if wanted(event)]
+        wait(found, within, lambda: f"an event such as the last ones, {self.events()[-8:]},")
+        return found()[0]
 
     def request(self, *words):
         self.process.stdin.write(" ".join(words) + "\n")

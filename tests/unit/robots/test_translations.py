@@ -1,4 +1,4 @@
-"""Titles of robots and places by language; nothing is stored."""
+"""Titles of robots and places by language, without a database."""
 
 import json
 

@@ -10,18 +10,6 @@ from robots.api import disk_space
 from robots.api.disk_space import MIB
 
 
-def test_a_latch_is_restored_until_it_is_cleared(tmp_path):
-    store = Store(tmp_path / "new" / "giraff")
-    assert store.latch() is None
-    store.prepare()
-    latch = EStopLatch("staff", 123.5, "ops", "a child")
-    store.keep_latch(latch)
-    assert Store(tmp_path / "new" / "giraff").latch() == latch
-    store.keep_latch(None)
-    store.keep_latch(None)
-    assert store.latch() is None
-
-
 def test_a_latch_that_cannot_be_read_counts_as_latched(tmp_path):
     for content in ("", "{", "[]", '{"source": "driver"}'):
         (tmp_path / "estop.json").write_text(content)

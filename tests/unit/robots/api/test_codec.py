@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from docs.robot_api import WITH_MESSAGES
 from docs.robot_api import examples as examples_of
 from robots.api import codec, topics
-from robots.api import messages as m
 from robots.api.errors import Rejection
 from tests.support.examples import examples
 
@@ -37,7 +36,7 @@ def cases(ordinary, thorough):
 
 
 def survives(suffix, payload):
-    """Decode; whatever passes must be finite and come back the same."""
+    """Decode: a message that passes is finite, and encoding does not change it."""
     try:
         message = codec.decode(suffix, payload)
     except Rejection:

@@ -1,6 +1,4 @@
-"""A picture on the wire: what is one passes unchanged, what is not is refused before anybody shows
-it.
-"""
+"""A valid picture passes unchanged; anything else is refused before it is shown."""
 
 import struct
 

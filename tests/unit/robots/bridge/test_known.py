@@ -1,13 +1,12 @@
 """What a web process knows of a robot."""
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.api import codec, topics
 from robots.api import messages as m
-from robots.bridge.broker_address import BadAddress, BrokerAddress, backoff, parse
+from robots.bridge.broker_address import BadAddress, BrokerAddress, parse
 from robots.bridge.delivery import Delivery
 from robots.bridge.known import DOUBT_SECONDS, KnownRobot
 from tests.support import words

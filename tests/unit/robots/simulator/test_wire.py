@@ -1,6 +1,5 @@
 """Messages between a simulator and its clients."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 
 from robots.api.floorplan import (
-    ChargingDock,
-    Door,
     FloorPlan,
     Furniture,
-    Place,
     Room,
     Route,
-    Station,
     Wall,
     decode,
     encode,
@@ -27,47 +23,37 @@ from robots.world.inspection import inspect_site
 from robots.world.render_plan import rasterise
 from robots.world.sites import load_site
 
+
 # Two rooms of 4 m x 4 m side by side, a door in the wall between them, a dock in the left one.
-WALLS = [
-    ((-0.1, -0.1), (8.2, -0.1)),
-    ((8.2, -0.1), (8.2, 4.1)),
-    ((8.2, 4.1), (-0.1, 4.1)),
-    ((-0.1, 4.1), (-0.1, -0.1)),
-]
-BETWEEN = [((4.05, 0.0), (4.05, 1.5)), ((4.05, 2.5), (4.05, 4.0))]
-PLAN = FloorPlan(
-    map_id="two-rooms",
-    title="Two rooms",
-    rooms=(
-        Room(name="left", title="Left", polygon=((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))),
-        Room(name="right", title="Right", polygon=((4.1, 0.0), (8.1, 0.0), (8.1, 4.0), (4.1, 4.0))),
-    ),
-    walls=tuple(Wall(start=a, end=b, thickness=0.2) for a, b in WALLS)
-    + tuple(Wall(start=a, end=b, thickness=0.1) for a, b in BETWEEN),
-    doors=(
-        Door(
-            name="door",
-            title="Door",
-            start=(4.05, 1.5),
-            end=(4.05, 2.5),
-            swing=-1.57,
-            thickness=0.1,
-            connects=("left", "right"),
-        ),
-    ),
-    docks=(
-        ChargingDock(
-            name="dock",
-            title="Dock",
-            type="giraff",
-            x=0.5,
-            y=2.0,
-            theta=3.14159,
-            station=Station(distance=0.38),
-        ),
-    ),
-    places=(Place(name="desk", title="Desk", x=6.5, y=2.0),),
-)
+def room(name: str, left: float, right: float) -> dict[str, Any]:
+    corners = [[left, 0.0], [right, 0.0], [right, 4.0], [left, 4.0]]
+    return {"name": name, "title": name.title(), "polygon": corners}
+
+
+def wall(thickness: float, *ends: float) -> dict[str, Any]:
+    return {"start": ends[:2], "end": ends[2:], "thickness": thickness}
+
+
+DOOR = {"name": "door", "title": "Door", "start": [4.05, 1.5], "end": [4.05, 2.5]}
+DOOR |= {"swing": -1.57, "thickness": 0.1, "connects": ["left", "right"]}
+DOCK = {"name": "dock", "title": "Dock", "type": "giraff", "station": {"distance": 0.38}}
+PARTS = {
+    "mapId": "two-rooms",
+    "title": "Two rooms",
+    "rooms": [room("left", 0.0, 4.0), room("right", 4.1, 8.1)],
+    "walls": [
+        wall(0.2, -0.1, -0.1, 8.2, -0.1),
+        wall(0.2, 8.2, -0.1, 8.2, 4.1),
+        wall(0.2, 8.2, 4.1, -0.1, 4.1),
+        wall(0.2, -0.1, 4.1, -0.1, -0.1),
+        wall(0.1, 4.05, 0.0, 4.05, 1.5),
+        wall(0.1, 4.05, 2.5, 4.05, 4.0),
+    ],
+    "doors": [DOOR],
+    "docks": [DOCK | {"x": 0.5, "y": 2.0, "theta": 3.14159}],
+    "places": [{"name": "desk", "title": "Desk", "x": 6.5, "y": 2.0}],
+}
+PLAN = msgspec.convert(PARTS, FloorPlan)
 
 
 def furniture(x: float, y: float, width: float = 0.6, depth: float = 0.6) -> Furniture:

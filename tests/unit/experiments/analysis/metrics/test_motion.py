@@ -88,7 +88,7 @@ def test_a_drive_that_begins_near_something_counts_it_once():
     assert drive(track(clearance=np.array([np.nan, 0.1, 0.5])))["near_collisions"] == 1
 
 
-def test_what_a_robot_cannot_measure_is_missing_and_not_0():
+def test_metrics_that_a_robot_cannot_measure_are_missing_and_not_0():
     found = drive(track(clearance=np.full(3, np.nan), localized=np.zeros(3)))
     assert set(found) == {"idle", "stops", "collisions"}
     found = drive(track(distance=np.arange(3.0), localized=np.zeros(3)))

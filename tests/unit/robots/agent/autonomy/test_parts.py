@@ -1,8 +1,6 @@
 """Pose extrapolation, and the messages to and from the navigation process."""
 
 import math
-import socket
-import threading
 
 import numpy as np
 import pytest
@@ -10,11 +8,11 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 
 from robots.agent.autonomy import wire
-from robots.agent.autonomy.__main__ import Conversation, frames, serve
+from robots.agent.autonomy.__main__ import Conversation, frames
 from robots.agent.autonomy.area import update_of
 from robots.agent.autonomy.pose_extrapolator import STALE, PoseExtrapolator
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
-from robots.agent.robot_interface import NOWHERE, ActionProgress
+from robots.agent.robot_interface import NOWHERE
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Scan, Velocity
 from robots.process import framing

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import random
 import statistics
 from dataclasses import replace
 from itertools import pairwise

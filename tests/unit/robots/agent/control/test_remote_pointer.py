@@ -35,28 +35,6 @@ def pointing():
     return Pointing()
 
 
-@pytest.mark.parametrize("sender", [SERVER, CHANNEL], ids=["mqtt", "data channel"])
-def test_the_driver_points_while_the_shared_screen_is_shown(sender, pointing):
-    assert take(pointing, dot(), sender) == "driver"
-    assert take(pointing, dot(2.0), sender, shown=False, now=1.0) is None
-    assert pointing.refused == {"not_shown": 1}
-
-
-@pytest.mark.parametrize(
-    ("command", "sender"),
-    [
-        (at_screen(), SERVER),
-        (dot(role="driver"), CommandSender("datachannel", "screen-1", role="screen")),
-    ],
-    ids=["mqtt", "data channel"],
-)
-def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, sender, pointing):
-    assert take(pointing, command, sender) == "screen"
-    assert take(pointing, command, sender, shown=False, now=1.0) is None
-    assert take(pointing, command, sender, lease=None, now=1.0) is None
-    assert pointing.refused == {"not_shown": 1, "no_lease": 1}
-
-
 @pytest.mark.parametrize(
     ("command", "sender", "reason"),
     [

@@ -25,10 +25,8 @@ LABS = st.builds(
 ARRIVALS = st.lists(st.tuples(st.floats(0.0, 0.1), st.integers(1, 1200)), max_size=60)
 
 
-def run(lab, arrivals, *, tick=0.005):
-    """Offer packets, take due ones every `tick` and at every moment of `next`; return the line
-    and (moment, number) of what came out.
-    """
+def run(lab, arrivals):
+    """Offer packets, take those that are due; return the line and (moment, number) of what came."""
     line, came, now = NetworkLine(lab), [], 0.0
 
     def deliver_until(end):

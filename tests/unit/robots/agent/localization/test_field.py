@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.localization.field import field_of
-from robots.api.geometry import Pose2D
-from robots.world.grid import MapError
 from robots.world.raycaster import cast
 from tests.support.agents.drawn_map import drawn_map, standing
 from tests.support.examples import examples

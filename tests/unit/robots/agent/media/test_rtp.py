@@ -3,9 +3,8 @@
 import itertools
 import math
 
-from aiortc.codecs.vpx import VpxPayloadDescriptor
 from aiortc.rtcrtpparameters import RTCRtpHeaderExtensionParameters, RTCRtpParameters
-from aiortc.rtp import HeaderExtensionsMap, RtpPacket, unpack_header_extensions, unwrap_rtx
+from aiortc.rtp import HeaderExtensionsMap, RtpPacket, unpack_header_extensions
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +18,6 @@ from robots.agent.media.rtp import (
     capture_stamp,
     extension_block,
     ntp_time,
-    vp8_payloads,
 )
 from robots.agent.media.webrtc.aiortc_hooks import ABS_SEND_TIME, MID
 from robots.api.messages import MediaClock

@@ -119,15 +119,6 @@ def test_an_added_turn_is_cut_to_the_leases_limit_and_then_checked_again():
     assert made.kernel.monitor.asked[-1][2] == "slow"
 
 
-def test_the_monitor_gets_the_last_velocity_of_the_base():
-    made = bench(Scripted(share=0.9), level="slow")
-    for _ in range(40):
-        made.now += TICK
-        before = made.kernel.commanded
-        made.drive(0.5)
-        assert made.kernel.monitor.asked[-1][1] == before
-
-
 def test_ramp_leads_a_base_that_takes_less_by_a_third_of_a_second_at_most():
     made = bench(Scripted(), level="slow")
     made.run(1.0, every=0.06, linear=0.4)

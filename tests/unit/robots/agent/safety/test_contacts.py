@@ -18,7 +18,7 @@ from robots.agent.safety.contacts import (
     sides_of,
 )
 from robots.api.messages import Velocity
-from tests.support.agents.kernel_bench import Bench, bench_with_driver
+from tests.support.agents.kernel_bench import bench_with_driver
 from tests.support.agents.scripted_robot import still
 
 SIDE_SETS = st.sets(st.sampled_from(SIDES))

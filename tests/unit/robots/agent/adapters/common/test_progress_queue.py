@@ -1,7 +1,5 @@
 """News of actions wait in order, and never without bound."""
 
-import asyncio
-
 import pytest
 
 from robots.agent.adapters.common.progress_queue import MOST, ProgressQueue

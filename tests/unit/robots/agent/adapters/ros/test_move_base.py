@@ -7,7 +7,7 @@ from robots.agent.adapters.ros.navigators.move_base import MoveBase, MoveBasePar
 from robots.agent.robot_interface import ActionRefusedError
 from tests.support.architectures.fake_ros_bus import FakeBus
 
-PENDING, ACTIVE, PREEMPTED, SUCCEEDED, RECALLING = 0, 1, 2, 3, 7
+PENDING, ACTIVE, PREEMPTED, RECALLING = 0, 1, 2, 7
 TARGET = {"header": {}, "pose": {}}
 
 

@@ -2,9 +2,6 @@
 tests/integration has it with real nodes.
 """
 
-import array
-import base64
-import math
 import queue
 import threading
 from itertools import pairwise
@@ -14,7 +11,7 @@ import pytest
 
 from robots.agent.adapters.ros import guarded_node, ros2_node
 from robots.agent.adapters.ros.graph import TopicPeers, chosen_stamped
-from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
+from robots.agent.adapters.ros.ros2_node import CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
 from tests.support.patience import patient
 
 EXECUTING = 2

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.agent.media.webrtc.packet_gate import MAX_BYTES, PacketGate
+from robots.agent.media.webrtc.packet_gate import PacketGate
 from robots.api.codec import encode_frame
 from robots.api.errors import Rejection
 from robots.api.messages import Cancel, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand

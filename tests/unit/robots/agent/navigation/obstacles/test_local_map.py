@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.navigation.obstacles.doors import DOORS, DoorWatch
+from robots.agent.navigation.obstacles.doors import DOORS
 from robots.agent.navigation.obstacles.local_map import LOCAL_MAP, LocalObstacleMap
 from robots.agent.navigation.planning.costmap import CostMap
 from robots.api.geometry import Pose2D

@@ -12,9 +12,7 @@ from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.agent.navigation.planning.planner import Planner
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from robots.world.robot_models import GIRAFF
 from robots.world.sensing import CENTRE
-from robots.world.sites import load_site
 from tests.support.examples import examples
 
 SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])

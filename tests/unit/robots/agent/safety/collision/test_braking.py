@@ -17,11 +17,6 @@ from tests.support.examples import examples
 
 NONE = np.zeros((0, 2))
 CHECK = BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits)
-NOSE = max(x for x, _ in GIRAFF.footprint)
-
-
-def thing(x: float, y: float) -> Hazards:
-    return Hazards(np.array([[x, y]]), NONE, NONE)
 
 
 def walker(x: float, y: float) -> Hazards:
