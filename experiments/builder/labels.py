@@ -43,7 +43,6 @@ CHOICES |= {
     },
 }
 
-_LEAF = pgettext_lazy("of the instructions", "Page")
 _FIELDS = word_table(__file__, "fields.csv")
 
 
