@@ -13,22 +13,24 @@ Pure: parameters of a link come in, an id or an address goes out.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import quote, urlsplit
+
+import msgspec
 
 from experiments.definition.recruitment.recruiting import Ending, Recruiting
 
 LONGEST_ID = 100
 # A preview: the worker has not accepted the assignment yet.
 MTURK_PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"
-MTURK_RETURN = "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}"
 MTURK_HOSTS = frozenset({"www.mturk.com", "workersandbox.mturk.com"})
 
 
 @dataclass(frozen=True)
 class SiteProfile:
-    """A recruitment site: the parameters that hold the participant's id and the id of this
-    submission, what the study's link must end in, the address to return to, and the endings that
-    lead there.
+    """A recruitment site (sites.toml): the parameters that hold the participant's id and the id of
+    this submission, what the study's link must end in, the address to return to, and the endings
+    that lead there.
     """
 
     title: str
@@ -39,28 +41,9 @@ class SiteProfile:
     returning: tuple[Ending, ...] = ()
 
 
-PROFILES: Mapping[str, SiteProfile] = {
-    "prolific": SiteProfile(
-        "Prolific",
-        "PROLIFIC_PID",
-        "SESSION_ID",
-        query="PROLIFIC_PID={{%PROLIFIC_PID%}}&STUDY_ID={{%STUDY_ID%}}&SESSION_ID={{%SESSION_ID%}}",
-        return_address="https://app.prolific.com/submissions/complete?cc={code}",
-    ),
-    "mturk": SiteProfile(  # it adds its parameters to the link itself
-        "Amazon Mechanical Turk", "workerId", "assignmentId", return_address=MTURK_RETURN
-    ),
-    "sona": SiteProfile(
-        "Sona",
-        "survey_code",
-        query="survey_code=%SURVEY_CODE%",
-        # the address grants the credit, so participants screened out or leaving do not open it
-        returning=("done", "timed_out", "technical_failure"),
-    ),
-    "cloudresearch": SiteProfile(  # each project has a return address of its own
-        "CloudResearch Connect", "participantId", "assignmentId", returning=("done", "timed_out")
-    ),
-}
+PROFILES = msgspec.toml.decode(
+    Path(__file__).with_suffix(".toml").read_bytes(), type=dict[str, SiteProfile]
+)
 UNKNOWN = SiteProfile("", "")
 ANY = Recruiting()
 

@@ -6,7 +6,6 @@ Also in the system log, as the events `queue_paused` (sessions/manager/return_to
 """
 
 import datetime
-import smtplib
 from typing import Any
 
 import structlog
@@ -102,5 +101,5 @@ def _send(
     mail = EmailMessage(subject, text, sender, bcc=addresses, connection=connection)
     try:
         mail.send()
-    except (OSError, smtplib.SMTPException) as error:
+    except OSError as error:  # SMTP's errors are these
         log.error("staff_not_notified", study=study.slug, robot=robot.name, reason=str(error))
