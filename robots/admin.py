@@ -61,11 +61,12 @@ class NowFilter(admin.SimpleListFilter):
         now, chosen = timezone.now(), self.value()
         if chosen == "in_use":
             return queryset.filter(lease__session__isnull=False)
-        if chosen not in {"online", "problem"}:
+        if chosen == "online":
+            return queryset.filter(Robot.online_at(now))
+        if chosen != "problem":
             return queryset
-        is_chosen = Robot.is_online if chosen == "online" else has_problem
         rows = queryset.select_related(None).select_related("presence")
-        return queryset.filter(pk__in=[robot.pk for robot in rows if is_chosen(robot, now)])
+        return queryset.filter(pk__in=[robot.pk for robot in rows if has_problem(robot, now)])
 
 
 class PermitInline(admin.TabularInline):
@@ -203,7 +204,8 @@ class RobotAdmin(DoorPage, KeyPages):
         """Leave out practice robots, which run_practice manages, and the images of maps."""
         rows: QuerySet[Robot] = super().get_queryset(request)
         related = rows.select_related("lease__session__visitor", "floor_plan", "owner")
-        return related.filter(practice=False).defer("floor_plan__image")
+        shown = related.filter(practice=False).defer("floor_plan__image")
+        return shown.annotate(online=Robot.online_at(timezone.now()))
 
     def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
         """Owners enter user names; only the site's staff can look people up."""
@@ -217,7 +219,7 @@ class RobotAdmin(DoorPage, KeyPages):
 
     # --- columns ----------------------------------------------------------------------------------
 
-    @admin.display(description=_("online"), boolean=True, ordering="presence__connection")
+    @admin.display(description=_("online"), boolean=True, ordering="online")
     def online_now(self, robot: Robot) -> bool:
         return robot.is_online(timezone.now())
 

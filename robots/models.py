@@ -361,6 +361,17 @@ class Robot(models.Model):
         is_recent = seen_at is not None and (now - seen_at).total_seconds() < ONLINE_SECONDS
         return self.enabled and self.presence.connection == "ONLINE" and is_recent
 
+    @staticmethod
+    def online_at(now: datetime.datetime) -> models.Case:
+        """Return `is_online` as an expression for queries of robots: true or false, never NULL."""
+        seen_after = now - datetime.timedelta(seconds=ONLINE_SECONDS)
+        is_online = models.Q(
+            enabled=True, presence__connection="ONLINE", presence__last_seen_at__gt=seen_after
+        )
+        return models.Case(
+            models.When(is_online, then=True), default=False, output_field=models.BooleanField()
+        )
+
 
 class RobotPresence(models.Model):
     """A robot's last report, and its state between two visits. The session manager writes it every

@@ -11,7 +11,8 @@ import math
 from robots.api.messages import Pose, State
 
 IDLE_STATE_SECONDS = 30.0  # between two states of an idle robot without a change
-# after so long without a message, a robot without a last will is offline; one state may be lost
+# After so long without a message, a robot without a last will is offline. It is here because it
+# follows from the period above: one state may be lost.
 ONLINE_SECONDS = 45.0
 INTEREST_SECONDS = 5.0  # for which one heartbeat keeps a robot at its full rate
 INTEREST_PERIOD_SECONDS = 1.0  # between two heartbeats of a web process with a page at the robot

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from django.conf import settings
-from django.db.models import Case, IntegerField, Q, QuerySet, When
+from django.db.models import Q, QuerySet
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import render
 from django.templatetags.static import static
@@ -21,7 +21,6 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
 from robots.access import may_drive_each, robots_visible_to
-from robots.api.idle import ONLINE_SECONDS
 from robots.cards import STATES, RobotCard, card
 from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
@@ -191,11 +190,8 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
-    recent = now - datetime.timedelta(seconds=ONLINE_SECONDS)
-    is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=recent)
     return (
-        robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))
-        .order_by("away", "for_experienced", "title", "name")
+        robots.order_by(Robot.online_at(now).desc(), "for_experienced", "title", "name")
         .select_related("floor_plan")
         .defer("floor_plan__image")
     )

@@ -1,10 +1,15 @@
 """Keeps the robot stopped after a stop by someone other than the driver, until the driver releases
 the controls; otherwise a key that is still held down would move the robot.
 
-The driver releases by sending a zero velocity, or by sending no other velocity for one second while
-heartbeats still arrive on the transport of the driver's velocities. Without heartbeats, silence may
-be a network failure and does not count. The lease of another driver releases, too; a lease that
-lapses does not, because the same driver may get it back with the key still held down.
+The kernel (kernel.py) has at most one hold, and ends it when one of these releases it:
+
+- a zero velocity of the driver that the kernel accepts (`Kernel.velocity`);
+- one second without another velocity, while heartbeats arrive on the transport of the driver's
+  velocities (`take_heartbeat`). Without heartbeats, silence may be a network failure and does not
+  count;
+- the lease of another driver (`take_lease`). A lease that lapses does not release, because the same
+  driver may get it back with the key still held down;
+- a person, while there is no lease (`Kernel.clear_estop`).
 """
 
 from dataclasses import dataclass, field
@@ -35,20 +40,22 @@ class DriveHold:
     def __post_init__(self) -> None:
         self.last_received_at = self.since
 
-    def is_released_with(self, grant: LeaseGrant, *, is_new: bool) -> bool:
-        """Take a new lease and tell whether it releases: it does for another driver than the
+    def take_lease(self, grant: LeaseGrant, *, is_new: bool) -> bool:
+        """Note a new lease, and return whether it releases: it does for another driver than the
         stopped one. Without an earlier lease only an `is_new` one does, because one that was
         renewed may be of a driver who holds a key.
         """
         known, self.grant = self.grant, grant
         return is_new if known is None else known != grant
 
-    def pressed(self, transport: Way, now: float) -> None:
-        """Take a velocity of the driver other than zero."""
+    def take_velocity(self, transport: Way, now: float) -> None:
+        """Note a velocity of the driver other than zero, which need not be accepted."""
         self.transport, self.since = transport, now
 
-    def is_released_by(self, transport: Way, now: float) -> bool:
-        """Take a heartbeat of the driver, and tell whether it ends a long enough silence."""
+    def take_heartbeat(self, transport: Way, now: float) -> bool:
+        """Note a heartbeat of the driver, and return whether it releases: whether no velocity other
+        than zero has come for QUIET_RELEASES. After a gap, that time begins again.
+        """
         if self.transport not in {None, transport}:
             return False
         if now - self.last_received_at > HEARTBEAT_GAP:

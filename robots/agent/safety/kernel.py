@@ -264,7 +264,7 @@ class Kernel:
             self._hold is not None
             and lease is not None
             and grant is not None
-            and self._hold.is_released_with(grant, is_new=lease.renewal == 0)
+            and self._hold.take_lease(grant, is_new=lease.renewal == 0)
         ):
             self._hold = None
         if self.navigation and not self.navigation.ordered_by_server:
@@ -284,7 +284,7 @@ class Kernel:
             self.visitor_heartbeat_at = now
         if lease is not None and lease.driver == peer:
             self.driver_heartbeat_at = now
-            if self._hold is not None and self._hold.is_released_by(transport, now):
+            if self._hold is not None and self._hold.take_heartbeat(transport, now):
                 self._hold = None
 
     # --- velocities -------------------------------------------------------------------------------
@@ -304,7 +304,7 @@ class Kernel:
         moving = command.linear != 0.0 or command.angular != 0.0
         self._driven_by = sender.transport
         if moving and self._hold is not None:
-            self._hold.pressed(sender.transport, now)
+            self._hold.take_velocity(sender.transport, now)
         grant = command.session, command.epoch
         if command.seq <= self._floors.get(grant, -1):
             return self._refuse("old_seq")

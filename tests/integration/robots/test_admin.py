@@ -157,6 +157,21 @@ def test_robot_whose_last_message_is_old_is_not_online(client, researcher, giraf
     assert 'alt="True"' not in page(client, LIST)
 
 
+def test_list_of_robots_is_sorted_and_filtered_by_the_online_column(client, researcher, giraff):
+    now = timezone.now()
+    old = now - datetime.timedelta(minutes=1)
+    create_robot(name="silent", connection="ONLINE", last_seen_at=old)
+    create_robot(name="off", connection="ONLINE", last_seen_at=now, enabled=False)
+    create_robot(name="new")
+    column = RobotAdmin.list_display.index("online_now") + 1
+    for order, place in ((column, -1), (f"-{column}", 0)):
+        listed = list(client.get(LIST, {"o": order}).context["cl"].result_list)
+        assert len(listed) == 4
+        assert listed[place].name == "giraff"
+    found = client.get(LIST, {"now": "online", "o": column}).context["cl"].result_list
+    assert [robot.name for robot in found] == ["giraff"]
+
+
 def test_robots_page_shows_its_factsheet_and_cannot_rename_it(client, researcher, giraff):
     text = page(client, change_page(giraff))
     assert "&lt;b&gt;simulator&lt;/b&gt;" in text.replace("\\u003C", "&lt;")

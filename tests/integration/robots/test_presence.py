@@ -14,7 +14,7 @@ from robots.presence.report import trouble_of
 from robots.presence.writer import PresenceWriter, changes
 from sessions.shards.ownership import EVERYTHING
 from tests.support import words
-from tests.support.robots import create_robots, unsaved_robot
+from tests.support.robots import create_robot, create_robots, unsaved_robot
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
@@ -122,6 +122,16 @@ def test_last_state_before_a_silence_is_written(writer):
 def test_robot_is_online_until_it_was_silent_for_45_s(writer):
     assert Robot.objects.get().is_online(after(40))
     assert not Robot.objects.get().is_online(after(46))
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize("link", ["ONLINE", "OFFLINE", "CONNECTIONBROKEN"])
+@pytest.mark.parametrize("silence", [None, 0, 44, 45, 46])
+def test_a_query_counts_the_same_robots_online_as_the_model(db, enabled, link, silence):
+    seen_at = None if silence is None else NOW - datetime.timedelta(seconds=silence)
+    robot = create_robot(enabled=enabled, connection=link, last_seen_at=seen_at)
+    (found,) = Robot.objects.annotate(online=Robot.online_at(NOW))
+    assert found.online is robot.is_online(NOW)
 
 
 def test_rolled_back_change_is_written_again_after_forget(writer):

@@ -11,7 +11,7 @@ import math
 import re
 import time
 from dataclasses import replace
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import msgspec
 import structlog
@@ -73,6 +73,7 @@ STAMPED: dict[str, bool | None] = {
     **dict.fromkeys(("true", "yes", "on", "1"), True),
     **dict.fromkeys(("false", "no", "off", "0"), False),
 }
+BOOL = "std_msgs/Bool"
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 SUBSCRIBED_WITHIN = 2.0  # seconds in which a subscriber of velocities should be found
 # seconds between two reports of errors; subscribers are polled five times as often
@@ -82,6 +83,9 @@ GRAPH_PERIOD = 5.0  # seconds between two requests of all topics
 # seconds between two readings, at most, when a velocity can wait for the next of them
 FAST_PERIOD = 0.1
 log = structlog.stdlib.get_logger(__name__)
+
+# an option that names a topic, a service or an action: resolved below the namespace
+RosName = Annotated[str, "a name of ROS"]
 
 
 class RosOptions(Struct, frozen=True, kw_only=True):
@@ -103,34 +107,34 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     """
 
     namespace: str = ""
-    cmd_vel: str = "cmd_vel"
-    navigation_velocity: str = ""
+    cmd_vel: RosName = "cmd_vel"
+    navigation_velocity: RosName = ""
     stamped: bool | str = "auto"
-    odom: str = "odom"
-    scan: str = "scan"
-    battery: str = "battery_state"
+    odom: RosName = "odom"
+    scan: RosName = "scan"
+    battery: RosName = "battery_state"
     localization: Literal["pose", "tf", "none"] = "pose"
-    pose: str = "amcl_pose"
-    initial_pose: str = "initialpose"
-    tf: str = "tf"
+    pose: RosName = "amcl_pose"
+    initial_pose: RosName = "initialpose"
+    tf: RosName = "tf"
     map_frame: str = "map"
     odom_frame: str = "odom"
     navigation: Literal["", "move_base", "nav2", "none"] = ""
-    move_base: str = "move_base"
-    navigate: str = "navigate_to_pose"
-    speed_limit: str = ""
-    dock: str = ""
-    undock: str = ""
-    cancel_dock: str = ""
-    tilt: str = ""
-    joint_states: str = "joint_states"
+    move_base: RosName = "move_base"
+    navigate: RosName = "navigate_to_pose"
+    speed_limit: RosName = ""
+    dock: RosName = ""
+    undock: RosName = ""
+    cancel_dock: RosName = ""
+    tilt: RosName = ""
+    joint_states: RosName = "joint_states"
     tilt_joint: str = ""
-    bumper: str = ""
-    estop: str = ""
-    lock: str = ""
-    estop_service: str = ""
+    bumper: RosName = ""
+    estop: RosName = ""
+    lock: RosName = ""
+    estop_service: RosName = ""
     estop_service_type: Literal["SetBool", "Trigger"] = "SetBool"
-    image: str = ""
+    image: RosName = ""
     watchdog: float
 
     def __post_init__(self) -> None:
@@ -154,12 +158,7 @@ class RosOptions(Struct, frozen=True, kw_only=True):
         return msgspec.structs.replace(self, **absolute)
 
 
-# the options that name a topic, a service or an action
-NAMED = tuple(
-    option
-    for option, kind in RosOptions.__annotations__.items()
-    if kind is str and option not in {"namespace", "map_frame", "odom_frame", "tilt_joint"}
-)
+NAMED = tuple(option for option, kind in RosOptions.__annotations__.items() if kind == RosName)
 
 
 class RosAdapter(RemoteAdapter):
@@ -216,7 +215,7 @@ class RosAdapter(RemoteAdapter):
         for topic, kind in self._publications():
             bus.advertise(topic, kind)
         if options.lock:
-            bus.advertise(options.lock, "std_msgs/Bool", latch=True)
+            bus.advertise(options.lock, BOOL, latch=True)
         for each in self._subscriptions():
             bus.subscribe(replace(each, handler=self._safely(each.topic, each.handler)))
 
@@ -359,17 +358,17 @@ class RosAdapter(RemoteAdapter):
         scan_kind, image_kind = "sensor_msgs/LaserScan", "sensor_msgs/CompressedImage"
         pose_kind = "geometry_msgs/PoseWithCovarianceStamped"
         topics = [
-            Subscription(options.odom, "nav_msgs/Odometry", self._odometry),
+            Subscription(options.odom, "nav_msgs/Odometry", self._odometry, essential=True),
             Subscription(options.scan, scan_kind, self._scan, sensor=True, period=SCAN_PERIOD),
             Subscription(options.battery, "sensor_msgs/BatteryState", self._charge),
             Subscription(joints, "sensor_msgs/JointState", self._joints),
-            Subscription(options.bumper, "std_msgs/Bool", self._bumper),
+            Subscription(options.bumper, BOOL, self._bumper),
             Subscription(options.image, image_kind, self._image, sensor=True, period=IMAGE_PERIOD),
-            Subscription(options.estop, "std_msgs/Bool", self._estop, either=True),
-            Subscription(options.navigation_velocity, twist, self._navigate),
+            Subscription(options.estop, BOOL, self._estop, either=True, essential=True),
+            Subscription(options.navigation_velocity, twist, self._navigate, essential=True),
             *(self._navigator.subscriptions if self._navigator is not None else ()),
-            Subscription(pose, pose_kind, self._fix, latched=True),
-            Subscription(tf, "tf2_msgs/TFMessage", self._transforms),
+            Subscription(pose, pose_kind, self._fix, latched=True, essential=True),
+            Subscription(tf, "tf2_msgs/TFMessage", self._transforms, essential=True),
         ]
         return [each for each in topics if each.topic]
 
@@ -417,10 +416,10 @@ class RosAdapter(RemoteAdapter):
         self.readings.scanned(messages.scan_in(message, _stamp(message)))
 
     def _bumper(self, message: dict[str, Any]) -> None:
-        self.readings.bumped(touching=bool(message.get("data")))
+        self.readings.bumped(touching=messages.flag_in(message))
 
     def _estop(self, message: dict[str, Any]) -> None:
-        self.readings.estop = bool(message.get("data"))
+        self.readings.estop = messages.flag_in(message)
 
     def _charge(self, message: dict[str, Any]) -> None:
         self.readings.charged(**msgspec.structs.asdict(messages.battery_in(message)))

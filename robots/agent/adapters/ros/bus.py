@@ -26,6 +26,8 @@ class Subscription:
 
     `latched`: the last message is wanted as well. `either`: publishers of either durability are
     received. `sensor`: messages may be lost. `period`: the least time between two messages, in s.
+    `essential`: without the package of its type the connection ends, because driving would not be
+    safe; the lack of another one is reported as a problem.
     """
 
     topic: str
@@ -35,6 +37,7 @@ class Subscription:
     either: bool = False
     sensor: bool = False
     period: float = 0.0
+    essential: bool = False
 
 
 class Goals(Protocol):

@@ -9,6 +9,7 @@ import base64
 import collections
 import json
 import math
+import os
 import socket
 import sys
 import threading
@@ -170,7 +171,23 @@ class DockingCalls:
 
 
 class MissingTypeError(Exception):
-    """The package of a type is not installed; the message is one sentence."""
+    """The package of a type `package/Name` is not installed; the message is one sentence."""
+
+    @classmethod
+    def of(cls, kind: str, why: str = "") -> "MissingTypeError":
+        package = kind.partition("/")[0]
+        distribution = os.environ.get("ROS_DISTRO", "")
+        remedy = "ros-" + distribution + "-" + package.replace("_", "-") if distribution else "it"
+        return cls(
+            kind
+            + " is not available: the ROS package "
+            + package
+            + " is not installed for "
+            + sys.executable
+            + (" (" + why + ")" if why else "")
+            + "; install "
+            + remedy
+        )
 
 
 class GuardedNode:
@@ -182,6 +199,7 @@ class GuardedNode:
         self.standstill, self.docking = Standstill(), DockingCalls()
         self.docking_cancelled_at = -math.inf
         self.publishers: Any = {}
+        self.problems: Any = {}  # sentences for the robot's owner, by topic
         self.beaten_at = time.monotonic()
         # (topic of velocities, its subscribers) as reported last, and as they are
         self.counted: Any = None
@@ -218,6 +236,27 @@ class GuardedNode:
 
     def do_beat(self) -> None:
         pass
+
+    def do_subscribe(self, topic: str, kind: str, *, essential: bool, **settings: Any) -> None:
+        """Subscribe to a topic. Without its type, an essential one ends the connection, and any
+        other is reported.
+        """
+        try:
+            self.subscribe(topic, kind, **settings)
+        except MissingTypeError as error:
+            why = topic + " is not received, because " + str(error)
+            if essential:
+                raise MissingTypeError(why) from error
+            self.problem(topic, why)
+
+    def subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
+        raise NotImplementedError
+
+    def problem(self, key: str, sentence: str) -> None:
+        """Report a problem of the robot's set-up, or ("") its end."""
+        if self.problems.get(key, "") != sentence:
+            self.problems[key] = sentence
+            self.say(op="problems", sentences=[each for each in self.problems.values() if each])
 
     def do_docking_ended(self) -> None:
         self.docking.is_called = False

@@ -158,6 +158,14 @@ def battery_in(message: Json) -> Battery:
     )
 
 
+def flag_in(message: Json) -> bool:
+    """Read a std_msgs/Bool."""
+    data = message.get("data")
+    if not isinstance(data, bool):
+        raise RosError(f"not true or false: {data!r}")
+    return data
+
+
 def picture_in(message: Json) -> bytes:
     """Read a sensor_msgs/CompressedImage: the bytes of a JPEG or PNG."""
     data = message.get("data")

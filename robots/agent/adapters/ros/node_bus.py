@@ -62,7 +62,7 @@ class NodeBus:
         self.place, self._python, self._environment = place, python, environment
         self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
         self.guards = guards
-        self.problems: tuple[str, ...] = ()
+        self._reported: tuple[str, ...] = ()  # problems that the node reported
         self._lost: Callable[[str], None] = lambda _reason: None
         self._child: subprocess.Popen[bytes] | None = None
         self._guards_left: list[subprocess.Popen[bytes]] = []  # of earlier connections
@@ -74,8 +74,12 @@ class NodeBus:
         self._listeners: dict[str, int] = {}
         self._numbers = itertools.count(1)
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        return self._reported
+
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        self._lost, self._goals = lost, goals
+        self._lost, self._goals, self._reported = lost, goals, ()
         self._handlers.clear()
         self._listeners.clear()
         try:
@@ -133,6 +137,8 @@ class NodeBus:
                 number in self._calls and not self._calls[number].done()
             ):
                 self._calls[number].set_result(message)
+            case {"op": "problems", "sentences": sentences}:
+                self._reported = tuple(sentences)
             case {"op": "docking_cancelled"} if self._goals is not None:
                 self._goals.docking_cancelled()
             case {"op": "listeners", "topic": topic, "count": int(count)} if (
@@ -173,6 +179,7 @@ class NodeBus:
             kind=subscription.kind,
             period=subscription.period,
             latched=subscription.latched or subscription.either,
+            essential=subscription.essential,
         )
 
     def advertise(

@@ -61,6 +61,10 @@ class Ros1Bus(NodeBus):
         self.known: dict[str, str] = {}
         self._old: dict[str, str] = {}
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        return (*((master_restarted(self._old),) if self._old else ()), *super().problems)
+
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         self._old |= self.known
         self.known = {}
@@ -78,7 +82,6 @@ class Ros1Bus(NodeBus):
         if "nodes" in answer:
             self.known = answer["nodes"]
             self._old = {name: self._old[name] for name in answer["forgotten"]}
-            self.problems = (master_restarted(self._old),) if self._old else ()
 
 
 def _master_of(options: Ros1Options) -> str:

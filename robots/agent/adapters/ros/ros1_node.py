@@ -11,7 +11,7 @@ to reconnect.
                     ask (answered when the subscribers of velocities have responded),
                     graph (and which of the `old` nodes still run without the master's knowledge),
                     guard (what to cancel and stop), beat (the agent's heartbeat)
-    node -> agent   ready, publish, response, listeners, docking_cancelled, gone, lost
+    node -> agent   ready, publish, response, listeners, docking_cancelled, gone, problems, lost
 
 TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
 each velocity the node therefore calls getPid on every subscriber. A subscriber that does not answer
@@ -203,7 +203,7 @@ class Node(guarded.GuardedNode):
     def type_of(self, kind: str) -> Any:
         found = self.roslib.message.get_message_class(kind)
         if found is None:
-            raise guarded.MissingTypeError("ROS has no message type " + kind + " here")
+            raise guarded.MissingTypeError.of(kind)
         return found
 
     def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
@@ -406,7 +406,7 @@ class Node(guarded.GuardedNode):
             self.guard.act()
         self.moved_at = time.monotonic() if moving else None
 
-    def do_subscribe(self, topic: str, kind: str, period: float, latched: bool) -> None:
+    def subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
         """Subscribe to a topic; `latched` is the publisher's to decide."""
         message, due = self.type_of(kind), [0.0]
 

@@ -11,7 +11,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from msgspec import Meta
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import GOAL_ENDED, Goals
+from robots.agent.adapters.ros.bus import GOAL_ENDED
 from robots.agent.adapters.ros.node_bus import NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
 from robots.api.reasons import ReasonCode
@@ -139,10 +139,6 @@ class Ros2Bus(NodeBus):
         self.arguments = (json.dumps(settings),)
         self._ids: dict[str, str] = {}  # of goals that have not ended, by our names
 
-    async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        self.problems = ()
-        await super().open(lost, goals)
-
     def _take(self, message: dict[str, Any]) -> None:
         match message:
             case {"op": "accepted", "goal": goal} if self._goals is not None:
@@ -154,8 +150,6 @@ class Ros2Bus(NodeBus):
                 self._ids.pop(goal, None)
                 usual = "" if end == "FINISHED" else ReasonCode.NAVIGATION_FAILED
                 self._goals.ended(goal, end, ReasonCode.RCA.of(why) if why else usual)
-            case {"op": "problems", "sentences": sentences}:
-                self.problems = tuple(sentences)
         super()._take(message)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:

@@ -64,10 +64,7 @@ def type_of(kind: str, part: str) -> Any:
     try:
         return getattr(importlib.import_module(package + "." + part), name)
     except (ImportError, AttributeError) as error:
-        raise guarded.MissingTypeError(
-            f"{kind} is not available: the ROS package {package} is not installed for"
-            f" {sys.executable} ({error})"
-        ) from error
+        raise guarded.MissingTypeError.of(kind, str(error)) from error
 
 
 def filled(message: Any, content: Any) -> Any:
@@ -325,7 +322,6 @@ class Ros2Node(guarded.GuardedNode):
 
         self.settings = settings  # driving, odom, action, kind
         self.qos = qos
-        self.problems: Any = {}  # sentences for the robot's owner, by topic
         self.kinds: Any = {}  # type by publisher's topic
         self.subscriptions: Any = {}
         self.clients: Any = {}
@@ -432,7 +428,7 @@ class Ros2Node(guarded.GuardedNode):
         self.publishers[topic].publish(self.stamped(filled(self.kinds[topic](), content)))
         self.moved_at = time.monotonic() if moving else None
 
-    def do_subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
+    def subscribe(self, topic: str, kind: str, *, period: float, latched: bool) -> None:
         subscription = self.subscription(topic, kind)
         subscription.period, subscription.is_forwarded = period, True
         subscription.open(latched=latched)
@@ -677,12 +673,6 @@ class Ros2Node(guarded.GuardedNode):
                 self.problem(topic, f"{where}: incompatible QoS ({qos}); change it there")
                 return
         self.problem(topic, "")
-
-    def problem(self, key: str, sentence: str) -> None:
-        """Report a problem of the robot's set-up, or ("") its end."""
-        if self.problems.get(key, "") != sentence:
-            self.problems[key] = sentence
-            self.say(op="problems", sentences=[each for each in self.problems.values() if each])
 
 
 def main() -> int:

@@ -65,8 +65,15 @@ class MoveBase:
             (f"{action}/cancel", "actionlib_msgs/GoalID"),
         )
         self.subscriptions: tuple[Subscription, ...] = (
-            Subscription(f"{action}/status", "actionlib_msgs/GoalStatusArray", self._status),
-            Subscription(f"{action}/result", "move_base_msgs/MoveBaseActionResult", self._result),
+            Subscription(
+                f"{action}/status", "actionlib_msgs/GoalStatusArray", self._status, essential=True
+            ),
+            Subscription(
+                f"{action}/result",
+                "move_base_msgs/MoveBaseActionResult",
+                self._result,
+                essential=True,
+            ),
         )
 
     async def cancel_leftovers(self) -> None:

@@ -261,6 +261,28 @@ async def test_missing_message_package_is_named():
         ).connect()
 
 
+async def test_missing_package_of_the_bumper_is_named_and_driving_still_works(monkeypatch):
+    monkeypatch.setattr(base, "BOOL", "std9_msgs/Bool")
+    with Ros2Rig("giraff") as rig:
+        async with connected(rig.adapter(bumper="/bumper")) as adapter:
+            state = await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors)
+            named = "/bumper is not received, because std9_msgs/Bool is not available"
+            assert any(error.startswith(named) for error in state.errors)
+
+
+async def test_bumper_counts_its_contacts():
+    with Ros2Rig("giraff", publishes=RosRobot.TOPICS | {"/bumper": BOOL}) as rig:
+
+        async def touch(*, touching):
+            rig.tell("/bumper", {"data": touching})
+
+        async with connected(rig.adapter(bumper="/bumper")) as adapter:
+            await wait_for(adapter, lambda s: s.errors == ())
+            for touching, counted in ((True, 1), (False, 1), (True, 2)):
+                rig.call(touch(touching=touching))
+                await wait_for(adapter, lambda s, counted=counted: s.contacts == counted)
+
+
 async def test_missing_package_of_an_action_is_named_and_driving_still_works(monkeypatch):
     monkeypatch.setattr(ros2, "NAVIGATE_TO_POSE", "nav9_msgs/NavigateToPose")
     with Ros2Rig("giraff") as rig:

@@ -97,6 +97,13 @@ def test_a_joint_is_found_by_its_name():
     assert messages.joint_in({"name": ["a"], "position": []}, "a") is None
 
 
+@pytest.mark.parametrize("message", [{}, {"data": None}, {"data": 1}, {"data": "true"}])
+def test_a_bool_is_true_or_false_and_nothing_else(message):
+    assert [messages.flag_in({"data": value}) for value in (True, False)] == [True, False]
+    with pytest.raises(messages.RosError, match="not true or false"):
+        messages.flag_in(message)
+
+
 KEYS = st.sampled_from(["pose", "ranges", "header", "x", "transforms", "angle_min"])
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(max_size=5),

@@ -21,6 +21,14 @@ def test_all_names_are_below_the_namespace_but_those_that_begin_with_a_slash(nam
     assert (options.map_frame, options.odom_frame) == ("map", "odom"), "frames have no namespace"
 
 
+def test_option_that_is_not_declared_a_name_is_taken_as_it_is():
+    class WithType(RosOptions, frozen=True, kw_only=True):
+        bumper_type: str = "std_msgs/Bool"
+
+    options = WithType(watchdog=0.5, namespace="robot1", tilt_joint="head joint").resolved()
+    assert (options.tilt_joint, options.bumper_type) == ("head joint", "std_msgs/Bool")
+
+
 def test_a_namespace_may_be_nested_and_holds_for_every_default():
     options = RosOptions(watchdog=0.5, namespace="site/robot1").resolved()
     defaults = [getattr(options, option) for option in NAMED if getattr(options, option)]
