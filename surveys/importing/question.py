@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 
 from surveys.documents import Text
-from surveys.importing.draft import Draft, Item
+from surveys.importing.draft import Draft, Item, number_in
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
@@ -71,15 +71,21 @@ class ImportedQuestion:
     def unchecked(self, rule: str) -> None:
         self.note.changed(_("Its rule %(rule)s is not checked."), rule=rule)
 
-    def date_bound(self, value: str, rule: str) -> str | None:
-        """Return a bound of a date without its time; the `rule` of another value is noted."""
+    def number_bound(self, name: str, value: str) -> float | None:
+        number = number_in(value.strip().replace(",", "."))
+        if value.strip() and number is None:
+            self.unchecked(f"{name} = {value.strip()[:60]}")
+        return number
+
+    def date_bound(self, name: str, value: str) -> str | None:
+        """Return a bound of a date without its time; another value is noted."""
         value = value.strip("\"' ").lower()
         if value in {"today", "now"}:
             return "today"
         if found := re.match(r"\d{4}-\d{2}-\d{2}(?!\d)", value):
             return found[0]
         if value:
-            self.unchecked(rule)
+            self.unchecked(f"{name} = {value[:60]}")
         return None
 
     def or_name(self, text: Text) -> Text:

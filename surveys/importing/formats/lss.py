@@ -6,7 +6,6 @@ Read against LimeSurvey's own source (application/helpers/export_helper.php) and
 TonisOrmisson/limesurvey-structure-imex (version 630).
 """
 
-import math
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -88,15 +87,7 @@ class LimeSurveyConversion(ImportedQuestion):
         return "fixed"
 
     def _number(self, name: str) -> float | None:
-        """Return an attribute that is a finite number; anything else is noted."""
-        value = self.question.attribute(name).strip()
-        try:
-            number = float(value or "nan")
-        except ValueError:
-            number = math.nan
-        if value and not math.isfinite(number):
-            self.unchecked(f"{name} = {value[:60]}")
-        return number if math.isfinite(number) else None
+        return self.number_bound(name, self.question.attribute(name))
 
     def single(self) -> list[Item]:
         """L, !, O, Y and G: one of the answers; O has a comment."""
@@ -250,10 +241,9 @@ class LimeSurveyConversion(ImportedQuestion):
         """D: a day."""
         if any(sign in self.question.attribute("date_format") for sign in ("H", "M:")):
             self.note.changed(_("It asks for the date, not the time."))
-        bounds = [
-            self.date_bound(self.question.attribute(one), one) for one in ("date_min", "date_max")
-        ]
-        return [self.item("date", earliest=bounds[0], latest=bounds[1])]
+        get = self.question.attribute
+        first, last = (self.date_bound(one, get(one)) for one in ("date_min", "date_max"))
+        return [self.item("date", earliest=first, latest=last)]
 
     TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
         **dict.fromkeys("L!OYG", single),

@@ -90,15 +90,14 @@ class RedcapField(ImportedQuestion):
     def free_text(self) -> list[Item]:
         """text: a text, a number or a day, by its validation."""
         rule = self.row["validation"].strip().lower()
+        bounds = [(one, self.row[one]) for one in ("min", "max")]
         if rule == "integer" or rule.startswith("number"):
-            least, most = self._bound("min"), self._bound("max")
+            least, most = (self.number_bound(*one) for one in bounds)
             is_whole = rule == "integer"
             return [self.item("number", minimum=least, maximum=most, whole=is_whole)]
         if rule in {"date_ymd", "date_mdy", "date_dmy"}:
-            least, most = (
-                self.date_bound(self.row[one], f"{one} {self.row[one]}") for one in ("min", "max")
-            )
-            return [self.item("date", earliest=least, latest=most)]
+            first, last = (self.date_bound(*one) for one in bounds)
+            return [self.item("date", earliest=first, latest=last)]
         if rule:
             self.note.changed(_("Its format (%(rule)s) is not checked."), rule=rule)
         return [self.item("text", max_length=self._length(is_line=True))]
@@ -109,14 +108,6 @@ class RedcapField(ImportedQuestion):
 
     def _length(self, *, is_line: bool) -> int:
         return self.length(_whole(self.tags.get("@CHARLIMIT", "")), is_line=is_line)
-
-    def _bound(self, column: str) -> float | None:
-        value = self.row[column].strip().replace(",", ".")
-        if re.fullmatch(r"-?\d{1,15}(\.\d+)?", value):
-            return float(value)
-        if value:
-            self.unchecked(f"{column} {value[:60]}")
-        return None
 
     def _labels(self) -> dict[str, Text]:
         if self.kind in {"yesno", "truefalse"}:
