@@ -1,7 +1,6 @@
 """The base class of export formats, one in each module of experiments/export/formats/."""
 
-import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -10,7 +9,7 @@ from django.utils.functional import Promise
 
 from experiments.access import Role
 from experiments.analysis.metrics.sessions import Measured
-from experiments.dataset.columns import Column, Tables
+from experiments.dataset.columns import Tables
 from experiments.dataset.files import as_csv, table_path
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.extraction.forms import Release
@@ -23,15 +22,6 @@ File = tuple[str, Iterable[str | bytes]]
 
 def text_of(name: str) -> str:
     return Path(__file__).with_name("texts").joinpath(name).read_text(encoding="utf-8")
-
-
-def listed_columns(table: str, **levels: Mapping[str, str]) -> tuple[Column, ...]:
-    """Return the columns of a table in texts/columns.toml; `levels` are those that the code has."""
-    found = []
-    for name, about in tomllib.loads(text_of("columns.toml"))[table].items():
-        given = {"meaning": about} if isinstance(about, str) else about
-        found.append(Column(name, **{"unit": "", "levels": levels.get(name, {})} | given))
-    return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -17,21 +17,60 @@ from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
-from experiments.dataset.columns import Tables
+from experiments.dataset.columns import Column, Tables
 from experiments.dataset.records import Dataset
 from experiments.definition.coding import CodingScheme
-from experiments.export.format import ExportFormat, File, listed_columns
+from experiments.export.format import ExportFormat, File
 from experiments.extraction.allow_list import coded
 from experiments.extraction.forms import Origin, kept
 from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
+CODE_KINDS = {"point": "a moment", "interval": "a time with a beginning and an end"}
+FIGURES = {
+    "alpha": "Krippendorff's α by time, of all coders",
+    "kappa": "Cohen's κ by time, of two coders",
+    "agreement": "share of the time that two coders coded alike",
+    "event_kappa": "Cohen's κ by events that two coders matched",
+}
+CODINGS = (
+    Column("session", "", "code of the session"),
+    Column("coder", "", "number of the coder"),
+    Column("scheme", "", "version of the coding scheme"),
+    Column("events", "", "how many events were coded"),
+)
+CODED = (
+    *CODINGS[:3],
+    Column("code", "", "code of the scheme"),
+    Column("kind", "", "what the code marks", levels=CODE_KINDS),
+    Column("begin", "s", "since the grant, by the server's clock"),
+    Column("end", "s", "since the grant, by the server's clock; empty for a point"),
+    Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
+    Column("comment", "", "the coder's comment; only with free text"),
+)
+AGREEMENT = (
+    Column("scheme", "", "version of the coding scheme"),
+    Column("code", "", "code of the scheme; all: all codes together"),
+    Column("figure", "", "how agreement is measured", levels=FIGURES),
+    Column("coders", "", "numbers of the coders, separated by |"),
+    Column("value", "", "of the figure"),
+    Column("low", "", "lower end of the 95 % confidence interval"),
+    Column("high", "", "upper end of the 95 % confidence interval"),
+)
+CONFUSION = (
+    Column("scheme", "", "version of the coding scheme"),
+    Column("first", "", "number of the first coder"),
+    Column("second", "", "number of the second coder"),
+    Column("first_code", "", "what the first coded; empty: nothing"),
+    Column("second_code", "", "what the second coded at that time; empty: nothing"),
+    Column("events", "", "how many such events"),
+)
 
 
 class CodingsFormat(ExportFormat):
     """Part of every export of a study with finished codings."""
 
-    tables = {one: listed_columns(one) for one in ("codings", "coded", "agreement", "confusion")}
+    tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
     def tables_of(cls, _dataset: Dataset, drives: Sequence[Drive]) -> Tables:

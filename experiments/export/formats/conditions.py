@@ -14,25 +14,40 @@ from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.drive_outcomes import sessions_of
 from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.scored_responses import asked_when
-from experiments.dataset.columns import NO_YES, Column, Tables, share
+from experiments.dataset.columns import Column, Tables, amount_of, flag, share
 from experiments.dataset.counting import PARTICIPANTS, attempted, counting
 from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED, Kind
 from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
 from experiments.definition.factors import steps_about_drive
 from experiments.definition.schema import StudyDefinition
-from experiments.export.format import ExportFormat, ExportSource, File, listed_columns
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
 from surveys.scoring import ScoredScale, parts_of, scales_of
 
 Place = tuple[str, str]  # participant and condition
 NO_DRIVE = "no_drive"
-ABOUT = listed_columns(
-    "conditions",
-    kind=KINDS,
-    counts=NO_YES,
-    counts_why={**UNCOUNTED, NO_DRIVE: "the participant has no drive in this condition"},
-    attempted=NO_YES,
-    outcome=OUTCOMES,
+ABOUT = (
+    Column("participant", "", "code of the participant"),
+    Column("kind", "", "who took part", levels=KINDS),
+    Column("condition", "", "assigned condition"),
+    amount_of("order", "", "1 for the participant's first condition, by assignment"),
+    amount_of("sessions", "", "drives of the participant in this condition, without practice"),
+    flag("counts", "1 when a drive counts in the results on participants"),
+    Column(
+        "counts_why",
+        "",
+        "why the last drive does not count; empty when one does",
+        levels={**UNCOUNTED, NO_DRIVE: "the participant has no drive in this condition"},
+    ),
+    flag(
+        "attempted",
+        "1 when the results on success and times have the row: a drive counts, or `counts_why` is"
+        " a reason for which only these results have it",
+    ),
+    Column(
+        "session", "", "code of the last drive that counts; without any, of the last attempted one"
+    ),
+    Column("outcome", "", "how that drive ended", levels=OUTCOMES),
 )
 
 

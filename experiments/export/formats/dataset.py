@@ -6,16 +6,28 @@ from typing import Any
 from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.summaries import problems_of
+from experiments.dataset.columns import Column
 from experiments.dataset.files import numbers, tables
 from experiments.dataset.levels import FAULTS
 from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
-from experiments.export.format import ExportFormat, ExportSource, File, listed_columns
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.extraction.allow_list import event_columns
 from experiments.extraction.events import events_of
 from experiments.models import Drive
 
-METRIC_TABLE = (*listed_columns("metrics", problems=FAULTS), *METRICS)
+METRIC_TABLE = (
+    Column("session", "", "code of the session"),
+    Column("metrics_version", "", "version of the definitions of the numbers"),
+    Column(
+        "problems",
+        "",
+        "rules for the record's quality that are not kept; empty: good",
+        levels=FAULTS,
+        divider="|",
+    ),
+    *METRICS,
+)
 
 
 class DatasetFormat(ExportFormat):

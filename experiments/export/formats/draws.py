@@ -4,13 +4,34 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from experiments.dataset.columns import Column, amount_of, share
 from experiments.dataset.levels import KINDS
-from experiments.export.format import ExportFormat, File, listed_columns
+from experiments.export.format import ExportFormat, File
 from experiments.models import Draw
+
+REASONS = {
+    "first": "the first assignment",
+    "again": "again, because the participant had seen nothing of the first",
+}
+DRAWS = (
+    Column("number", "", "order of the draws within a kind of participants"),
+    Column("participant", "", "code of the participant; empty: not in this dataset"),
+    Column("kind", "", "for whom it was drawn", levels=KINDS),
+    amount_of("draw", "", "first, second … draw of the participant"),
+    Column("reason", "", "why it was drawn", levels=REASONS),
+    Column("cell", "", "cell that was drawn", divider="-"),
+    Column("best", "", "cells with the lowest score, with | between them"),
+    Column("counts", "", "JSON: places taken in each open cell before the draw"),
+    Column("scores", "", "JSON: of these, those of participants alike in the balance factors"),
+    Column("levels", "", "JSON: the participant's level of each balance factor; none in public"),
+    share("best_probability", "probability of one of the best cells"),
+    Column("seed", "", "seed of the draw"),
+    Column("at", "", "when it was drawn; only in an identified dataset"),
+)
 
 
 class DrawsFormat(ExportFormat):
-    tables = {"draws": listed_columns("draws", kind=KINDS)}
+    tables = {"draws": DRAWS}
 
     def of_study(self) -> Iterator[File]:
         about = self.source.dataset.study

@@ -3,14 +3,28 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from experiments.dataset.columns import Column
 from experiments.dataset.records import SessionRecord
-from experiments.export.format import ExportFormat, File, listed_columns
+from experiments.export.format import ExportFormat, File
 from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
+IDENTITIES = (
+    Column("participant", "", "code of the participant"),
+    Column("session", "", "code of the session"),
+    Column("user", "", "key of the user's row"),
+    Column("username", "", "name of the user"),
+    Column("email", "", "address of the user"),
+    Column("session_key", "", "key of the session's row"),
+    Column("granted", "", "when the robot was granted"),
+    Column("address", "", "address of the visitor's network, truncated"),
+    Column("user_agent", "", "the browser's user agent"),
+    Column("recruitment", "", "parameters of the link by which the participant came"),
+)
+
 
 class IdentitiesFormat(ExportFormat):
-    tables = {"identities": listed_columns("identities")}
+    tables = {"identities": IDENTITIES}
 
     @classmethod
     def is_in(cls, _name: str, choice: Selection) -> bool:
