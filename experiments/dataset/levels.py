@@ -95,7 +95,8 @@ STAGES = {
     "arrived": "came to the study",
     "assigned": "was assigned to a condition, or to an order of them",
     "exposed": "saw the robot's video in the task",
-    "ended": "a drive of theirs ended with an outcome",
+    "drove": "and moved the robot in it",
+    "ended": "and such a drive ended with an outcome",
     "answered": "and finished the questionnaire of the table",
 }
 # What a drive was made with, as far as it is known.
