@@ -192,7 +192,7 @@ FAULTS = explained(
 RULES = {
     ATTENTION: "of the plan: the participant answered an attention check otherwise",
     SPEEDER: "of the plan: the participant answered a questionnaire too fast",
-    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
+    INCOMPLETE: "of the plan: an exposed participant lacks a condition or a questionnaire",
     **{f"{FAULT}: {name}": f"of the plan: {why}" for name, why in FAULTS.items()},
     OF_PLATFORM: "the platform ended the session",
     BY_HAND: "a researcher excluded the session",
