@@ -129,6 +129,15 @@ def test_nobody_is_incomplete_who_was_not_exposed_or_still_drives():
     assert lines["all", "among them: excluded by the plan's rules"] == 3
 
 
+def test_reporting_sheet_and_flow_count_the_same_drivers():
+    found = counting(every_ending())
+    sheet = {
+        row[1].text: row[2].text for row in reporting_sheet(found, (), found.participants).rows
+    }
+    lines = {(row[0].text, row[1].text): row[3].value for row in flow(found).rows}
+    assert int(sheet["drove a robot"]) == lines["all", "drove"] == 9
+
+
 def test_platform_faults_and_researchers_exclude_sessions_but_no_participant():
     data = dataset(None)
     first, second, third = data.sessions
