@@ -5,7 +5,7 @@ moved the robot; if it has ended, and not by a fault of the platform; if neither
 rule of the plan excludes it; and if the study counts it, of several drives by one participant in
 one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
 export follows from `counting`. Only success and times have more drives, those of `attempted`:
-participants who gave up before the robot moved, or whom the plan excludes because something is
+participants who gave up before they moved the robot, or whom the plan excludes because something is
 missing, have not succeeded, and may not be left out for that.
 
 A participant who was assigned again counts in one cell: that of the first drive that counts.

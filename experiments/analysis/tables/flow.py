@@ -130,6 +130,10 @@ class _Flow:
                 yield cell, "", reason, table.people_count(self.dataset, ids)
             left = [one for one in people if stages[one.id] >= number]
             yield cell, stage, "", table.people_count(self.dataset, [one.id for one in left])
+            if number == ARRIVED:
+                excluded = self.dataset.excluded_people
+                ids = [one.id for one in left if one.id in excluded]
+                yield from self._among(cell, "excluded by the plan's rules", ids)
             if number == ASSIGNED:
                 again = [one.id for one in left if one.draws > 1]
                 yield from self._among(cell, "drawn anew", again)
