@@ -55,6 +55,7 @@ def test_receipt_counts_deleted_data_and_lists_what_is_kept(walker):
         assert heading in [one.text for one in page.all("h2")]
     assert "Nothing from this study was exported while you took part." in page.text
     assert "Your account stays." in page.text
+    assert "Public datasets made from now on do not have this entry." in page.text
 
 
 def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_name(walker):
