@@ -22,6 +22,7 @@ from django.db import connection
 from django.utils import timezone
 from mcap.reader import make_reader
 
+from accounts.models import AuditEntry
 from experiments.analysis.report import reports
 from experiments.dataset.counting import counting
 from experiments.dataset.folder import read, write
@@ -321,6 +322,9 @@ def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
     dataset, quietly = tmp_path / "dataset", {"stdout": io.StringIO()}
     call_command("export_study", stored.study.slug, out=dataset, **quietly)
     call_command("analyse_study", dataset=dataset, out=tmp_path / "report", **quietly)
+    assert not AuditEntry.objects.filter(act="analysis_exported").exists()
+    call_command("analyse_study", stored.study.slug, out=tmp_path / "own", **quietly)
+    assert AuditEntry.objects.get(act="analysis_exported").thing == "version 1"
     assert read(dataset).sessions == ()
     assert (tmp_path / "report" / SUMS).exists()
 
