@@ -12,9 +12,9 @@ from django.utils import timezone
 
 from accounts.models import AuditEntry
 
-# The acts that hand out copies of what was recorded of people, and of whom: of everybody in a study
-# or in the version that the entry's item names, of the session that is its item, or perhaps of
-# anybody who drove or answered. People who withdraw learn of those that may have their data.
+# The acts that hand out copies of what was recorded of people, with their scope: everybody in the
+# study or in the version that the entry's item names, the session that is its item, or all who
+# drove or answered. People who withdraw learn of those that may have their data.
 COPIES: dict[str, Literal["study", "version", "session", "driver", "respondent"]] = {
     "study_exported": "version",
     "analysis_exported": "version",
