@@ -81,11 +81,10 @@ def _analysed(dataset: Dataset) -> dict[str, set[str]]:
         "success and times": {one.participant for one in attempted(dataset)},
         "driving": {one.participant for one in dataset.sessions},
     }
-    finished = [one for one in dataset.responses if one.finished]
-    for step in dataset.study.questionnaire_steps:
+    for variable, step in dataset.study.asked.items():
         if not step.is_about_person:
-            own = (one for one in finished if one.questionnaire == step.questionnaire)
-            found[f"answers to {step.questionnaire}"] = {one.participant for one in own}
+            own = (one for one in dataset.answers_to(variable) if one.finished)
+            found[f"answers to {variable}"] = {one.participant for one in own}
     return found
 
 
