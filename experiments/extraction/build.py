@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from experiments.dataset.columns import Columns
 from experiments.dataset.counting import counting, with_reasons
-from experiments.dataset.levels import ATTENTION, KINDS
+from experiments.dataset.levels import ATTENTION
 from experiments.dataset.records import Dataset, FreezeRecord, WholeStudy
 from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import from_stored
@@ -72,7 +72,7 @@ def _whole_of(study: Study, published: set[str]) -> WholeStudy:
     excluded = tuple(
         # the given answer may be one that a public dataset withholds
         replace(one, value="") if one.rule == ATTENTION else one
-        for kind in KINDS
+        for kind in sorted({one.kind for one in whole.participants})
         for one in counting(whole, [kind]).exclusions
         if one.participant in published and not one.session
     )

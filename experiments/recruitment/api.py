@@ -109,8 +109,8 @@ def participants(request: HttpRequest, slug: str) -> JsonResponse:
     if after := request.GET.get("after", ""):
         rows = rows.filter(code__gt=after)
     found = list(rows.select_related("study").order_by("code")[: MAX_LISTED + 1])
-    about = {"study": slug, "detail": f"{len(found)} participants"}
-    audit.note("participants_read_by_api", actor=key.made_by, **about)
+    read = f"{len(found)} participants"
+    audit.note("participants_read_by_api", actor=key.made_by, study=slug, detail=read)
     listed = [
         _withdrawn(one, identifier) if one.withdrawn_at else _described(one)
         for one in found[:MAX_LISTED]

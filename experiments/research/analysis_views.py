@@ -235,7 +235,7 @@ def file(request: HttpRequest, slug: str, kind: str, name: str) -> HttpResponseB
     content_type = TYPES.get(path.suffix[1:])
     if kind not in {"tables", "figures"} or content_type is None or not path.is_file():
         raise Http404
-    about = {"study": slug, "thing": f"version {asked.study.version}", "detail": name}
-    audit.note("analysis_exported", actor=request.user, **about)
+    version = f"version {asked.study.version}"
+    audit.note("analysis_exported", actor=request.user, study=slug, thing=version, detail=name)
     options = {"as_attachment": True, "filename": f"{slug}-{name}", "content_type": content_type}
     return FileResponse(path.open("rb"), **options)
