@@ -28,7 +28,7 @@ from experiments.dataset.counting import counting
 from experiments.dataset.folder import read, write
 from experiments.dataset.records import Dataset
 from experiments.dataset.states import STATES
-from experiments.definition.plan import Speeder, StudyPlan
+from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
 from experiments.definition.schema import as_stored
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
@@ -483,9 +483,19 @@ def test_public_dataset_has_no_row_of_a_participant_who_withdrew(stored, asked, 
     assert any("no row of those who withdrew: 1" in note for note in flow.notes)
 
 
-def test_public_dataset_excludes_whom_the_plan_excludes_in_the_whole_study(tmp_path):
+TOO_FAST = Speeder(questionnaire="experience", median_share=0.6)
+WRONG = AttentionCheck(questionnaire="experience", item="q1", answer="1")
+
+
+@pytest.mark.parametrize(
+    ("plan", "rule"),
+    [
+        (StudyPlan(speeders=(TOO_FAST,)), "speeder"),
+        (StudyPlan(attention_checks=(WRONG,)), "attention check"),
+    ],
+)
+def test_public_dataset_excludes_whom_the_plan_excludes_in_the_whole_study(plan, rule, tmp_path):
     made = made_up(np.random.default_rng(3), 14)
-    plan = StudyPlan(speeders=(Speeder(questionnaire="experience", median_share=0.6),))
     stored = put(replace(made, study=msgspec.structs.replace(made.study, plan=plan)))
     study = asking_for_sharing(stored.study)
     for number, one in enumerate(stored.people.values()):
@@ -500,8 +510,11 @@ def test_public_dataset_excludes_whom_the_plan_excludes_in_the_whole_study(tmp_p
     assert judged(public) < judged(whole)
     here = {row["id"] for row in lines(public, "participants")}
     excluded = [row for row in lines(whole, "exclusions") if row["participant"] in here]
+    if rule == "attention check":  # whose answer a public dataset may withhold
+        assert all("right is 1" in row["value"] for row in excluded)
+        excluded = [row | {"value": ""} for row in excluded]
     assert lines(public, "exclusions") == excluded
-    assert "speeder" in {row["rule"] for row in excluded}
+    assert {row["rule"] for row in excluded} == {rule}
     again = counting(read(tmp_path / "public"))
     counted = {row["id"] for row in lines(public, "sessions") if row["counts"] == "1"}
     assert {one.id for one in again.sessions} == counted
