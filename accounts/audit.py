@@ -4,13 +4,28 @@
 
 import datetime
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Literal
 
 from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from accounts.models import AuditEntry
+
+# The acts that hand out copies of what was recorded of people, with their scope: everybody in the
+# study or in the version that the entry's item names, the session that is its item, or all who
+# drove or answered. People who withdraw learn of those that may have their data.
+COPIES: dict[str, Literal["study", "version", "session", "driver", "respondent"]] = {
+    "study_exported": "version",
+    "analysis_exported": "version",
+    "study_deposited": "version",
+    "payments_exported": "study",
+    "participants_read_by_api": "study",
+    "coding_exported": "session",
+    "session_exported": "session",
+    "sessions_exported": "driver",
+    "answers_exported": "respondent",
+}
 
 
 def note(

@@ -2,9 +2,10 @@
 and what a researcher decided by hand.
 
 The rules of the plan exclude participants, with all that they did, or a drive for a fault of its
-record. A drive that the platform ended is excluded by itself, always, with or without a plan. The
-time that a questionnaire took is that of its page, from its first display to its end, by the
-server's clock.
+record. Rules about participants apply to the whole study: a public dataset, which is a part of it,
+has their result. A drive that the platform ended is excluded by itself, always, with or without a
+plan. The time that a questionnaire took is that of its page, from its first display to its end, by
+the server's clock.
 """
 
 import statistics
@@ -49,6 +50,10 @@ def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
 
 
 def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
+    if dataset.whole is not None:
+        there = {one.id for one in dataset.participants}
+        yield from (one for one in dataset.whole.exclusions if one.participant in there)
+        return
     plan = dataset.study.plan
     if plan is None:
         return

@@ -109,6 +109,8 @@ def _about(dataset: Dataset, more: Tables) -> Iterator[File]:
     yield "study.json", [study_json(dataset.study).decode()]
     if dataset.freeze is not None:
         yield "freeze.json", [_json(dataset.freeze)]
+    if dataset.whole is not None:
+        yield "whole.json", [_json(dataset.whole)]
     yield "robots.json", [_json(dataset.robots)]
     for name, plan in sorted(dataset.plans.items()):
         yield f"plans/{_named(name, _PLAN)}.json", [floorplan.encode(plan).decode() + "\n"]

@@ -4,6 +4,7 @@ and read without a difference.
     dataset_description.json            the code book: every column of every file
     study.json                          the study as it was published
     freeze.json                         when it was published, and whether before the data
+    whole.json                          of a public dataset: what it is a part of
     robots.json                         its robots
     plans/<site>.json                   floor plans
     questionnaires/<name>-<n>.json      definitions, a file a version
@@ -35,6 +36,7 @@ from experiments.dataset.records import (
     FreezeRecord,
     ResponseRecord,
     RobotRecord,
+    WholeStudy,
 )
 from experiments.dataset.states import NETWORK, STATES
 from experiments.definition.publication import PublicationDetails, from_json_ld
@@ -64,7 +66,8 @@ def put(file: File, folder: Path) -> None:
 def read(folder: Path) -> Dataset:
     """Return a folder's dataset, or raise DatasetError. States are read on each call."""
     definitions = sorted((folder / "questionnaires").glob("*.json"))
-    plans, freeze = sorted((folder / "plans").glob("*.json")), folder / "freeze.json"
+    plans = sorted((folder / "plans").glob("*.json"))
+    freeze, whole = folder / "freeze.json", folder / "whole.json"
     return Dataset(
         study=_decoded(folder / "study.json", StudyDefinition),
         robots=_decoded(folder / "robots.json", tuple[RobotRecord, ...]),
@@ -79,6 +82,7 @@ def read(folder: Path) -> Dataset:
         network=lambda session: read_numbers(folder, "network", session, NETWORK),
         freeze=_decoded(freeze, FreezeRecord) if freeze.exists() else None,
         publication=_publication(folder / "dataset_description.json"),
+        whole=_decoded(whole, WholeStudy) if whole.exists() else None,
     )
 
 

@@ -355,9 +355,21 @@ class PlanExclusion:
 
 
 @dataclass(frozen=True)
+class WholeStudy:
+    """The study of which a public dataset is a part: how many participants it has, pilots, bots and
+    those who withdrew aside; how many of each kind withdrew; and whom the plan excludes of those in
+    the public dataset, as decided on everybody's data.
+    """
+
+    participants: int
+    withdrew: Mapping[Kind, int]
+    exclusions: tuple[PlanExclusion, ...]
+
+
+@dataclass(frozen=True)
 class Dataset:
     """A study and all that was recorded of it. `states` and `network` read those of a session,
-    which may have none. Datasets of earlier releases have no `freeze`.
+    which may have none. Datasets of earlier releases have no `freeze`; public ones have `whole`.
 
     In a dataset of what counts (`counting`), `others` are the drives of the task that do not, and
     `exclusions` everything that was excluded, or in a sensitivity analysis would have been.
@@ -379,6 +391,7 @@ class Dataset:
     is_with_excluded: bool = False
     freeze: FreezeRecord | None = None
     publication: PublicationDetails = NO_PUBLICATION
+    whole: WholeStudy | None = None
 
     @property
     def language(self) -> str:
@@ -426,6 +439,14 @@ class Dataset:
         slug = name.partition(".")[0]
         versions = (one for one in self.questionnaires if one.slug == slug)
         return max(versions, key=lambda one: one.version, default=None)
+
+    @property
+    def withdrew(self) -> int:
+        """How many withdrew, of the kinds of participants in it."""
+        kinds = {one.kind for one in self.participants}
+        known = self.whole.withdrew if self.whole is not None else {}
+        there = sum(one.withdrawn for one in self.participants)
+        return there + sum(known.get(kind, 0) for kind in kinds)
 
     @property
     def included(self) -> tuple[ParticipantRecord, ...]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from django.utils.translation import gettext as _
 
-from experiments.dataset.records import Dataset
+from experiments.dataset.records import Dataset, WholeStudy
 from experiments.export.format import text_of
 from experiments.extraction.people import asks_for_sharing, numbers_of_public
 from experiments.models import Study
@@ -24,8 +24,8 @@ def sharing_warnings(study: Study) -> list[str]:
         return [
             _(
                 "The consent did not ask whether data may be published, so the public dataset has "
-                "everybody who took part. Publish it only if the consent text and the ethics "
-                "approval allow it."
+                "everybody who took part and did not withdraw. Publish it only if the consent "
+                "text and the ethics approval allow it."
             )
         ]
     if public == whole:
@@ -37,9 +37,10 @@ def sharing_warnings(study: Study) -> list[str]:
     return [words % {"public": public, "whole": whole}]
 
 
-def anonymity(dataset: Dataset, public: int, whole: int) -> str:
-    """Return the README's part on a public dataset, which has `public` of `whole` participants."""
+def anonymity(dataset: Dataset, study: WholeStudy) -> str:
+    """Return the README's part on a public dataset, which is a part of a study."""
     people = _known_of(dataset)
+    public, whole = len(people), study.participants
     names = list(next(iter(people.values()), {}))
     sets = [names[:1], *([names[0], name] for name in names[1:]), names]
     rows = [_row(people, some) for some in dict.fromkeys(map(tuple, sets)) if some]
@@ -49,7 +50,8 @@ def anonymity(dataset: Dataset, public: int, whole: int) -> str:
         who = f"It has all {whole} participants, who agreed to publishing."
     if not asks_for_sharing(dataset.study):
         who = f"It has all {whole} participants: the consent did not ask about publishing."
-    return text_of("anonymity.md").format(few=FEW, who=who, rows="\n".join(rows))
+    about = {"few": FEW, "who": who, "withdrew": dataset.withdrew, "rows": "\n".join(rows)}
+    return text_of("anonymity.md").format(**about)
 
 
 def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
@@ -67,7 +69,7 @@ def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
     found = {
         one.id: {"age_band": one.age_band, **dict.fromkeys(names, "")}
         for one in dataset.participants
-        if one.kind == "participant" and not one.withdrawn
+        if one.kind == "participant"
     }
     for response in dataset.responses:
         step = dataset.asking(response)

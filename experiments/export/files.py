@@ -17,7 +17,6 @@ from experiments.export.format import ExportSource, File, text_of
 from experiments.export.formats import chosen
 from experiments.extraction.build import ANALYSED, dataset_of, release_of
 from experiments.extraction.events import events_of
-from experiments.extraction.people import numbers_of_public
 from experiments.extraction.selection import Selection
 from experiments.extraction.sessions import drives_of
 from experiments.models import Study
@@ -47,8 +46,8 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
     drives = list(drives_of(study, choice))
     dataset = dataset_of(study, choice=choice, drives=drives)
     text = read_me(dataset)
-    if choice.public:
-        text += anonymity(dataset, *numbers_of_public(study))
+    if dataset.whole is not None:
+        text += anonymity(dataset, dataset.whole)
     yield "README.md", [text]
     tables = (one.tables_of(dataset, drives) for one in classes)
     more = {name: layout for some in tables for name, layout in some.items()}

@@ -5,12 +5,15 @@ code that they have; times are seconds since the robot was granted. States and n
 read a session at a time, on each call, and events once or, in an export, as they are written.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 from experiments.dataset.columns import Columns
-from experiments.dataset.counting import with_reasons
-from experiments.dataset.records import Dataset, FreezeRecord
+from experiments.dataset.counting import counting, with_reasons
+from experiments.dataset.levels import ATTENTION
+from experiments.dataset.records import Dataset, FreezeRecord, WholeStudy
 from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import from_stored
 from experiments.extraction.answers import questionnaires_of, responses_of
@@ -59,7 +62,23 @@ def dataset_of(
         network=_reader(drives, names, _network, NO_NETWORK),
         publication=from_stored(study.publication),
     )
+    if choice.public:
+        found = replace(found, whole=_whole_of(study, {one.id for one in found.participants}))
     return with_reasons(found)
+
+
+def _whole_of(study: Study, published: set[str]) -> WholeStudy:
+    whole = dataset_of(study, drives=list(drives_of(study, ANALYSED)))
+    excluded = tuple(
+        # the given answer may be one that a public dataset withholds
+        replace(one, value="") if one.rule == ATTENTION else one
+        for kind in sorted({one.kind for one in whole.participants})
+        for one in counting(whole, [kind]).exclusions
+        if one.participant in published and not one.session
+    )
+    withdrew = Counter(one.kind for one in whole.participants if one.withdrawn)
+    staying = Counter(one.kind for one in whole.participants if not one.withdrawn)
+    return WholeStudy(staying["participant"], withdrew, excluded)
 
 
 def release_of(study: Study, choice: Selection) -> Release:

@@ -35,16 +35,18 @@ EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False
 
 
 def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
-    """Return the participants in a dataset; in a public one, where the consent asks for it, those
-    who agreed to publishing, and the anonymous rows of those who withdrew.
+    """Return the participants in a dataset; in a public one those who did not withdraw and, where
+    the consent asks for it, agreed to publishing.
     """
     rows = Row.objects.filter(study=study).order_by("code")
+    if choice.public:
+        rows = rows.exclude(status=Row.Status.WITHDRAWN)
     if not (choice.public and asks_for_sharing(study.as_definition())):
         return rows
     receipts = ConsentReceipt.objects.filter(participant__study=study).order_by("agreed_at")
     newest = dict(receipts.values_list("participant_id", "sharing"))
     agreed = [key for key, shares in newest.items() if shares]
-    return rows.filter(Q(pk__in=agreed) | Q(status=Row.Status.WITHDRAWN))
+    return rows.filter(pk__in=agreed)
 
 
 def numbers_of_public(study: Study) -> tuple[int, int]:

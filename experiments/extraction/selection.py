@@ -16,9 +16,9 @@ class Selection:
     An `identified` dataset has everything, with the names of participants; `sources` are those of
     the events, `formats` the names of the requested formats (experiments/export/formats/).
 
-    A `public` dataset has the participants who allowed it, where the study asked them, with ages as
-    ranges, without numbers from questions about the person, devices and networks, and without free
-    text and photos.
+    A `public` dataset has the participants who did not withdraw and, where the study asked them,
+    allowed it: with ages as ranges, without numbers from questions about the person, devices and
+    networks, and without free text and photos.
     """
 
     public: bool = False

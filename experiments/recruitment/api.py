@@ -52,8 +52,8 @@ def key_of(header: str, now: datetime.datetime) -> StudyKey | None:
     return found
 
 
-def _refusal(request: HttpRequest, slug: str) -> JsonResponse | None:
-    """Return why a request is refused; None when its key opens the study."""
+def _key_for(request: HttpRequest, slug: str) -> StudyKey | JsonResponse:
+    """Return the key of a request, if it opens the study, or why the request is refused."""
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
         return too_many(REFUSED, address, now)
@@ -64,15 +64,16 @@ def _refusal(request: HttpRequest, slug: str) -> JsonResponse | None:
         REFUSED.count(address, now)
         detail = "Send “Authorization: Bearer KEY” with a key of this study."
         return problem(401, "wrong_key", detail)
-    return None
+    return key
 
 
 @never_cache
 @require_safe
 def study(request: HttpRequest, slug: str) -> JsonResponse:
     """Count the participants of each version of a study by status and by outcome."""
-    if (refusal := _refusal(request, slug)) is not None:
-        return refusal
+    key = _key_for(request, slug)
+    if isinstance(key, JsonResponse):
+        return key
     people = Participant.objects.filter(study__slug=slug, kind=ParticipantKind.PARTICIPANT)
     statuses: dict[Any, Counter[str]] = defaultdict(Counter)
     outcomes: dict[Any, Counter[str]] = defaultdict(Counter)
@@ -97,8 +98,9 @@ def study(request: HttpRequest, slug: str) -> JsonResponse:
 @require_safe
 def participants(request: HttpRequest, slug: str) -> JsonResponse:
     """List participants with a recruitment id (`?id=`), or after a code (`?after=`)."""
-    if (refusal := _refusal(request, slug)) is not None:
-        return refusal
+    key = _key_for(request, slug)
+    if isinstance(key, JsonResponse):
+        return key
     rows = Participant.objects.filter(study__slug=slug, kind=ParticipantKind.PARTICIPANT)
     if identifier := request.GET.get("id", ""):
         rows = rows.filter(recruitment_id__in=(identifier, withdrawn_as(slug, identifier)))
@@ -107,7 +109,8 @@ def participants(request: HttpRequest, slug: str) -> JsonResponse:
     if after := request.GET.get("after", ""):
         rows = rows.filter(code__gt=after)
     found = list(rows.select_related("study").order_by("code")[: MAX_LISTED + 1])
-    audit.note("participants_read_by_api", study=slug, detail=f"{len(found)} participants")
+    read = f"{len(found)} participants"
+    audit.note("participants_read_by_api", actor=key.made_by, study=slug, detail=read)
     listed = [
         _withdrawn(one, identifier) if one.withdrawn_at else _described(one)
         for one in found[:MAX_LISTED]

@@ -150,7 +150,7 @@ def _start(study: Study, key: str, kinds: Sequence[Kind]) -> Computing:
     folder, log = home(study) / key, home(study) / f"{key}.log"
     folder.parent.mkdir(parents=True, exist_ok=True)
     options = [word for kind in kinds for word in ("--kind", kind)]
-    words = ("analyse_study", f"{study.slug}:{study.version}", "--out", str(folder), "--page")
+    words = ("analyse_study", f"{study.slug}:{study.version}", "--out", str(folder))
     try:
         output = log.open("xb")
     except FileExistsError:  # another request has started it
@@ -158,7 +158,7 @@ def _start(study: Study, key: str, kinds: Sequence[Kind]) -> Computing:
     streams = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": subprocess.STDOUT}
     with output:
         shutil.rmtree(folder, ignore_errors=True)
-        line = command(*words, "--progress", *options)
+        line = command(*words, "--page", "--noted", "--progress", *options)
         _started[log] = subprocess.Popen(line, env=environment(), **streams)
     return Computing(key)
 

@@ -106,7 +106,9 @@ def deposit(request: HttpRequest, slug: str) -> HttpResponseBase:
     if repository is None:
         raise Http404
     sandbox = ["--sandbox"] if request.POST.get("sandbox") else []
-    words = command("deposit", f"{slug}:{number}", "--to", request.POST["to"], *sandbox)
+    by: Any = request.user.pk
+    options = ("--to", request.POST["to"], "--by", str(by), *sandbox)
+    words = command("deposit", f"{slug}:{number}", *options)
     variables = {repository.token: request.POST.get("token", ""), "PYTHONUNBUFFERED": "1"}
     parts = _output(words, environment() | variables, with_errors=True)
     return StreamingHttpResponse(parts, content_type="text/plain; charset=utf-8")

@@ -15,6 +15,7 @@ from django.utils.safestring import mark_safe
 from django.utils.translation import gettext, gettext_lazy
 from django.views.decorators.http import require_safe
 
+from accounts import audit
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Drive, ParticipantKind
 from experiments.research import analysis_cache
@@ -234,5 +235,7 @@ def file(request: HttpRequest, slug: str, kind: str, name: str) -> HttpResponseB
     content_type = TYPES.get(path.suffix[1:])
     if kind not in {"tables", "figures"} or content_type is None or not path.is_file():
         raise Http404
+    version = f"version {asked.study.version}"
+    audit.note("analysis_exported", actor=request.user, study=slug, thing=version, detail=name)
     options = {"as_attachment": True, "filename": f"{slug}-{name}", "content_type": content_type}
     return FileResponse(path.open("rb"), **options)

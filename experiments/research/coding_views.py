@@ -259,6 +259,8 @@ def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpRespons
     except BadCodingError as error:
         _show_problems(request, error)
         return HttpResponseRedirect(reverse("code_session", args=[session]))
+    about = {"person": drive.session.visitor_id, "study": drive.participant.study.slug}
+    audit.note("coding_exported", actor=request.user, thing=drive.session, detail=kind, **about)
     codes, who = store.read_scheme(row).codes, f"C{coding.number}" if coding is not None else "C"
     date = timezone.now()
     if kind == "eaf":

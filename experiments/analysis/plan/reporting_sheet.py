@@ -87,10 +87,10 @@ def _participants(dataset: Dataset) -> Iterator[Line]:
     drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
     drivers |= {one.id for one in people if one.withdrawn and one.stage in DROVE}
     items = {
-        "joined": len(people),
+        "joined": len(staying) + dataset.withdrew,
         "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),
         "replaced by others": sum(one.place == REPLACED for one in people),
-        "withdrew": len(people) - len(staying),
+        "withdrew": dataset.withdrew,
         "drove a robot": len(drivers),
         "finished": sum(one.finished for one in staying),
         COUNTED: len(_drivers(dataset)),

@@ -28,8 +28,8 @@ UNMOVED = (
     " operator ended; participants who are excluded as incomplete stay in."
 )
 FIRST = (
-    "Comparisons of proportions and times have one drive of a participant in a condition: the first"
-    " that counts, unless the study counts the last."
+    "Outcomes and comparisons of proportions and times have one drive of a participant in a"
+    " condition: the first that counts, unless the study counts the last."
 )
 OF_SUCCESS = frozenset({"proportions", "times"})
 RATES = (

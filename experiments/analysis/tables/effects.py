@@ -63,6 +63,10 @@ OF_CLASS = (
 )
 LEARNT = ("completed", *MEDIANS)
 MOST_VISITS = 6  # of a participant have a row of their own
+OF_SHARE = (
+    "from, to: 95 % interval of the share (Wilson). A row in which participants have several drives"
+    " has none: their drives are not independent."
+)
 
 
 def compare_conditions(
@@ -92,8 +96,10 @@ def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return how the sessions of each condition ended, with the share of completed ones."""
-    sessions = [one.session for one in measured]
+    """Return how the session of each participant and condition ended that comparisons of success
+    have, with the share of completed ones.
+    """
+    sessions = [one.session for one in drive_outcomes.compared_of(COMPLETED, measured)]
     outcomes = sorted({one.outcome for one in sessions}, key=lambda one: (one != COMPLETED, one))
     rows = []
     for key in (*_conditions(dataset, measured), None):
@@ -101,14 +107,15 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
         ids = [one.id for one in own]
         ended = {name: [one.id for one in own if one.outcome == name] for name in outcomes}
         done = ended.get(COMPLETED, [])
-        bounds = wilson(len(done), len(own)) or (math.nan, math.nan)
+        is_one_each = len({one.participant for one in own}) == len(own)
+        bounds = (is_one_each and wilson(len(done), len(own))) or (math.nan, math.nan)
         cells = (people_in(own), session_count(ids))
         share = (percent_of(done, ids), *(number(100.0 * bound, 1) for bound in bounds))
         rows.append((key or "all", *cells, *share, *map(session_count, ended.values())))
     named = (spoken(name) or "not ended" for name in outcomes)
     head = ("Condition", "Participants", "Sessions", "% completed", "from", "to", *named)
-    note = "from, to: 95 % interval of the share (Wilson), sessions taken as independent."
-    return Table.of("outcomes", "Outcomes.", head, rows, (note, drive_outcomes.UNMOVED))
+    notes = (drive_outcomes.FIRST, OF_SHARE, drive_outcomes.UNMOVED)
+    return Table.of("outcomes", "Outcomes.", head, rows, notes)
 
 
 def against_network(measured: Sequence[Measured]) -> Table:

@@ -54,7 +54,7 @@ def flow(dataset: Dataset) -> table.Table:
     cells = dict.fromkeys(filter(None, map(_first_cell, people)))
     for cell in cells if len(cells) > 1 else ():
         rows += [*found.rows([one for one in people if _first_cell(one) == cell], cell)][1:]
-    notes = (STAGES, PLACED, *_about_platform(dataset))
+    notes = (STAGES, PLACED, *_left_out(dataset))
     head = ("Condition", "Stage", "Reason", "Participants")
     return table.Table.of("flow", "Flow of participants.", head, rows, notes)
 
@@ -64,7 +64,9 @@ def _first_cell(one: ParticipantRecord) -> str:
     return one.first_cell or one.cell
 
 
-def _about_platform(dataset: Dataset) -> Iterator[str]:
+def _left_out(dataset: Dataset) -> Iterator[str]:
+    if dataset.whole is not None:
+        yield f"This dataset is public, so it has no row of those who withdrew: {dataset.withdrew}."
     reasons = Counter(one.fault for one in dataset.others if one.fault)
     for reason, n in sorted(reasons.items()):
         sessions = table.amount(n, "session")
@@ -80,11 +82,10 @@ def _analysed(dataset: Dataset) -> dict[str, set[str]]:
         "success and times": {one.participant for one in attempted(dataset)},
         "driving": {one.participant for one in dataset.sessions},
     }
-    finished = [one for one in dataset.responses if one.finished]
-    for step in dataset.study.questionnaire_steps:
+    for variable, step in dataset.study.asked.items():
         if not step.is_about_person:
-            own = (one for one in finished if one.questionnaire == step.questionnaire)
-            found[f"answers to {step.questionnaire}"] = {one.participant for one in own}
+            own = (one for one in dataset.answers_to(variable) if one.finished)
+            found[f"answers to {variable}"] = {one.participant for one in own}
     return found
 
 

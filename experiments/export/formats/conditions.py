@@ -11,13 +11,13 @@ from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.drive_outcomes import sessions_of
+from experiments.analysis.tables.drive_outcomes import compared_of
 from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.scored_responses import asked_when
 from experiments.dataset.columns import Column, Tables, amount_of, flag, share
 from experiments.dataset.counting import PARTICIPANTS, attempted, counting
 from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED, Kind
-from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 from experiments.definition.factors import steps_about_drive
 from experiments.definition.schema import StudyDefinition
 from experiments.export.format import ExportFormat, ExportSource, File
@@ -36,7 +36,7 @@ ABOUT = (
     Column(
         "counts_why",
         "",
-        "why the last drive does not count; empty when one does",
+        "why the drive in `session` does not count; empty when it does",
         levels={**UNCOUNTED, NO_DRIVE: "the participant has no drive in this condition"},
     ),
     flag(
@@ -45,16 +45,18 @@ ABOUT = (
         " a reason for which only these results have it",
     ),
     Column(
-        "session", "", "code of the last drive that counts; without any, of the last attempted one"
+        "session",
+        "",
+        "code of the drive whose success and times the row has; without any, of the last drive",
     ),
     Column("outcome", "", "how that drive ended", levels=OUTCOMES),
 )
 
 
 class ConditionsFormat(ExportFormat):
-    """One row per participant and condition, in every export. A value is the mean over the drives
-    that count, of success and times over the attempted ones; scores are of the responses that count
-    about these drives, and about the person.
+    """One row per participant and condition, in every export. Success and times are of the drive
+    that comparisons have, other metrics the means of the drives that count; scores are of the
+    responses that count about these drives, and about the person.
     """
 
     @classmethod
@@ -140,7 +142,7 @@ class _CountedRows:
     def values(self, who: str, key: str) -> Iterator[float | None]:
         yield from (score.get(key, {}).get(who) for score in self.scores)
         for column in METRICS:
-            own = sessions_of(column.name, self.attempts.get((who, key), ()))
+            own = compared_of(column.name, self.attempts.get((who, key), ()))
             yield _mean(one.values[column.name] for one in own)
 
 
@@ -154,9 +156,9 @@ def _row(
 ) -> Iterator[Any]:
     condition = study.condition(key)
     levels = condition.levels if condition is not None else {}
-    attempts = {one.session.id for one in counted.attempts.get((person.id, key), ())}
-    own = [one for one in sessions if one.counts]
-    own = own or [one for one in sessions if one.id in attempts] or [*sessions]
+    attempts = compared_of(COMPLETED, counted.attempts.get((person.id, key), ()))
+    compared = {one.session.id for one in attempts}
+    own = [one for one in sessions if one.id in compared] or [*sessions]
     yield from (person.id, person.kind, key)
     yield from (levels.get(factor.key, "") for factor in study.factors)
     yield from (order, len(sessions))

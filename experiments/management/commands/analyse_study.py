@@ -1,12 +1,13 @@
 """`manage.py analyse_study`: tables and figures of a study, from database or dataset."""
 
-from argparse import ArgumentParser
+from argparse import SUPPRESS, ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
+from accounts import audit
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.dataset.folder import DatasetError, read
@@ -31,6 +32,8 @@ class Command(BaseCommand):
         add("--progress", action="store_true", help=text)
         text = "whose sessions to include; may be repeated [participant]"
         add("--kind", choices=KINDS, action="append", help=text)
+        # for the analysis page, which audits what it gives out
+        add("--noted", action="store_true", help=SUPPRESS)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         folder: Path | None = options["dataset"]
@@ -41,7 +44,7 @@ class Command(BaseCommand):
         if options["progress"]:
             progress.start()
         try:
-            dataset = read(folder) if folder else dataset_of(study_named(options["study"]))
+            dataset = read(folder) if folder else _dataset(options)
             if folder:
                 _check_kinds(dataset, kinds)
             page = write_page if options["page"] else None
@@ -51,6 +54,14 @@ class Command(BaseCommand):
         finally:
             progress.stop()
         self.stdout.write(f"{options['out']}: {len(files)} files")
+
+
+def _dataset(options: dict[str, Any]) -> Dataset:
+    study = study_named(options["study"])
+    if not options["noted"]:
+        thing, out = f"version {study.version}", options["out"].name
+        audit.note("analysis_exported", study=study.slug, thing=thing, detail=out)
+    return dataset_of(study)
 
 
 def _check_kinds(dataset: Dataset, kinds: Sequence[Kind]) -> None:

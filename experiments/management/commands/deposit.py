@@ -3,7 +3,7 @@
 import getpass
 import os
 import sys
-from argparse import ArgumentParser
+from argparse import SUPPRESS, ArgumentParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -40,6 +40,7 @@ class Command(BaseCommand):
         add("--sandbox", action=flag, help="the repository's test server")
         add("--url", default="", help="API of another server with the same software")
         add("--new", action=flag, help="make a new draft, even if an earlier run made one")
+        add("--by", help=SUPPRESS)  # who does so on the analysis page
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study = study_named(options["study"])
@@ -47,22 +48,22 @@ class Command(BaseCommand):
         address = options["url"] or (kind.sandbox if options["sandbox"] else kind.home)
         try:
             repository = kind(address.rstrip("/"), _token(kind))
-            draft = self._deposit(study, repository, is_new=options["new"])
+            draft = self._deposit(study, repository, options)
         except DepositError as error:
             raise CommandError(str(error)) from error
         for warning in sharing_warnings(study):
             self.stdout.write(warning)
         self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
 
-    def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:
+    def _deposit(self, study: Study, repository: Repository, options: Any) -> DepositDraft:
         host = urlsplit(repository.address).netloc
-        known = None if is_new else study.deposits.get(host)
+        known = None if options["new"] else study.deposits.get(host)
         earlier = DepositDraft(known["id"], known["url"]) if known else None
         draft = draft_of(repository, _record_of(study), earlier, self.stdout.write)
         deposits = study.deposits | {host: {"id": draft.id, "url": draft.url}}
         Study.objects.filter(pk=study.pk).update(deposits=deposits)
-        version = f"version {study.version}"
-        audit.note("study_deposited", study=study.slug, thing=version, detail=draft.url)
+        about = {"study": study.slug, "thing": f"version {study.version}", "detail": draft.url}
+        audit.note("study_deposited", actor=options["by"], **about)
         with TemporaryDirectory() as folder:
             files = _written(study, Path(folder))
             upload_all(repository, draft, files, self.stdout.write)

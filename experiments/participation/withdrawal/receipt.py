@@ -6,6 +6,8 @@ a day.
 """
 
 import datetime
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import msgspec
@@ -20,6 +22,7 @@ from django.utils.translation import get_language, gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST
 
+from accounts import audit
 from accounts.models import AuditEntry, User
 from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
 from experiments.participation import completion, progress
@@ -33,12 +36,17 @@ from surveys.models import Answer
 SALT, SECONDS = "withdrawal-receipt", 86_400
 _WORDS = words_by_kind(__file__, "receipt_words.csv", gettext_lazy)
 COUNTED, WHAT, BY = _WORDS["counted"], _WORDS["what"], _WORDS["by"]
+NOTHING = Q(pk__in=())
 
 
 class Export(msgspec.Struct, frozen=True):
-    """Exported data; `what`, and `by` (a role), are keys of `WHAT` and `BY`."""
+    """Data that were exported so many times; `what`, and `by` (a role), are keys of `WHAT` and
+    `BY`.
+    """
 
     at: datetime.datetime
+    last: datetime.datetime
+    times: int
     what: str
     by: str
 
@@ -119,22 +127,27 @@ def _counted(participant: Participant) -> dict[str, int]:
 def _exports(participant: Participant) -> tuple[Export, ...]:
     study = participant.study
     sessions = [str(key) for key in participant.drives.values_list("session", flat=True)]
-    about = Q(act="study_exported", study=study.slug, thing=f"version {study.version}")
-    about |= Q(act="session_exported", thing__in=sessions)
-    if sessions:
-        about |= Q(act="sessions_exported")
-    if responses_of(participant).exists():
-        about |= Q(act="answers_exported")
+    of_study = Q(study=study.slug)
+    scopes = {
+        "study": of_study,
+        "version": of_study & Q(thing=f"version {study.version}"),
+        "session": Q(thing__in=sessions),
+        "driver": Q() if sessions else NOTHING,
+        "respondent": Q() if responses_of(participant).exists() else NOTHING,
+    }
+    about = reduce(or_, (Q(act=act) & scopes[scope] for act, scope in audit.COPIES.items()))
     rows = AuditEntry.objects.filter(about, at__gte=participant.created_at).order_by("at")
     members = StudyMember.objects.filter(slug=study.slug)
     roles: dict[Any, str] = dict(members.values_list("user_id", "role"))
-    return tuple(Export(row.at, _what(row), _by(row.actor, roles)) for row in rows)
+    times: dict[tuple[str, str], list[datetime.datetime]] = {}
+    for row in rows:
+        times.setdefault((_what(row), _by(row.actor, roles)), []).append(row.at)
+    return tuple(Export(at[0], at[-1], len(at), *key) for key, at in times.items())
 
 
 def _what(entry: AuditEntry) -> str:
-    others = {"session_exported": "drive", "sessions_exported": "drives"}
     if entry.act != "study_exported":
-        return others.get(entry.act, "answers")
+        return entry.act
     forms = [one for one in ("identified", "free_text", "public") if one in entry.detail.split()]
     return forms[0] if forms else "pseudonymous"
 

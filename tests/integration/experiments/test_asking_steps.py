@@ -52,7 +52,7 @@ def tables_of(study):
 @pytest.fixture
 def pre_post():
     """A study between participants that asks `experience` before and after the task; one
-    participant answered −2 before and +2 after it.
+    participant answered −2 before and +2 after it, and another only before.
     """
     steps = msgspec.to_builtins(p.of("exploration"))["steps"]
     task = [one["kind"] for one in steps].index("task")
@@ -63,6 +63,9 @@ def pre_post():
     p.respond(one, "before", dict.fromkeys(STATEMENTS, -2))
     drives(robot, one)
     p.respond(one, "experience", dict.fromkeys(STATEMENTS, 2))
+    other = p.assign(p.comer(study, person("bob")), "giraff_open")
+    p.respond(other, "before", dict.fromkeys(STATEMENTS, -2))
+    drives(robot, other)
     return study
 
 
@@ -74,9 +77,14 @@ def test_a_questionnaire_before_and_after_the_drive_is_two_variables(pre_post, t
     assert "Asked at the step before (Before), before the task." in before.notes
     assert "Asked at the step experience (Your experience), after the task." in after.notes
     assert value(found["table-5"], 0, "Mean") == 2.0, "of the last step"
-    (row,) = table(pre_post, tmp_path, "description-conditions")
-    assert row["experience.before.overall"] == "-2"
-    assert row["experience.experience.overall"] == "2"
+    flow = dict(rows(found["flow"], "Reason", "Participants"))
+    assert flow["analysed: answers to experience.before"] == "2"
+    assert flow["analysed: answers to experience.experience"] == "1"
+    both = table(pre_post, tmp_path, "description-conditions")
+    scores = [
+        (row["experience.before.overall"], row["experience.experience.overall"]) for row in both
+    ]
+    assert sorted(scores) == [("-2", ""), ("-2", "2")]
 
 
 def test_researchers_choose_the_measures_of_each_step_in_its_order(pre_post):

@@ -149,7 +149,10 @@ def test_deleted_draft_is_replaced_and_published_one_is_not_changed(study, place
     _, shelf, _ = place
     deposited(study, place)
     shelf.drafts.clear()
-    assert "was deleted. Making a new one" in deposited(study, place)
+    owner = person("olga")
+    assert "was deleted. Making a new one" in deposited(study, place, by=str(owner.pk))
+    entries = AuditEntry.objects.filter(act="study_deposited", study=study.slug)
+    assert {entry.actor for entry in entries} == {None, owner.pk}
     for about in shelf.drafts.values():
         about |= {"submitted": True, "public": True}
     assert "Use --new" in refusal(study, place)

@@ -22,10 +22,13 @@ from django.db import connection
 from django.utils import timezone
 from mcap.reader import make_reader
 
+from accounts.models import AuditEntry
+from experiments.analysis.report import reports
 from experiments.dataset.counting import counting
 from experiments.dataset.folder import read, write
 from experiments.dataset.records import Dataset
 from experiments.dataset.states import STATES
+from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
 from experiments.definition.schema import as_stored
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
@@ -319,6 +322,9 @@ def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
     dataset, quietly = tmp_path / "dataset", {"stdout": io.StringIO()}
     call_command("export_study", stored.study.slug, out=dataset, **quietly)
     call_command("analyse_study", dataset=dataset, out=tmp_path / "report", **quietly)
+    assert not AuditEntry.objects.filter(act="analysis_exported").exists()
+    call_command("analyse_study", stored.study.slug, out=tmp_path / "own", **quietly)
+    assert AuditEntry.objects.get(act="analysis_exported").thing == "version 1"
     assert read(dataset).sessions == ()
     assert (tmp_path / "report" / SUMS).exists()
 
@@ -454,6 +460,64 @@ def test_a_public_export_warns_of_who_did_not_agree_or_was_not_asked(stored, tmp
     take_back_sharing(taken_back)
     assert "has 3 of 4 participants" in warned(study, tmp_path / "some")
     assert taken_back.code not in (tmp_path / "some/data/description-answers_data.csv").read_text()
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_public_dataset_has_no_row_of_a_participant_who_withdrew(stored, asked, tmp_path):
+    study = asking_for_sharing(stored.study) if asked else stored.study
+    refused, *others = stored.people.values()
+    for one in (refused, *others):
+        agreed(one, one != refused)
+    withdraw(refused, timezone.now())
+    files = exported(study, tmp_path / "public", public=True)
+    assert {row["id"] for row in lines(files, "participants")} == {one.code for one in others}
+    readme = files["README.md"].decode()
+    assert "It has all 3 participants" in readme
+    assert "It has no row of those who withdrew: 1." in readme
+    sheet = files["reporting-sheet.md"].decode()
+    assert "- joined: 4" in sheet
+    assert "- withdrew: 1" in sheet
+    flow = next(
+        t for one in reports(read(tmp_path / "public")) for t in one.tables if t.name == "flow"
+    )
+    assert any("no row of those who withdrew: 1" in note for note in flow.notes)
+
+
+TOO_FAST = Speeder(questionnaire="experience", median_share=0.6)
+WRONG = AttentionCheck(questionnaire="experience", item="q1", answer="1")
+
+
+@pytest.mark.parametrize(
+    ("plan", "rule"),
+    [
+        (StudyPlan(speeders=(TOO_FAST,)), "speeder"),
+        (StudyPlan(attention_checks=(WRONG,)), "attention check"),
+    ],
+)
+def test_public_dataset_excludes_whom_the_plan_excludes_in_the_whole_study(plan, rule, tmp_path):
+    made = made_up(np.random.default_rng(3), 14)
+    stored = put(replace(made, study=msgspec.structs.replace(made.study, plan=plan)))
+    study = asking_for_sharing(stored.study)
+    for number, one in enumerate(stored.people.values()):
+        agreed(one, number % 3 != 0)
+    whole = exported(study, tmp_path / "whole")
+    public = exported(study, tmp_path / "public", public=True)
+
+    def judged(files):
+        names = ("id", "counts", "counts_why")
+        return {tuple(row[name] for name in names) for row in lines(files, "sessions")}
+
+    assert judged(public) < judged(whole)
+    here = {row["id"] for row in lines(public, "participants")}
+    excluded = [row for row in lines(whole, "exclusions") if row["participant"] in here]
+    if rule == "attention check":  # whose answer a public dataset may withhold
+        assert all("right is 1" in row["value"] for row in excluded)
+        excluded = [row | {"value": ""} for row in excluded]
+    assert lines(public, "exclusions") == excluded
+    assert {row["rule"] for row in excluded} == {rule}
+    again = counting(read(tmp_path / "public"))
+    counted = {row["id"] for row in lines(public, "sessions") if row["counts"] == "1"}
+    assert {one.id for one in again.sessions} == counted
 
 
 @pytest.mark.parametrize(

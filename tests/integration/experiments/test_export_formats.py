@@ -16,13 +16,16 @@ import pyreadstat
 import pytest
 
 from experiments.analysis.metrics.sessions import measure_all
+from experiments.analysis.report import reports
 from experiments.dataset.counting import attempted, counting
 from experiments.dataset.folder import read
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
 from experiments.extraction.selection import Selection
 from experiments.models import Participant
-from tests.support.analysis.study_dataset import made_up
+from tests.support.analysis.every_ending import every_ending
+from tests.support.analysis.study_dataset import ROBOTS, made_up
+from tests.support.studies.studies import cabin
 from tests.support.studies.study_rows import put
 
 pytestmark = [pytest.mark.django_db, pytest.mark.long]
@@ -82,17 +85,37 @@ def test_each_participant_has_a_line_for_each_condition(folder):
         assert (row["kind"], row["sessions"]) == (people[row["participant"]].kind, str(len(own)))
         assert row["counts"] == str(int(bool(counted)))
         assert bool(row["counts_why"]) is not bool(counted)
-        assert row["session"] == (counted or own)[-1].id
-        used = [one for one in own if one.id in tried]
+        used = [one for one in own if one.id in tried][:1]
+        assert row["session"] == (used or own[-1:])[0].id
         assert bool(row["completed"]) is bool(used)
         if used:
-            completed = [one.outcome == "completed" for one in used]
-            assert float(row["completed"]) == pytest.approx(np.mean(completed))
-        times = [numbers[one.id]["task_time"] for one in used]
-        known = [one for one in times if not math.isnan(one)]
-        assert float(row["task_time"] or "nan") == pytest.approx(
-            np.mean(known) if known else math.nan, nan_ok=True
-        )
+            assert float(row["completed"]) == (used[0].outcome == "completed")
+        (time,) = [numbers[one.id]["task_time"] for one in used] or [math.nan]
+        assert float(row["task_time"] or "nan") == pytest.approx(time, nan_ok=True)
+
+
+def test_success_in_the_conditions_is_that_of_the_report_when_somebody_comes_back(tmp_path):
+    made = every_ending()
+    outcomes = {"again-1": "timed_out", "again-2": "completed"}
+    sessions = [
+        replace(one, outcome=outcomes.get(one.id, one.outcome), number=max(1, one.number))
+        for one in made.sessions
+    ]
+    people = [one for one in made.participants if not one.withdrawn]
+    about = {"robots": ROBOTS[:1], "plans": {"cabin": cabin()}}
+    stored = put(replace(made, sessions=tuple(sessions), participants=tuple(people), **about))
+    list(unpacked(export_files(stored.study, Selection()), tmp_path))
+    rows = [row for row in table(tmp_path, "conditions") if row["attempted"] == "1"]
+    (back,) = [row for row in rows if row["participant"] == "again"]
+    assert (back["outcome"], back["completed"]) == ("timed_out", "0")
+    report, _sensitivity = reports(read(tmp_path))
+    (compared,) = [one for one in report.tables if one.name == "conditions"]
+    (success,) = [row for row in compared.rows if row[0].text == "completed"]
+    shown = dict(zip(compared.head, success, strict=True))
+    for key in ("all_open", "shut"):
+        own = [float(row["completed"]) for row in rows if row["condition"] == key]
+        assert shown[f"{key}: n"].text == str(len(own))
+        assert shown[f"{key}: mean"].text == f"{np.mean(own):.3f}"
 
 
 def test_condition_without_a_moved_robot_has_the_reason_why_it_does_not_count(folder):

@@ -9,6 +9,7 @@ from django.urls import reverse
 from accounts import audit
 from experiments.models import Participant, StudyMember
 from experiments.participation.withdrawal import receipt as receipts
+from experiments.participation.withdrawal.receipt import WHAT
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
@@ -55,6 +56,7 @@ def test_receipt_counts_deleted_data_and_lists_what_is_kept(walker):
         assert heading in [one.text for one in page.all("h2")]
     assert "Nothing from this study was exported while you took part." in page.text
     assert "Your account stays." in page.text
+    assert "Public datasets made from now on do not have this entry." in page.text
 
 
 def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_name(walker):
@@ -75,6 +77,24 @@ def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_n
         "dataset by participant code; somebody who no longer has a role here",
     ]
     assert "zq" not in page.text
+
+
+@pytest.mark.parametrize("act", sorted(audit.COPIES))
+def test_receipt_lists_each_kind_of_copy_once_with_its_times(walker, act):
+    walker.drive()
+    session = walker.participant.drives.get().session_id
+    scope = audit.COPIES[act]
+    thing = {"version": "version 1", "session": session}.get(scope, "")
+    study = "" if scope in {"driver", "respondent"} else walker.study.slug
+    for _ in range(3):
+        audit.note(act, study=study, thing=thing)
+    page = left(walker)
+    named = WHAT["pseudonymous" if act == "study_exported" else act]
+    copies = [text for text in facts(page).values() if str(named) in text]
+    assert copies == [f"{named}; the operators of the site (3 ×)"]
+    assert "Nothing from this study was exported" not in page.text
+    text = walker.client.post(DOWNLOAD, {"receipt": carried(page)}).content.decode()
+    assert f": {named}; the operators of the site (3 ×)" in text
 
 
 def test_participant_who_finished_keeps_the_completion_code(walker):

@@ -8,6 +8,7 @@ from django.core.cache import cache
 from django.urls import reverse
 from django.utils import timezone
 
+from accounts.models import AuditEntry
 from experiments.models import Participant, StudyKey, StudyMember
 from experiments.participation import completion
 from experiments.participation.withdrawal.deletion import withdraw
@@ -167,6 +168,8 @@ def test_a_program_reads_the_status_of_an_id(client, study, ada, key):
     p.comer(study, person("bob"), recruitment={"PROLIFIC_PID": "b0b"})
     answer = ask(client, key, id="5f0c").json()
     assert [one["participant"] for one in answer["participants"]] == [ada.code]
+    entry = AuditEntry.objects.get(act="participants_read_by_api")
+    assert entry.actor == StudyKey.objects.get().made_by_id
     one = answer["participants"][0]
     assert (one["status"], one["outcome"], one["minutes"]) == ("active", "", None)
     assert one["parameters"]["SESSION_ID"] == "625d"

@@ -12,6 +12,7 @@ import pytest
 from django.test import AsyncClient
 from django.urls import reverse
 
+from accounts.models import AuditEntry
 from experiments import versions
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
@@ -245,6 +246,8 @@ def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, m
         answer = client.get(f"{PAGE}files/{kind}/{name}", {"report": report.key})
         written = (report.folder / "counting" / kind / name).read_bytes()
         assert b"".join(answer.streaming_content) == written
+        entry = AuditEntry.objects.get(act="analysis_exported", detail=name)
+        assert (entry.study, entry.thing) == (stored.study.slug, "version 1")
     for wrong in (
         "files/page/sets.json",
         "files/tables/nothing.csv",

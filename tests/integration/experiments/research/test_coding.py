@@ -10,6 +10,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 from django.utils import timezone
 
+from accounts.models import AuditEntry
 from experiments.coding import store
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Participant, StudyMember
 from experiments.participation.own_data.gathering import gather
@@ -230,6 +231,8 @@ def test_an_exported_coding_can_be_imported(client, drive, kind):
     save(client, drive, edit("lost", 3.0, 9.0), edit("help", 20.0, **chosen))
     written = client.get(reverse(f"coding_{kind}", args=[drive.session_id]))
     assert written["Content-Disposition"].endswith(f'-C1.{kind}"')
+    entry = AuditEntry.objects.get(act="coding_exported")
+    assert (entry.thing, entry.detail) == (str(drive.session_id), kind)
     before = events(client, drive)
     save(client, drive, edit("help", 50.0))
     address = reverse("coding_import", args=[drive.session_id])

@@ -453,10 +453,12 @@ for (name in names(csv("description-metrics"))[-(1:3)]) {
   if (length(x) > 1) tell("metrics", name, SD = sd(x))
 }
 wilson <- function(k, n) as.list(100 * prop.test(k, n, correct = FALSE)$conf.int)
+once <- first_of(tried)
 for (key in c(conditions, "all")) {
-  own <- if (key == "all") tried else tried[tried$condition == key, ]
-  done <- sum(own$outcome == "completed"); bounds <- suppressWarnings(wilson(done, nrow(own)))
-  counts <- as.list(table(factor(gsub("_", " ", own$outcome), gsub("_", " ", unique(tried$outcome)))))
+  own <- if (key == "all") once else once[once$condition == key, ]
+  done <- sum(own$outcome == "completed")
+  bounds <- if (anyDuplicated(own$participant)) list(NA, NA) else suppressWarnings(wilson(done, nrow(own)))
+  counts <- as.list(table(factor(gsub("_", " ", own$outcome), gsub("_", " ", unique(once$outcome)))))
   do.call(tell, c(list("outcomes", key, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * done / nrow(own), from = bounds[[1]], to = bounds[[2]]), counts))
 }

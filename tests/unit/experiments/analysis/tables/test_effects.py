@@ -101,7 +101,26 @@ def test_outcomes_of_each_condition_sum_to_its_sessions():
     outcomes = table.head[6:]
     for one in table.rows:
         assert sum(cell(table, one, name) for name in outcomes) == cell(table, one, "Sessions")
-    assert cell(table, row(table, "all"), "Sessions") == len(dataset.sessions)
+    places = {(one.participant, one.condition) for one in dataset.sessions}
+    assert cell(table, row(table, "all"), "Sessions") == len(places)
+
+
+def test_share_of_success_has_an_interval_only_where_participants_have_one_drive_each():
+    first, second = [one.key for one in WITHIN.conditions][:2]
+    ended = {first: ["timed_out", "completed"], second: ["completed"]}
+    own = [
+        session_with(f"P{n}", key, visit, outcome=outcome)
+        for n in range(10)
+        for key, outcomes in ended.items()
+        for visit, outcome in enumerate(outcomes, start=1)
+    ]
+    table = outcomes_by_condition(Dataset(WITHIN), own)
+    for key, share, bounds in ((first, 0.0, (0.0, 27.8)), (second, 100.0, (72.2, 100.0))):
+        assert cell(table, row(table, key), "Sessions") == 10
+        assert cell(table, row(table, key), "% completed") == share
+        assert tuple(cell(table, row(table, key), name) for name in ("from", "to")) == pytest.approx(bounds, abs=0.1)
+    assert cell(table, row(table, "all"), "% completed") == 50.0
+    assert {one.text for one in row(table, "all")[4:6]} == {"–"}
 
 
 def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
@@ -242,7 +261,7 @@ def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
 
 
 def test_outcomes_are_named_in_words():
-    sessions = [SessionRecord(name, "P", "giraff", outcome=name) for name in OUTCOMES]
+    sessions = [SessionRecord(name, name, "giraff", outcome=name) for name in OUTCOMES]
     table = outcomes_by_condition(Dataset(PAIR), [measured(one) for one in sessions])
     assert {"completed", "timed out", "connection lost"} <= set(table.head)
     assert not any("_" in head for head in table.head)
