@@ -51,13 +51,12 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
         is_debriefed = study.tells_of_operator
         yield from wizards.problems(study.wizard, keys, study.languages, is_debriefed=is_debriefed)
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
-    place, asked = (
-        ProblemPlace("recruitment"),
-        {step.questionnaire for step in study.questionnaire_steps},
-    )
+    place = ProblemPlace("recruitment")
+    asked = {step.questionnaire for step in study.questionnaire_steps}
     if study.recruiting is not None:
         yield from within(recruiting_problems(study.recruiting), place)
-    yield from within(screening_problems(study.screening, study.answer_quotas, asked), place)
+    rules = (study.screening, study.answer_quotas)
+    yield from within(screening_problems(*rules, asked, study.screening_steps), place)
     yield from within(piping_problems(study.steps), place)
 
 

@@ -76,8 +76,12 @@ def has_moved(session: Session) -> bool:
 
 def has_left_drive(participant: Participant) -> bool:
     """Tell whether a participant left after moving the robot in the task."""
+    return participant.completion == LEFT and has_driven(participant)
+
+
+def has_driven(participant: Participant) -> bool:
     drives = participant.task_drives.select_related("session")
-    return participant.completion == LEFT and any(has_moved(drive.session) for drive in drives)
+    return any(has_moved(drive.session) for drive in drives)
 
 
 def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:
@@ -101,7 +105,8 @@ def _without_motion(participant: Participant, number: int, drives: list[Drive]) 
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
     """Store that a participant has finished. A later visit can only improve the ending."""
-    ending = "done" if participant.completion == "done" else ending_of(participant)
+    reached = {ending_of(participant), participant.completion}.intersection(BEST_FIRST)
+    ending = min(reached, key=BEST_FIRST.index)
     close(participant, Participant.Status.FINISHED, ending, now)
     appointments.plan_second_session(participant, now)
 

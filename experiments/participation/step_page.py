@@ -198,7 +198,7 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
     left_drive = completion.has_left_drive(participant)
     may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
-        "text": filled(progress.step_of(participant).end_text),
+        "text": filled(definition.steps[-1].end_text),
         "operator": filled(definition.operator_text) if may_have_met else "",
         "may_take_part_again": may_return,
         "left_drive": left_drive,

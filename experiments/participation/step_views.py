@@ -89,8 +89,7 @@ def _catch_up(participant: Participant, now: datetime.datetime) -> None:
         step = progress.step_of(participant)
         if not page_of(participant, step).is_done():
             return
-        asked = step.questionnaire if isinstance(step, AskingStep) else ""
-        if asked and screening.is_screened_out(participant, asked, now):
+        if isinstance(step, AskingStep) and screening.is_screened_out(participant, step, now):
             progress.screen_out(participant, now)
         elif not advance.go_on(participant, progress.place(participant), now):
             return

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
+import msgspec
 import pytest
 from django.test import Client
 from django.utils import timezone
 
 from accounts.models import EntryCode, User
+from experiments.definition.shipped import shipped
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress
 from experiments.recruitment import recognition
@@ -501,6 +503,65 @@ def test_a_quota_takes_the_first_who_answer_and_refills_when_one_leaves(recruit,
         one.client.get(STEP)
         states.append(one.participant.status)
     assert states == ["active", "active", "active", "screened_out", "active"]
+
+
+SECOND_SESSION = {"required": False, "second_after_days": 1}
+
+
+def before_and_after(**changes: Any) -> dict[str, Any]:
+    """The study with one questionnaire before the task and after it."""
+    steps = msgspec.to_builtins(shipped()["exploration"])["steps"]
+    asked = next(one for one in steps if one["kind"] == "questionnaire")
+    task = next(n for n, one in enumerate(steps) if one["kind"] == "task")
+    steps = [*steps[:task], {**asked, "key": "before"}, *steps[task:]]
+    return {"steps": steps, "analyses": [], "appointments": SECOND_SESSION, **changes}
+
+
+LIKED = {"questionnaire": "experience", "item": "q1", "at_least": 0}
+
+
+def test_only_the_first_answers_before_the_task_screen_out(joined, publish):
+    ada = joined(publish(**before_and_after(screening=[LIKED])), "before")
+    answered(ada, "q1", 2)
+    ada.go_to("task")
+    ada.walker.drive()
+    ada.go_to("experience")
+    answered(ada, "q1", -2)
+    ada.walker.look()
+    assert ada.participant.step == "thanks"
+    leads_back(ada, "done")
+    ada.client.post(FRONT)
+    assert (ada.participant.visit, ada.participant.step) == (2, "instructions")
+    ada.go_to("before")
+    answered(ada, "q1", -2)
+    ada.walker.look()
+    assert (ada.participant.status, ada.participant.step) == ("active", "task")
+    assert ada.participant.completion_code == completion.code(ada.study, "done")
+
+
+def test_a_quota_counts_only_the_first_answers_before_the_task(joined, publish):
+    quota = {"questionnaire": "experience", "item": "q1", "answers": ["2"], "most": 1}
+    study = publish(**before_and_after(answer_quotas=[quota]))
+    ada, bob = joined(study, "before"), joined(study, "before", PROLIFIC_PID="bob")
+    answered(ada, "q1", 1)
+    ada.go_to("task")
+    ada.walker.drive()
+    ada.go_to("experience")
+    answered(ada, "q1", 2)
+    ada.walker.look()
+    answered(bob, "q1", 2)
+    bob.walker.look()
+    assert bob.participant.status == "active"
+
+
+def test_being_turned_away_from_a_later_visit_keeps_the_first_ending(joined, publish):
+    ada = joined(publish(appointments=SECOND_SESSION))
+    ada.finish()
+    ada.client.post(FRONT)
+    assert ada.participant.status == "active"
+    progress.screen_out(ada.participant, timezone.now())
+    assert ada.participant.status == "finished"
+    leads_back(ada, "done")
 
 
 def test_a_study_for_computers_sends_phones_elsewhere_before_anything_is_stored(recruit, publish):
