@@ -97,13 +97,14 @@ def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     for variable, step in dataset.study.asked.items():
         if step.questionnaire != rule.questionnaire:
             continue
-        # in datasets of earlier releases, pages have no session if their step is not repeated
+        finished = [one for one in dataset.pages if one.finished and one.step == step.key]
+        # A step about drives has pages with a session, except in datasets of earlier releases; a
+        # page without one was then seen in a round without a drive, whose answers do not count.
+        has_sessions = any(one.session for one in finished)
         counting = {
-            (one.participant, session)
+            (one.participant, one.session if has_sessions else "")
             for one in dataset.answers_to(variable)
-            for session in (one.session, "")
         }
-        finished = (one for one in dataset.pages if one.finished and one.step == step.key)
         pages = [one for one in finished if (one.participant, one.session) in counting]
         limit, in_words = _limit(rule, pages)
         for page in pages:
