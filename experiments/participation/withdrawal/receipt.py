@@ -22,7 +22,7 @@ from django.views.decorators.http import require_POST
 
 from accounts.models import AuditEntry, User
 from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
-from experiments.participation import completion, progress
+from experiments.participation import completion, progress, questions
 from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
 from experiments.recruitment import recognition
@@ -150,7 +150,9 @@ def _by(actor: Any, roles: dict[Any, str]) -> str:
 
 def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
     """Withdraw a participant; show the receipt, and the code for the recruitment site."""
-    receipt = of(participant, get_language() or "", now)
+    language = get_language() or ""
+    receipt = of(participant, language, now)
+    operator = questions.operator_text(participant, language)
     ending, code = completion.on_leaving(participant)
     address = completion.return_address(participant, ending)
     wants_code = bool(participant.completion_code or participant.recruitment_id)
@@ -158,7 +160,8 @@ def leave(request: HttpRequest, participant: Participant, now: datetime.datetime
     if getattr(request.user, "is_guest", False):
         logout(request)
     shown = {"code": code if wants_code else "", "is_finished": ending != LEFT}
-    context = {"receipt": receipt, "signed": signed(receipt), "address": address, **shown}
+    shown |= {"address": address, "operator": operator}
+    context = {"receipt": receipt, "signed": signed(receipt), **shown}
     return render(request, "experiments/withdrawn.html", context)
 
 
