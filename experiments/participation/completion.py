@@ -132,7 +132,9 @@ def return_address(participant: Participant, ending: Ending | None = None) -> st
 
 
 def on_leaving(participant: Participant) -> tuple[Ending, str]:
-    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid."""
+    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid.
+    Those whom no recruitment site sent have no use for the code of leaving.
+    """
     if participant.completion:
         return participant.completion, participant.completion_code
-    return "left", code(participant.study, "left")
+    return "left", code(participant.study, "left") if participant.recruitment_id else ""

@@ -21,7 +21,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST
 
 from accounts.models import AuditEntry, User
-from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
+from experiments.models import CodingEdit, Participant, StudyMember, TaskEvent
 from experiments.participation import completion, progress, questions
 from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
@@ -155,11 +155,10 @@ def leave(request: HttpRequest, participant: Participant, now: datetime.datetime
     operator = questions.operator_text(participant, language)
     ending, code = completion.on_leaving(participant)
     address = completion.return_address(participant, ending)
-    wants_code = bool(participant.completion_code or participant.recruitment_id)
     deletion.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
-    shown = {"code": code if wants_code else "", "is_finished": ending != LEFT}
+    shown: dict[str, Any] = {"code": code, "ending": ending}
     shown |= {"address": address, "operator": operator}
     context = {"receipt": receipt, "signed": signed(receipt), **shown}
     return render(request, "experiments/withdrawn.html", context)

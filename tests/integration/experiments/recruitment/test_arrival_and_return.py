@@ -423,6 +423,20 @@ def test_declining_the_consent_returns_the_code_of_leaving(recruit, ada):
     assert Participant.objects.filter(recruitment_id="5f0c").count() == 1
 
 
+def test_withdrawal_after_being_turned_away_keeps_the_code_and_the_refusal(recruit, publish):
+    rule = publish(screening=[RULE], turned_away_code=True)
+    ada = recruit(rule)
+    ada.join()
+    ada.go_to("about_you")
+    answered(ada, "age", 3)
+    ada.walker.look()
+    page = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
+    assert completion.code(rule, "screened_out") in page.text
+    assert "You could not take part. You keep the code that you got." in page.text
+    assert "You had finished" not in page.text
+    assert recruit(rule).join().url == FRONT, "the same answers cannot be given again"
+
+
 def test_a_participant_of_no_site_gets_the_code_to_copy_as_before(publish, client):
     study = publish()
     client.post(FRONT)
