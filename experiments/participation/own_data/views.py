@@ -25,7 +25,7 @@ from experiments.participation.consent import as_text, take_back_sharing
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
 from experiments.participation.withdrawal import deletion
-from experiments.participation.withdrawal.receipt import leave
+from experiments.participation.withdrawal import receipt as receipts
 from experiments.recruitment import recognition
 
 FORBIDDEN = 403
@@ -125,10 +125,12 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         is_active = participant.status == Participant.Status.ACTIVE
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
-        more["cannot_return"] = bool(recognition.kept_after_withdrawal(participant))
+        receipt = receipts.of(participant, get_language() or "", timezone.now())
+        more["receipt"] = receipt
+        more["cannot_return"] = receipt.keeps_hash and recognition.has_taken_part(participant)
         more["shares"] = participant.consents.filter(sharing=True).exists()
         return render(request, "experiments/withdraw.html", more)
-    return leave(request, participant, timezone.now())
+    return receipts.leave(request, participant, timezone.now())
 
 
 @never_cache

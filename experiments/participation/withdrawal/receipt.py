@@ -33,6 +33,7 @@ from surveys.models import Answer
 SALT, SECONDS = "withdrawal-receipt", 86_400
 _WORDS = words_by_kind(__file__, "receipt_words.csv", gettext_lazy)
 COUNTED, WHAT, BY = _WORDS["counted"], _WORDS["what"], _WORDS["by"]
+STAYS = _WORDS["stays"]  # what remains of a participant, and why
 
 
 class Export(msgspec.Struct, frozen=True):
@@ -54,8 +55,8 @@ class Export(msgspec.Struct, frozen=True):
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
     """The receipt: `deleted` counts rows by the keys of `COUNTED`; `waits` tells that a drive has
     yet to end, `with_account` that the account is deleted too. `completion_code` is the one that
-    they got for the recruitment site; it stays valid. `cannot_return` tells that a keyed hash stays
-    of their id or account.
+    they got for the recruitment site; it stays valid. `keeps_hash` tells that a keyed hash stays of
+    their id or account.
     """
 
     title: str
@@ -68,11 +69,16 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
     deleted: dict[str, int]
     exports: tuple[Export, ...]
     completion_code: str = ""
-    cannot_return: bool = False
+    keeps_hash: bool = False
 
     @property
     def counts(self) -> list[tuple[str | Promise, int]]:
         return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
+
+    @property
+    def stays(self) -> list[str | Promise]:
+        other = {"hash": not self.keeps_hash, "account": self.with_account}
+        return [words for name, words in STAYS.items() if not other.get(name)]
 
 
 def of(participant: Participant, language: str, now: datetime.datetime) -> WithdrawalReceipt:
@@ -87,8 +93,8 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
         waits=living.exists(),
         deleted=_counted(participant),
         exports=_exports(participant),
-        completion_code=participant.completion_code,
-        cannot_return=bool(recognition.kept_after_withdrawal(participant)),
+        completion_code=completion.on_leaving(participant)[1],
+        keeps_hash=bool(recognition.kept_after_withdrawal(participant)),
         **about_study,
     )
 

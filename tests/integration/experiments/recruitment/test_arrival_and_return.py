@@ -389,7 +389,7 @@ def test_a_withdrawal_after_the_end_keeps_the_completion_code(ada):
 def test_an_id_that_withdraws_after_the_draw_cannot_join_again(recruit, ada, publish):
     ada.finish()
     receipt = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
-    assert "you can't take part a second time" in receipt.text
+    assert "it also keeps you from taking part a second time" in receipt.text
     Study.objects.update(status="closed")
     for study in (ada.study, publish(version=2)):
         again = recruit(study)
