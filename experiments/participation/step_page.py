@@ -195,6 +195,7 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
     left_drive = completion.has_left_drive(participant)
     may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
+        "heading": spoken(definition.steps[-1].title, language),
         "text": filled(definition.steps[-1].end_text),
         "operator": filled(definition.operator_text)
         if is_walk_through(participant)

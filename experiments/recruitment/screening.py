@@ -34,14 +34,15 @@ def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
 
 def is_screened_out(participant: Participant, step: AskingStep, now: datetime) -> bool:
     """Tell whether a participant's answers at a step that is done screen them out: by a rule, or
-    because a quota is full. Only the first answers of the first visit are judged, before the task.
-    Bots answer at random and are never screened out.
+    because a quota is full. Only the first answers are judged: of the first visit and round, before
+    the task. Bots answer at random and are never screened out.
     """
     definition, questionnaire = participant.study.as_definition(), step.questionnaire
     rules = [one for one in definition.screening if one.questionnaire == questionnaire]
     quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
-    is_first = participant.visit == 1 and definition.screening_steps.get(questionnaire) == step
-    if participant.kind == ParticipantKind.BOT or not is_first or not (rules or quotas):
+    is_first = (participant.visit, participant.round) == (1, 0)
+    is_judged = is_first and definition.screening_steps.get(questionnaire) == step
+    if participant.kind == ParticipantKind.BOT or not is_judged or not (rules or quotas):
         return False
     finished = StepResponse.objects.filter(FIRST, response__finished_at__isnull=False)
     own = finished.filter(participant=participant, step=step.key)

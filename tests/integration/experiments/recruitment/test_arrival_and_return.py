@@ -13,12 +13,14 @@ from accounts.models import EntryCode, User
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress
-from experiments.recruitment import recognition
+from experiments.recruitment import recognition, screening
 from sessions.leases.absences import note_page_closed
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
+from tests.support.studies import task_session
+from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
@@ -566,6 +568,21 @@ def test_a_quota_counts_only_the_first_answers_before_the_task(joined, publish):
     answered(bob, "q1", 2)
     bob.walker.look()
     assert bob.participant.status == "active"
+
+
+@pytest.mark.parametrize(("number", "is_judged"), [(0, True), (1, False)])
+def test_only_the_first_of_several_rounds_screens_out(number, is_judged):
+    task_session.cabin_robot()
+    task, asked = ({**step, "repeat": True} for step in STUDY["steps"])
+    allocation = {"design": "within", "order": "fixed"}
+    rounds = {"steps": [asked, task], "allocation": allocation, "screening": [LIKED]}
+    ada = p.comer(p.published(small_study(**rounds)), person("ada"))
+    for passed in range(number + 1):
+        p.respond(ada, "experience", {"q1": -2}, number=passed)
+    Participant.objects.update(round=number)
+    ada.refresh_from_db()
+    step = progress.step_of(ada)
+    assert screening.is_screened_out(ada, step, timezone.now()) is is_judged
 
 
 def test_being_turned_away_from_a_later_visit_keeps_the_first_ending(joined, publish):
