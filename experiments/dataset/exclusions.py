@@ -97,15 +97,7 @@ def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     for variable, step in dataset.study.asked.items():
         if step.questionnaire != rule.questionnaire:
             continue
-        finished = [one for one in dataset.pages if one.finished and one.step == step.key]
-        # A step about drives has pages with a session, except in datasets of earlier releases; a
-        # page without one was then seen in a round without a drive, whose answers do not count.
-        has_sessions = any(one.session for one in finished)
-        counting = {
-            (one.participant, one.session if has_sessions else "")
-            for one in dataset.answers_to(variable)
-        }
-        pages = [one for one in finished if (one.participant, one.session) in counting]
+        pages = [page for page, _response in dataset.answered_pages(variable)]
         limit, in_words = _limit(rule, pages)
         for page in pages:
             if page.seconds < limit:
