@@ -75,8 +75,11 @@ def has_moved(session: Session) -> bool:
 
 
 def has_left_drive(participant: Participant) -> bool:
-    """Tell whether a participant left after moving the robot in the task."""
-    return participant.completion == LEFT and has_driven(participant)
+    """Tell whether a participant who has ended left after moving the robot in the task, also where
+    they keep a better ending of an earlier visit.
+    """
+    has_ended = participant.completion in BEST_FIRST
+    return has_ended and has_driven(participant) and ending_of(participant) == LEFT
 
 
 def has_driven(participant: Participant) -> bool:

@@ -570,6 +570,18 @@ def test_a_quota_counts_only_the_first_answers_before_the_task(joined, publish):
     assert bob.participant.status == "active"
 
 
+def test_leaving_the_drive_of_another_try_keeps_the_code_and_ends_the_tries(ada):
+    ada.finish("robot_fault", moved=False)
+    leads_back(ada, "technical_failure")
+    ada.client.post(FRONT)
+    assert ada.participant.status == "active"
+    page = ada.finish("cancelled")
+    leads_back(ada, "technical_failure")
+    assert "Try the drive again" not in page.text
+    ada.client.post(FRONT)
+    assert ada.participant.status == "finished"
+
+
 @pytest.mark.parametrize(("number", "is_judged"), [(0, True), (1, False)])
 def test_only_the_first_of_several_rounds_screens_out(number, is_judged):
     task_session.cabin_robot()
