@@ -548,7 +548,7 @@ class Drive(UuidModel):
     granted_at = models.DateTimeField(_("granted"))
     versions = models.JSONField(_("versions"), default=dict, blank=True)
     exposed_at = models.DateTimeField(_("exposed"), null=True, blank=True)
-    # their velocity was applied, or the robot moved by itself for them
+    # for them (sessions/visitor_motion.py), as the whole record shows
     moved = models.BooleanField(_("moved the robot"), default=False)
     outcome = models.CharField(_("task outcome"), max_length=20, blank=True)
     result = models.JSONField(_("result"), default=dict, blank=True)
@@ -566,6 +566,11 @@ class Drive(UuidModel):
 
     def __str__(self) -> str:
         return f"{self.participant.code} · {self.condition} · {self.number}"
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether the robot moved for the participant, also before the record is settled."""
+        return self.moved or self.session.first_motion_at is not None
 
 
 class TaskEvent(UuidModel):

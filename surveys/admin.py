@@ -1,5 +1,6 @@
 """Questionnaires and responses in the administration; answers are never edited."""
 
+from itertools import chain
 from typing import Any
 
 import msgspec
@@ -7,7 +8,7 @@ from django.contrib import admin
 from django.db.models import Count, Model, QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.template.loader import render_to_string
-from django.urls import URLPattern, reverse
+from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 from django.utils.translation import get_language, gettext
 from django.utils.translation import gettext_lazy as _
@@ -122,8 +123,11 @@ class QuestionnaireAdmin(ShownFilters):
         return render_to_string("admin/surveys/questionnaire/_report.html", {"report": report})
 
     def get_urls(self) -> list[URLPattern]:
-        guard = self.admin_site.admin_view
-        own = [*editor.urls(guard), *importing.urls(guard), *questionnaire.urls(guard)]
+        pages = chain(editor.PAGES, importing.PAGES, questionnaire.PAGES)
+        own = [
+            path(address, self.admin_site.admin_view(view), name=f"surveys_questionnaire_{name}")
+            for address, view, name in pages
+        ]
         return [*own, *super().get_urls()]
 
 

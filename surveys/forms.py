@@ -17,6 +17,7 @@ from surveys.definition import to_json
 from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
+from surveys.importing.reading import MAX_SLUG
 from surveys.models import Questionnaire
 from surveys.problems import MAX_BYTES, parse
 from surveys.questionnaires import store
@@ -31,7 +32,7 @@ BOX = {"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField
 # A link to the page of the site that describes a file format, opened beside the form.
 format_reference = lazy(_format_reference, SafeString)
 
-
+NameField = partial(forms.RegexField, r"^[a-z][a-z0-9-]*$", label=_("Name"), max_length=MAX_SLUG)
 LanguagesField = partial(
     forms.MultipleChoiceField,
     label=_("Languages"),

@@ -18,6 +18,7 @@ from statistics import median
 import numpy as np
 
 from experiments.dataset.columns import Columns, Floats
+from experiments.dataset.grouping import by_key
 from experiments.dataset.record_quality import FROZEN_SHARE, frozen_share
 from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag, Grade, QualityFlag
@@ -114,10 +115,9 @@ def straight_lining(
 
 
 def _straight_lining(response: ResponseRecord, definition: Definition) -> Iterator[Flag]:
-    scales: dict[tuple[int, ...], list[str]] = {}
-    for question in definition.questions():
-        if question.score_values and question.key in response.values:
-            scales.setdefault(tuple(question.score_values), []).append(question.key)
+    asked = (one for one in definition.questions() if one.score_values)
+    given = (one for one in asked if one.key in response.values)
+    scales = by_key((tuple(one.score_values), one.key) for one in given)
     for points, keys in scales.items():
         values = [response.values[key] for key in keys if response.values[key] is not None]
         middle = (points[0] + points[-1]) / 2

@@ -5,7 +5,7 @@ moved the robot; if it has ended, and not by a fault of the platform; if neither
 rule of the plan excludes it; and if the study counts it, of several drives by one participant in
 one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
 export follows from `counting`. Only success and times have more drives, those of `attempted`:
-participants who gave up before the robot moved, or whom the plan excludes because something is
+participants who gave up before they moved the robot, or whom the plan excludes because something is
 missing, have not succeeded, and may not be left out for that.
 
 A participant who was assigned again counts in one cell: that of the first drive that counts.
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 from experiments.dataset import levels
 from experiments.dataset.exclusions import excluded_participants, exclusions
+from experiments.dataset.grouping import by_key
 from experiments.dataset.levels import PLATFORM, Kind
 from experiments.dataset.record_quality import excluding_faults
 from experiments.dataset.records import Dataset, PlanExclusion, ResponseRecord, SessionRecord
@@ -115,10 +116,8 @@ def visits_of(sessions: Iterable[SessionRecord]) -> dict[str, int]:
     with one of these drives, 2 for the next such visit.
     """
     sessions = list(sessions)
-    visits: dict[str, set[int]] = {}
-    for one in sessions:
-        visits.setdefault(one.participant, set()).add(one.visit)
-    return {one.id: 1 + sorted(visits[one.participant]).index(one.visit) for one in sessions}
+    visits = by_key(sorted({(one.participant, one.visit) for one in sessions}))
+    return {one.id: 1 + visits[one.participant].index(one.visit) for one in sessions}
 
 
 def counting(

@@ -57,9 +57,12 @@ def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
     for speeder in plan.speeders:
         yield from _too_fast(dataset, speeder)
     if plan.incomplete != "keep":
+        drives = (*dataset.sessions, *dataset.others)
+        exposed = {one.participant for one in drives if one.exposed}
+        judged = exposed - {one.participant for one in drives if not one.outcome}
         for person in dataset.participants:
             lacking = list(_lacking(dataset, person.id, person.cell))
-            if lacking and not person.withdrawn:
+            if lacking and person.id in judged:
                 yield PlanExclusion(person.id, "", levels.INCOMPLETE, "; ".join(lacking))
 
 
@@ -118,12 +121,9 @@ def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
 
 def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
     """Yield the drives that a participant lacks, and the answers where the plan requires them."""
-    if not cell:
-        yield "never assigned to a condition"
-        return
     plan = dataset.study.plan
     drives = [one for one in dataset.sessions if one.participant == who]
-    for key in cell.split("-"):
+    for key in filter(None, cell.split("-")):
         sessions = {one.id for one in drives if one.condition == key}
         if not sessions:
             yield f"no drive of {key}"

@@ -27,6 +27,7 @@ import numpy as np
 
 from experiments.dataset.columns import Column, Columns, columns_of, declared
 from experiments.dataset.files import DatasetError, File, contents, numbers_path, table_path
+from experiments.dataset.grouping import by_key
 from experiments.dataset.records import (
     TABLES,
     AnswerRecord,
@@ -164,10 +165,7 @@ def _value(cell: str, kind: Any) -> Any:
 
 
 def _responses(answers: Iterable[AnswerRecord]) -> Iterator[ResponseRecord]:
-    together: dict[str, list[AnswerRecord]] = {}
-    for answer in answers:
-        together.setdefault(answer.response, []).append(answer)
-    for code, rows in together.items():
+    for code, rows in by_key((one.response, one) for one in answers).items():
         try:
             yield ResponseRecord.of(rows)
         except ValueError as error:

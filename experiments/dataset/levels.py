@@ -95,7 +95,8 @@ STAGES = {
     "arrived": "came to the study",
     "assigned": "was assigned to a condition, or to an order of them",
     "exposed": "saw the robot's video in the task",
-    "ended": "a drive of theirs ended with an outcome",
+    "drove": "and moved the robot in it",
+    "ended": "and such a drive ended with an outcome",
     "answered": "and finished the questionnaire of the table",
 }
 # What a drive was made with, as far as it is known.
@@ -191,7 +192,7 @@ FAULTS = explained(
 RULES = {
     ATTENTION: "of the plan: the participant answered an attention check otherwise",
     SPEEDER: "of the plan: the participant answered a questionnaire too fast",
-    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
+    INCOMPLETE: "of the plan: an exposed participant lacks a condition or a questionnaire",
     **{f"{FAULT}: {name}": f"of the plan: {why}" for name, why in FAULTS.items()},
     OF_PLATFORM: "the platform ended the session",
     BY_HAND: "a researcher excluded the session",

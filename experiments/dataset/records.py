@@ -154,9 +154,10 @@ class SessionRecord:
         "s",
     )
     first_motion: float = measure(
-        "when the server first had a state with a velocity of the driver that was applied and"
-        " not 0, since the grant, by the server's clock; empty when the driver never moved the"
-        " robot",
+        "when the server first had a state in which the robot moved for the participant, since"
+        " the grant, by the server's clock: a velocity of the driver that is not 0 was applied, or"
+        " the robot drove by itself to a place, a point or its dock; leaving the dock by itself"
+        " does not count; empty when the robot never moved so",
         "s",
     )
     ended: float = measure(
@@ -228,7 +229,7 @@ class SessionRecord:
 
     @property
     def drove(self) -> bool:
-        """Whether a velocity of the visitor ever moved the robot."""
+        """Whether the robot ever moved for its visitor (sessions/visitor_motion.py)."""
         return not math.isnan(self.first_motion)
 
     @property

@@ -2,7 +2,7 @@
 declared on that field.
 
 A pseudonymous dataset has of these messages what the classes read, and nothing else
-(experiments/extraction/allow_list.py).
+(experiments/extraction/allow_list.toml).
 """
 
 import math

@@ -1,5 +1,5 @@
 """The form of a value in a dataset: a number, a known word, a pseudonym, a time relative to the
-grant, or nothing. experiments/extraction/allow_list.py lists the form of each field.
+grant, or nothing. experiments/extraction/allow_list.toml lists the form of each field.
 
 A value that does not fit its form is left out, because a modified robot or page may have sent it.
 """

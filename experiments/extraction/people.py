@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from django.db.models import Q, QuerySet
@@ -26,7 +26,9 @@ from experiments.models import Participant as Row
 
 LEFT_BY_STATUS = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
 # Outcomes of the last drive after which the study goes on, so that they are no reason for leaving.
+# Practice is voluntary, and its participants end it themselves.
 NO_REASON_TO_LEAVE = frozenset({"", "completed", "timed_out"})
+NONE_AFTER_PRACTICE = NO_REASON_TO_LEAVE | {"cancelled"}
 Round = tuple[object, int, int]  # participant, visit and round
 # the page showed the robot's video; before a drive is settled, also: the robot moved
 EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False)
@@ -66,7 +68,8 @@ def participants_of(
     """Return all participants, by code; those who withdrew have only the fields that are kept."""
     visits = StepVisit.objects.filter(participant__study=study).order_by("began_at")
     begun = dict(visits.values_list("participant_id", "step"))
-    outcomes = {drive.participant_id: drive.outcome or drive.session.outcome for drive in drives}
+    practice = study.as_definition().practice_keys
+    reasons = {drive.participant_id: _reason_to_leave(drive, practice) for drive in drives}
     first_draws = Draw.objects.filter(study=study, nth=1)
     first_cells = dict(first_draws.values_list("participant_id", "cell"))
     rows = list(people_of(study, choice))
@@ -74,7 +77,7 @@ def participants_of(
     found = []
     for row in rows:
         withdrawn = row.status == Row.Status.WITHDRAWN
-        outcome = outcomes.get(row.pk, "") if row.status == Row.Status.ACTIVE else ""
+        reason = reasons.get(row.pk, "") if row.status == Row.Status.ACTIVE else ""
         age = None if withdrawn else row.age
         participant = ParticipantRecord(
             row.code,
@@ -87,7 +90,7 @@ def participants_of(
             stage=stages[row.pk],
             place=row.stage,
             reached=row.withdrawn_step or row.step or begun.get(row.pk, ""),
-            left=LEFT_BY_STATUS.get(row.status, "" if outcome in NO_REASON_TO_LEAVE else outcome),
+            left=LEFT_BY_STATUS.get(row.status, reason),
             finished=row.completion not in {"", SCREENED_OUT},
             withdrawn=withdrawn,
         )
@@ -95,20 +98,30 @@ def participants_of(
     return found
 
 
+def _reason_to_leave(drive: Drive, practice: Collection[str]) -> str:
+    """Return the outcome of a participant's last drive, if it may be why they left."""
+    outcome = drive.outcome or drive.session.outcome
+    none = NONE_AFTER_PRACTICE if drive.step in practice else NO_REASON_TO_LEAVE
+    return "" if outcome in none else outcome
+
+
 def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
     """Return the last stage that each participant reached (experiments.dataset.levels STAGES), by
     key; for those who withdrew, the stage at that time.
 
-    `ended` needs a drive of the task that ended with an outcome, `answered` also a finished
-    response to the questionnaire of the study's table.
+    `drove` needs a drive of the task in which the robot moved for them, `ended` the outcome of such
+    a drive, and `answered` also a finished response to the questionnaire of the study's table.
     """
     rows, definition = list(rows), study.as_definition()
     own = Q(participant__in=[row.pk for row in rows])
     seen = Drive.objects.filter(own & EXPOSED).exclude(step__in=definition.practice_keys)
-    exposed, ended = set(), set()
-    for who, *outcomes in seen.values_list("participant_id", "outcome", "session__outcome"):
-        exposed.add(who)
-        ended.update([who] if any(outcomes) else [])
+    exposed, drove, ended = set(), set(), set()
+    needed = ("participant", "moved", "outcome", "session__outcome", "session__first_motion_at")
+    for drive in seen.select_related("session").only(*needed):
+        exposed.add(drive.participant_id)
+        if drive.has_moved:
+            drove.add(drive.participant_id)
+            ended.update([drive.participant_id] if drive.outcome or drive.session.outcome else [])
     responses = StepResponse.objects.filter(own, response__finished_at__isnull=False)
     step = definition.asked.get(definition.statements)
     asked = responses.filter(step=step.key if step is not None else "")
@@ -120,7 +133,7 @@ def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
         if row.pk not in exposed:
             return "assigned" if row.cell else "arrived"
         if row.pk not in ended:
-            return "exposed"
+            return "drove" if row.pk in drove else "exposed"
         return "answered" if row.pk in answered else "ended"
 
     return {row.pk: stage(row) for row in rows}

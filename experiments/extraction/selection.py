@@ -1,4 +1,4 @@
-"""The choice of a dataset's contents; allow_list.py lists the pseudonymous parts of each
+"""The choice of a dataset's contents; allow_list.toml lists the pseudonymous parts of each
 event.
 """
 

@@ -22,6 +22,7 @@ from sessions.leases.absences import end_of, faults_of
 from sessions.leases.fault_side import FaultAttribution
 from sessions.models import Session as Visit
 from sessions.models import SessionEvent
+from sessions.visitor_motion import VisitorMotion
 
 NAN = math.nan
 WHOLE = Selection()
@@ -159,15 +160,19 @@ def _first_frame(drive: Drive) -> float:
 
 
 def _first_motion(drive: Drive) -> float:
-    """Return the session manager's note; without one, the time that the states show."""
+    """Return the session manager's note; without one, the time that the states show, or that of
+    their reception where the robot's clock was never set.
+    """
     if drive.settled_at is not None and not drive.moved:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)
     if not drive.moved or not math.isnan(noted):
         return noted
+    motion = VisitorMotion()
     for chunk in STORED.chunks_of(drive.session_id):
         for state in chunk.states:
-            if state.applied:
-                at = round(state.stamp - (chunk.clock_offset or 0.0) - granted(drive), 6)
-                return at if abs(at) < NEAR else NAN  # by a clock that was never set
+            if motion.take(state):
+                at = state.stamp - (chunk.clock_offset or 0.0) - granted(drive)
+                received = chunk.received_at - granted(drive)
+                return round(at if abs(at) < NEAR else received, 6)
     return NAN

@@ -105,9 +105,8 @@ class MarkerSource:
         """Yield a marker for each display of a questionnaire to a participant."""
         own = {"participant__study__slug": self._slug, "began_at__gte": _at(begin)}
         for row in StepVisit.objects.filter(**own).select_related("participant__study"):
-            if row.step in {
-                step.key for step in row.participant.study.as_definition().questionnaire_steps
-            }:
+            asking = row.participant.study.as_definition().questionnaire_steps
+            if row.step in {step.key for step in asking}:
                 data = {"step": row.step, "visit": row.visit, "round": row.round}
                 code = row.participant.code
                 marker = Marker("questionnaire_shown", "study", participant=code, data=data)

@@ -18,7 +18,6 @@ from sessions.models import Session
 
 BEST_FIRST: tuple[Ending, ...] = ("done", "timed_out", "technical_failure", "left")
 TECHNICAL_SIDES = frozenset({"network", "platform", "robot", "operator"})
-MIN_MOTION_M = 0.1  # below, the odometer of a robot at rest is noise
 
 
 def code(study: Study, ending: Ending) -> str:
@@ -49,7 +48,7 @@ def ending_of(participant: Participant) -> Ending:
     endings: set[Ending] = set()
     for number in range(max(1, len(participant.conditions))):
         own = [drive for drive in drives if drive.round == number]
-        found = [_of_drive(one, sides[one.session_id]) for one in own if has_moved(one.session)]
+        found = [_of_drive(one, sides[one.session_id]) for one in own if one.has_moved]
         best = min(found, key=BEST_FIRST.index) if found else None
         endings.add(best or _without_motion(participant, number, own))
     if "left" in endings:
@@ -68,12 +67,6 @@ def _of_drive(drive: Drive, side: str) -> Ending:
     return "technical_failure" if side in TECHNICAL_SIDES else "left"
 
 
-def has_moved(session: Session) -> bool:
-    """Tell whether the robot moved: by the first motion noted live, or the record's distance."""
-    distance = (session.summary or {}).get("distance", 0.0)
-    return session.first_motion_at is not None or distance >= MIN_MOTION_M
-
-
 def has_left_drive(participant: Participant) -> bool:
     """Tell whether a participant who has ended left after moving the robot in the task, also where
     they keep a better ending of an earlier visit.
@@ -84,7 +77,7 @@ def has_left_drive(participant: Participant) -> bool:
 
 def has_driven(participant: Participant) -> bool:
     drives = participant.task_drives.select_related("session")
-    return any(has_moved(drive.session) for drive in drives)
+    return any(drive.has_moved for drive in drives)
 
 
 def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:

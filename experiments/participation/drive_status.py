@@ -56,8 +56,8 @@ def _of_drive(drive: Drive) -> DriveStatus:
     session = drive.session
     if session.state != Session.State.ENDED:
         return DriveStatus("living", session)
-    moved = drive.moved or session.first_motion_at is not None
-    return DriveStatus("moved" if moved else "unmoved", session, drive.outcome or session.outcome)
+    outcome = drive.outcome or session.outcome
+    return DriveStatus("moved" if drive.has_moved else "unmoved", session, outcome)
 
 
 def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:

@@ -138,21 +138,19 @@ def _write(
     now: datetime,
 ) -> None:
     session, applied = drive.session, check.result()
-    # where states are lost for good, it is unknown whether the robot moved
-    moved = check.moved or (bool(session.summary.get("missing")) and session.driving_at is not None)
     _write_events(drive, engine)
     began_with, ended_with = check.ends()
     outcome = engine.progress.outcome if engine is not None else None
     Drive.objects.filter(pk=drive.pk).update(
         outcome=outcome or session.outcome,
-        exposed_at=_exposed_at(drive, first_frame, moved=moved),
-        moved=moved,
+        exposed_at=_exposed_at(drive, first_frame, moved=check.moved),
+        moved=check.moved,
         versions=drive.versions | {"metrics": str(METRICS_VERSION)},
         applied=as_stored(applied),
         clock_offset=offset_of(drive),
         began_with=began_with,
         ended_with=ended_with,
-        mismatches=_mismatches(drive, applied) if moved else [],
+        mismatches=_mismatches(drive, applied) if check.moved else [],
         result=msgspec.to_builtins(engine.result) if engine is not None else {},
     )
     drive.refresh_from_db()

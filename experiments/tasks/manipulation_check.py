@@ -13,20 +13,21 @@ from experiments.models import Drive
 from experiments.participation.drive_status import kind_of
 from robots.api.messages import State
 from sessions.models import SessionEvent
+from sessions.visitor_motion import BY_ITSELF, VisitorMotion
 
-AUTONOMOUS = frozenset({"goto", "docking"})
 DONE = frozenset({"FINISHED", "CANCELLED"})
 
 
 class ManipulationCheck:
     """Takes the states and events of a drive, in any order of the two; `moved` tells whether the
-    robot was moved for its visitor.
+    robot was seen to move for its visitor.
     """
 
     def __init__(self, drive: Drive) -> None:
         robot, site = kind_of(drive.session.robot)
         self.applied = Applied(robot=robot, site=site)
         self.moved = drive.session.first_motion_at is not None
+        self._motion = VisitorMotion()
         # Doors are as the server has set them until the robot reports otherwise; of doors that a
         # person closes, only reports count.
         self._doors = dict(drive.assigned.get("terms", {}).get("doors", {}))
@@ -47,13 +48,11 @@ class ManipulationCheck:
             self._first = state
         if self._last is None or state.stamp >= self._last.stamp:
             self._last = state
-        is_autonomous = state.mode in AUTONOMOUS
         # before the visitor first drove, the robot's settings applied to no participant
-        self._is_driven = self._is_driven or bool(state.applied) or is_autonomous
+        self._is_driven = self._is_driven or bool(state.applied) or state.mode in BY_ITSELF
         if self._is_driven:
             self.applied.see(state)
-        moved = any(command.linear or command.angular for command in state.applied)
-        self.moved = self.moved or moved or is_autonomous
+        self.moved = self._motion.take(state) or self.moved
 
     def _take_event(self, event: SessionEvent) -> None:
         data = event.data

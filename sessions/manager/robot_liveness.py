@@ -10,6 +10,7 @@ from robots.api.messages import ActionStatus, Connection, Heartbeat, State
 from robots.bridge.known import refutation
 from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
+from sessions.visitor_motion import BY_ITSELF, VisitorMotion
 
 PEER = "server"
 AWAKE_SECONDS = 2.0  # an idle robot sends no heartbeats, any other five a second
@@ -19,7 +20,6 @@ ECHO_SECONDS = 5.0
 # broker.
 ROUND_TRIP = 0.5
 NO_SIGNS: Mapping[str, float] = MappingProxyType({})
-BY_ITSELF = frozenset({"goto", "docking"})
 
 
 @dataclass
@@ -31,7 +31,8 @@ class RobotLiveness:
     seq: int = -1
     state_at: float | None = None
     state: State | None = None
-    moved: tuple[str, int] | None = None
+    motion: VisitorMotion = field(default_factory=VisitorMotion)
+    moved: tuple[str, int] | None = None  # session and epoch in which it moved for its visitor
     active_at: float | None = None
     page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
     beat_at: float = -math.inf
@@ -78,9 +79,7 @@ class RobotLiveness:
         if self._is_sign(state):
             self.active_at = now
         self.seq, self.state_at, self.state = state.seq, now, state
-        if state.session is not None and any(
-            command.linear or command.angular for command in state.applied
-        ):
+        if self.motion.take(state) and state.session is not None:
             self.moved = (state.session, state.epoch)
         return True
 

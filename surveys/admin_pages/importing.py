@@ -3,7 +3,6 @@ first, then the questionnaire. Between them it is in the form, signed, so that t
 nothing that is not saved.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -13,7 +12,6 @@ from django.contrib.auth.decorators import permission_required
 from django.core import signing
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
-from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -24,8 +22,8 @@ from surveys.definition import Definition, from_stored
 from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
-from surveys.forms import format_reference
-from surveys.importing.reading import MAX_FILE, MAX_SLUG, import_survey
+from surveys.forms import NameField, format_reference
+from surveys.importing.reading import MAX_FILE, import_survey
 from surveys.importing.report import ImportReport
 from surveys.models import Questionnaire
 from surveys.questionnaires import store_next
@@ -56,22 +54,12 @@ class FileForm(forms.Form):
 
 
 class SaveForm(forms.Form):
-    name = forms.RegexField(
-        r"^[a-z][a-z0-9-]*$",
-        label=gettext_lazy("Name"),
-        max_length=MAX_SLUG,
+    name = NameField(
         help_text=gettext_lazy(
             "Lower-case letters, digits and “-”. If the name exists, this becomes its next version."
-        ),
+        )
     )
     parcel = forms.CharField(widget=forms.HiddenInput)
-
-
-def urls(guard: Callable[..., Any]) -> list[URLPattern]:
-    return [
-        path("import/", guard(choose), name="surveys_questionnaire_import"),
-        path("import/save/", guard(save), name="surveys_questionnaire_import_save"),
-    ]
 
 
 @require_http_methods(["GET", "HEAD", "POST"])
@@ -140,3 +128,6 @@ def _page(request: HttpRequest, context: dict[str, Any]) -> HttpResponse:
     about = {"title": _("Import a questionnaire"), "limit": MAX_FILE // 1024**2}
     about = {**admin.site.each_context(request), **about, "opts": Questionnaire._meta}
     return render(request, "admin/surveys/questionnaire/import.html", {**about, **context})
+
+
+PAGES = (("import/", choose, "import"), ("import/save/", save, "import_save"))

@@ -2,7 +2,6 @@
 adding those that come with the site.
 """
 
-from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 from uuid import UUID
@@ -11,7 +10,7 @@ from django.contrib import messages
 from django.contrib.auth.decorators import permission_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
 from django.shortcuts import get_object_or_404, redirect, render
-from django.urls import URLPattern, path, reverse
+from django.urls import reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
@@ -27,18 +26,6 @@ from surveys.page_form import Reader, page_form_of
 from surveys.questionnaires import next_version, shipped_and_not_stored, store
 
 VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
-Guard = Callable[..., Any]
-
-
-def urls(guard: Guard) -> list[URLPattern]:
-    name = "surveys_questionnaire"
-    return [
-        path("shipped/", guard(take_shipped), name=f"{name}_shipped"),
-        path("<uuid:pk>/preview/", guard(preview), name=f"{name}_preview"),
-        path("<uuid:pk>/export.json", guard(export), name=f"{name}_export"),
-        path("<uuid:pk>/answers-<str:shape>.csv", guard(answers), name=f"{name}_answers"),
-        path("<uuid:pk>/new-version/", guard(new_version), name=f"{name}_new_version"),
-    ]
 
 
 @require_safe
@@ -122,3 +109,12 @@ def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
     text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))
     messages.success(request, text % {"n": len(new)})
     return redirect("admin:surveys_questionnaire_changelist")
+
+
+PAGES = (
+    ("shipped/", take_shipped, "shipped"),
+    ("<uuid:pk>/preview/", preview, "preview"),
+    ("<uuid:pk>/export.json", export, "export"),
+    ("<uuid:pk>/answers-<str:shape>.csv", answers, "answers"),
+    ("<uuid:pk>/new-version/", new_version, "new_version"),
+)

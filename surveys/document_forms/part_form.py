@@ -225,8 +225,7 @@ class PartForm(FormLayout, forms.Form):
         inner, inner_class = document.get(key), member.part or member.listed
         if member.listed is not None:
             if not rest:
-                found: list[Document] = document.setdefault(key, [])
-                return found
+                return document.setdefault(key, [])
             n, _dot, rest = rest.partition(".")
             inner = dict(enumerate(inner or ())).get(number(n))
         elif member.part is not None and not member.has_none:

@@ -19,7 +19,6 @@ from django.contrib.auth.decorators import permission_required
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
-from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
@@ -31,21 +30,12 @@ from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, p
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
-from surveys.editor.draft import (
-    EditorPlace,
-    arrange,
-    complete,
-    earlier,
-    keys_in,
-    new_entry,
-    new_question,
-    numbered,
-    type_answers,
-)
+from surveys.editor import draft
+from surveys.editor.draft import EditorPlace
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
 from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
-from surveys.forms import LanguagesField
-from surveys.importing.reading import MAX_SLUG, slug_for
+from surveys.forms import LanguagesField, NameField
+from surveys.importing.reading import slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
 from surveys.questionnaires import begin_empty, problems_of, save_draft
@@ -64,11 +54,8 @@ TITLES = {
 class WriteForm(forms.Form):
     title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
     languages = LanguagesField(initial=lambda: [(get_language() or "en").partition("-")[0]])
-    name = forms.RegexField(
-        r"^[a-z][a-z0-9-]*$",
-        label=gettext_lazy("Name"),
+    name = NameField(
         required=False,
-        max_length=MAX_SLUG,
         help_text=gettext_lazy(
             "Lower-case letters, digits and “-”. Used in the data. Leave blank to use the title."
         ),
@@ -79,16 +66,6 @@ def leads_here(request: HttpRequest, title: str, url: str) -> None:
     opened_from = {"title": title, "url": url}
     if request.session.get(OPENED_FROM) != opened_from:
         request.session[OPENED_FROM] = opened_from
-
-
-def urls(guard: Callable[..., Any]) -> list[URLPattern]:
-    name = "surveys_questionnaire"
-    return [
-        path("write/", guard(write), name=f"{name}_write"),
-        path("<uuid:pk>/edit/", guard(overview), name=f"{name}_editor"),
-        path("<uuid:pk>/edit/<slug:section>/", guard(edit), name=f"{name}_section"),
-        path("<uuid:pk>/edit/<slug:section>/<slug:key>/", guard(edit), name=f"{name}_part"),
-    ]
 
 
 @require_http_methods(["GET", "HEAD", "POST"])
@@ -180,7 +157,7 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
     place = EditorPlace(section, key)
     made = _added(whole, place, kind) if verb == "add" else None
     if verb != "add":
-        arrange(whole, verb, place)
+        draft.arrange(whole, verb, place)
     if refused := keep(request, row, whole):
         messages.error(request, refused)
     elif made is not None and made.section != "pages":
@@ -191,11 +168,11 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
     """Add a page, a question to a page, or an offered or empty scale; return its place."""
     if place.section == "pages":
-        key = numbered("page_", keys_in(whole))
+        key = draft.numbered("page_", draft.keys_in(whole))
         whole["pages"].append({"key": key, "items": []})
         return EditorPlace("pages", key)
     if place.section == "scales":
-        name = kind if kind in READY else numbered("scale_", whole["scales"])
+        name = kind if kind in READY else draft.numbered("scale_", whole["scales"])
         blank = [{"value": 1}, {"value": 2}]
         points = ready_points(name, whole["languages"]) if kind in READY else blank
         whole["scales"].setdefault(name, points)
@@ -203,7 +180,7 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     page = EditorPlace("pages", place.key).part(whole)
     if page is None or kind not in TYPES:
         return None
-    question = new_question(kind, next(iter((*whole["scales"], *READY))), whole)
+    question = draft.new_question(kind, next(iter((*whole["scales"], *READY))), whole)
     page["items"].append(question)
     return EditorPlace("questions", question["key"])
 
@@ -213,14 +190,14 @@ def _read(
 ) -> SubmittedPart:
     """Return a form after its button: `save`, `done`, `add:<list>`, `remove|up|down:<list>:<n>`."""
     cls = place.cls(former)
-    part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
+    part = draft.complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
     if part.get("show_if"):
         questions = list(msgspec.convert(whole, Definition).questions())
-        type_answers(part["show_if"], former.get("show_if"), questions)
+        draft.type_answers(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
     anchor, values = name, EditorForm.list_in(part, name, cls, place.only)
     if values is not None and verb == "add":
-        values.append(new_entry(cls, name, part, whole))
+        values.append(draft.new_entry(cls, name, part, whole))
         anchor = f"{name}.{len(values) - 1}"
     elif values is not None:
         values[:] = change(values, verb, number(n))
@@ -262,7 +239,7 @@ def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
     definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
     texts = {one.key: _in_full(one, text) for one in definition.questions()}
     scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}
-    before = {one.key: one for one in earlier(definition, place)}
+    before = {one.key: one for one in draft.earlier(definition, place)}
     asked = before.get((part.get("show_if") or {}).get("item", ""))
     answers = asked.labelled_values if asked is not None else ()
     scored = [one.key for one in definition.questions() if one.score_values]
@@ -312,3 +289,11 @@ def _page(
     }
     page = f"admin/surveys/questionnaire/{name}.html"
     return render(request, page, context, status=status)
+
+
+PAGES = (
+    ("write/", write, "write"),
+    ("<uuid:pk>/edit/", overview, "editor"),
+    ("<uuid:pk>/edit/<slug:section>/", edit, "section"),
+    ("<uuid:pk>/edit/<slug:section>/<slug:key>/", edit, "part"),
+)

@@ -5,6 +5,7 @@ Each question is checked by itself with the rules of surveys/problems.py, so tha
 cannot ask is reported with the reason and the others are imported.
 """
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,15 @@ def language_of(code: str) -> str:
     known = {"zh-s": "zh-hans", "zh-t": "zh-hant"}
     name = known.get(code.strip().lower(), code.strip().lower().replace("_", "-"))
     return name if re.fullmatch(r"[a-z]{2,3}(-[a-z0-9]{2,8})*", name) and len(name) <= 16 else ""
+
+
+def number_in(value: Any) -> float | None:
+    """Return a finite number of a file; None for anything else."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None
+    return number if math.isfinite(number) else None
 
 
 class Draft:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
-from surveys.importing.draft import language_of
+from surveys.importing.draft import language_of, number_in
 
 Row = Mapping[str, str]
 Tables = Mapping[str, Sequence[Row]]
@@ -52,7 +52,7 @@ def survey_of(tables: Tables) -> LimeSurveyRow:
     groups = _localized(tables, "groups", ["gid"], "group_l10ns", "gid")
     for group in groups:
         group.parts = [one for one in questions if one.row.get("gid") == group.get("gid")]
-    groups.sort(key=lambda group: _number(group.get("group_order")))
+    groups.sort(key=lambda group: number_in(group.get("group_order")) or 0.0)
     return LimeSurveyRow(settings, texts, parts=groups)
 
 
@@ -91,18 +91,11 @@ def _questions(tables: Tables) -> list[LimeSurveyRow]:
             name = (row.get("attribute", ""), _language(row.get("language", "")))
             question.attributes[name] = row.get("value", "")
     answers = _localized(tables, "answers", ["qid", "scale_id", "code"], "answer_l10ns", "aid")
-    for answer in sorted(answers, key=lambda one: _number(one.get("sortorder"))):
+    for answer in sorted(answers, key=lambda one: number_in(one.get("sortorder")) or 0.0):
         if question := found.get(answer.get("qid")):
             question.answers.append(answer)
-    in_order = sorted(found.values(), key=lambda one: _number(one.get("question_order")))
+    in_order = sorted(found.values(), key=lambda one: number_in(one.get("question_order")) or 0.0)
     for one in in_order:
         if parent := found.get(one.row.get("parent_qid", "0")):
             parent.parts.append(one)
     return [one for one in in_order if one.row.get("parent_qid", "0") in {"0", ""}]
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text or 0)
-    except ValueError:
-        return 0.0

@@ -1,33 +1,21 @@
 """The conversion of a question that all formats share."""
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
 
 from surveys.documents import Text
-from surveys.importing.draft import Draft, Item
+from surveys.importing.draft import Draft, Item, number_in
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
-# Answers that other systems show and do not write into the file.
-WORDS: dict[str, dict[str, str]] = {
-    "yes": {"en": "Yes", "es": "Sí", "de": "Ja", "fr": "Oui", "it": "Sì", "pt": "Sim"},
-    "no": {"en": "No", "es": "No", "de": "Nein", "fr": "Non", "it": "No", "pt": "Não"},
-    "true": {"en": "True", "es": "Verdadero", "de": "Wahr", "fr": "Vrai"},
-    "false": {"en": "False", "es": "Falso", "de": "Falsch", "fr": "Faux"},
-    "uncertain": {"en": "Uncertain", "es": "No lo sé", "de": "Unsicher", "fr": "Incertain"},
-    "increase": {"en": "Increase", "es": "Aumentar", "de": "Zunahme", "fr": "Augmenter"},
-    "same": {"en": "Same", "es": "Igual", "de": "Gleich", "fr": "Sans changement"},
-    "decrease": {"en": "Decrease", "es": "Disminuir", "de": "Abnahme", "fr": "Diminuer"},
-    "female": {"en": "Female", "es": "Femenino", "de": "Weiblich", "fr": "Féminin"},
-    "male": {"en": "Male", "es": "Masculino", "de": "Männlich", "fr": "Masculin"},
-    "other": {"en": "Other", "es": "Otro", "de": "Andere", "fr": "Autre", "it": "Altro"},
-    "comment": {"en": "Comment", "es": "Comentario", "de": "Kommentar", "fr": "Commentaire"},
-}
+WORDS = tomllib.loads(Path(__file__).with_name("words.toml").read_text(encoding="utf-8"))
 # Answers that become reasons for not answering, by the field of an item that offers them.
 _REASONS = {
     "not_applicable": re.compile(
@@ -82,6 +70,23 @@ class ImportedQuestion:
 
     def unchecked(self, rule: str) -> None:
         self.note.changed(_("Its rule %(rule)s is not checked."), rule=rule)
+
+    def number_bound(self, name: str, value: str) -> float | None:
+        number = number_in(value.strip().replace(",", "."))
+        if value.strip() and number is None:
+            self.unchecked(f"{name} = {value.strip()[:60]}")
+        return number
+
+    def date_bound(self, name: str, value: str) -> str | None:
+        """Return a bound of a date without its time; another value is noted."""
+        value = value.strip("\"' ").lower()
+        if value in {"today", "now"}:
+            return "today"
+        if found := re.match(r"\d{4}-\d{2}-\d{2}(?!\d)", value):
+            return found[0]
+        if value:
+            self.unchecked(f"{name} = {value[:60]}")
+        return None
 
     def or_name(self, text: Text) -> Text:
         if not text:

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 
 from experiments.dataset.columns import Column, amount_of, flag, share
 
-VERSION = 5
+VERSION = 6
 MetricKind = Literal["proportions", "counts", "times"]
 with Path(__file__).with_name("metrics.csv").open(encoding="utf-8", newline="") as _file:
     _ROWS = tuple(csv.DictReader(_file))

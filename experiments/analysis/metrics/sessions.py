@@ -12,6 +12,7 @@ from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
 from experiments.analysis.metrics.motion import drive
 from experiments.dataset.columns import Column, Columns, Floats
+from experiments.dataset.grouping import by_key
 from experiments.dataset.levels import METHODS, WAYS
 from experiments.dataset.record_quality import record_numbers
 from experiments.dataset.records import COMPLETED, Dataset, EventRecord, SessionRecord
@@ -49,9 +50,7 @@ class Measured:
 
 
 def measure_all(dataset: Dataset) -> list[Measured]:
-    events: dict[str, list[EventRecord]] = {}
-    for event in dataset.events:
-        events.setdefault(event.session, []).append(event)
+    events = by_key((event.session, event) for event in dataset.events)
     return [measure(dataset, session, events.get(session.id, [])) for session in dataset.sessions]
 
 

@@ -10,6 +10,7 @@ from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
 from experiments.analysis.tables.table import Table, TableCell, number, probability, words
+from experiments.dataset.grouping import by_key
 from experiments.dataset.records import PlanExclusion
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
@@ -90,11 +91,10 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) 
 
 def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, float]]]:
     """Return the hypotheses on which each row of a declared table decides, with p in the family."""
-    found: dict[RowKey, list[tuple[str, float]]] = {}
-    for one in decisions:
-        key = (name_of(one.analysis), one.measure, one.label)
-        found.setdefault(key, []).append((one.hypothesis.key, one.corrected))
-    return found
+    return by_key(
+        ((name_of(one.analysis), one.measure, one.label), (one.hypothesis.key, one.corrected))
+        for one in decisions
+    )
 
 
 def _row(plan: StudyPlan, one: DecidingTest) -> tuple[object, ...]:

@@ -24,6 +24,7 @@ from experiments.definition.plan import hypotheses_of
 NAME = "reporting-sheet"
 UNKNOWN = "unknown"
 EVERYBODY = "who joined and neither withdrew nor are excluded by the plan"
+DROVE = ("drove", "ended", "answered")  # stages that are kept of participants who withdrew
 SEX = ("sex", "gender")  # items of the registration that ask for it
 LATENCIES = {  # metrics of a session: median and 95th percentile
     "Age of commands at the wheels": ("command_age_median", "command_age_p95"),
@@ -84,6 +85,7 @@ def _participants(dataset: Dataset) -> Iterator[Line]:
     people, study = dataset.participants, dataset.study
     staying = [one for one in people if not one.withdrawn]
     drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
+    drivers |= {one.id for one in people if one.withdrawn and one.stage in DROVE}
     items = {
         "joined": len(people),
         "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),

@@ -7,6 +7,7 @@ from experiments.analysis.power.draws import REASONS, Assumption, Orders, assume
 from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
 from experiments.analysis.tables.table import Table, number
+from experiments.dataset.grouping import by_key
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
@@ -130,11 +131,11 @@ def _needed(found: PowerReport, plan: StudyPlan) -> str:
 
 
 def _assumptions(study: StudyDefinition, found: PowerReport) -> list[str]:
-    measures: dict[str, list[str]] = {}
-    for measure, one in found.assumptions.items():
-        text = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
-        measures.setdefault(text, []).append(measure)
-    return [f"{', '.join(names)} {text}" for text, names in measures.items()]
+    texts = (
+        (f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}.", measure)
+        for measure, one in found.assumptions.items()
+    )
+    return [f"{', '.join(names)} {text}" for text, names in by_key(texts).items()]
 
 
 def _means(study: StudyDefinition, one: Assumption) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
 from experiments.analysis.statistics.descriptive import Spread, spread
 from experiments.analysis.tables.table import Cells, Table, amount, count, number, probability
+from experiments.dataset.grouping import by_key
 
 REMARK = "Remark"
 DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
@@ -37,10 +38,7 @@ class ComparedSide:
 
 
 def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
-    found: dict[str, list[float]] = {}
-    for who, value in values:
-        found.setdefault(who, []).append(value)
-    return {who: math.fsum(own) / len(own) for who, own in found.items()}
+    return {who: math.fsum(own) / len(own) for who, own in by_key(values).items()}
 
 
 def head_of(keys: Sequence[str]) -> tuple[str, ...]:

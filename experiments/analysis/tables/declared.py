@@ -148,10 +148,10 @@ def _test_sides(
     one: DeclaredAnalysis, data: StudyMeasures, measure: str, sides: Mapping[str, Sequence[str]]
 ) -> Compared:
     """Return the test of a measure between sides, of some conditions each, and their groups."""
+    if why := data.unknown(one.test, measure):
+        return Test(conditions.NO_TEST, 0, remark=why), [comparisons.ComparedSide({})] * len(sides)
     found = {name: data.side(one.test, measure, keys) for name, keys in sides.items()}
     groups = [group for _, group in found.values()]
-    if why := data.unknown(one.test, measure):
-        return Test("–", 0, remark=why), groups
     layout = layout_of(data.dataset.study, sides.values())
     if one.test in FAMILIES:
         drives = {name: own for name, (own, _) in found.items()}

@@ -39,6 +39,7 @@ from experiments.analysis.tables.table import (
     spoken,
 )
 from experiments.dataset.counting import visits_of
+from experiments.dataset.grouping import by_key
 from experiments.dataset.levels import WAYS
 from experiments.dataset.records import COMPLETED, Dataset
 from experiments.definition.factors import SideLayout, layout_of
@@ -164,9 +165,7 @@ def _class_row(head: str, label: str, own: Sequence[Measured]) -> Cells:
 
 def learning(measured: Sequence[Measured]) -> Table:
     visits = visits_of(one.session for one in measured)
-    groups: dict[int, list[Measured]] = {}
-    for one in measured:
-        groups.setdefault(min(visits[one.session.id], MOST_VISITS + 1), []).append(one)
+    groups = by_key((min(visits[one.session.id], MOST_VISITS + 1), one) for one in measured)
     rows = (
         _class_row("visit", str(n) if n <= MOST_VISITS else f"≥ {n}", own)
         for n, own in sorted(groups.items())

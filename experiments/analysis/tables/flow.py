@@ -14,6 +14,7 @@ from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables import table
 from experiments.dataset.counting import attempted
+from experiments.dataset.grouping import by_key
 from experiments.dataset.levels import (
     EXCLUDED,
     EXCLUDED_BY_PLAN,
@@ -92,14 +93,17 @@ class _Flow:
 
     def __init__(self, dataset: Dataset) -> None:
         self.dataset = dataset
-        self.drives: dict[str, list[SessionRecord]] = {}
         both = (*dataset.sessions, *dataset.others)
-        for one in sorted(both, key=lambda one: (one.visit, one.round)):
-            self.drives.setdefault(one.participant, []).append(one)
+        in_order = sorted(both, key=lambda one: (one.visit, one.round))
+        self.drives = by_key((one.participant, one) for one in in_order)
         answers = dataset.answers_to(dataset.study.statements)
         self.answered = {one.participant for one in answers if one.finished}
         self.analysed = _analysed(dataset)
         self.rules = {one.session or one.participant: one.rule for one in dataset.exclusions}
+
+    def _ended(self, who: str) -> list[SessionRecord]:
+        """Return the drives of a participant that ended with an outcome."""
+        return [it for it in self.drives.get(who, []) if it.drove and it.outcome]
 
     def stage(self, one: ParticipantRecord) -> int:
         """Return the last stage of FLOW that a participant reached, by its number."""
@@ -111,7 +115,7 @@ class _Flow:
             is_assigned,
             any(it.exposed for it in drives),
             any(it.drove for it in drives),
-            any(it.drove and it.outcome for it in drives),
+            bool(self._ended(one.id)),
             any(it.counts for it in drives),
             one.id in self.answered,
         )
@@ -120,14 +124,16 @@ class _Flow:
     def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
         stages = {one.id: self.stage(one) for one in people}
         for number, stage in enumerate(FLOW):
-            lost: dict[str, list[str]] = {}
-            for one in people:
-                if stages[one.id] == number - 1:
-                    lost.setdefault(self._reason(one, number), []).append(one.id)
+            gone = [one for one in people if stages[one.id] == number - 1]
+            lost = by_key((self._reason(one, number), one.id) for one in gone)
             for reason, ids in sorted(lost.items()):
                 yield cell, "", reason, table.people_count(self.dataset, ids)
             left = [one for one in people if stages[one.id] >= number]
             yield cell, stage, "", table.people_count(self.dataset, [one.id for one in left])
+            if number == ARRIVED:
+                excluded = self.dataset.excluded_people
+                ids = [one.id for one in left if one.id in excluded]
+                yield from self._among(cell, "excluded by the plan's rules", ids)
             if number == ASSIGNED:
                 again = [one.id for one in left if one.draws > 1]
                 yield from self._among(cell, "drawn anew", again)
@@ -160,7 +166,7 @@ class _Flow:
         return f"left: {table.spoken(lost[-1]) if lost and stage < ENDED else STILL_THERE}"
 
     def _uncounted(self, one: ParticipantRecord) -> str:
-        last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
+        last = self._ended(one.id)[-1]
         if last.counts_why in {EXCLUDED_BY_PLAN, INCOMPLETE, FAULTY}:
             return f"excluded: {self.rules[last.id if last.counts_why == FAULTY else one.id]}"
         if last.counts_why == EXCLUDED:
@@ -169,25 +175,20 @@ class _Flow:
 
     def _outcomes(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
         """Yield how the first tasks ended in which participants drove."""
-        ended: dict[str, list[str]] = {}
-        for one in people:
-            drives = [it for it in self.drives.get(one.id, []) if it.drove and it.outcome]
-            for first in drives[:1]:
-                ended.setdefault(first.outcome, []).append(first.id)
+        first = [drives[0] for one in people if (drives := self._ended(one.id))]
+        ended = by_key((one.outcome, one.id) for one in first)
         for outcome, ids in sorted(ended.items()):
             yield cell, "", f"first task: {table.spoken(outcome)}", table.session_count(ids)
 
 
 def orders(dataset: Dataset) -> table.Table:
     """Return how many participants had each order of conditions, a check of counterbalancing."""
-    conditions: dict[str, set[str]] = {}
-    for one in dataset.sessions:
-        conditions.setdefault(one.participant, set()).add(one.condition)
+    conditions = by_key((one.participant, one.condition) for one in dataset.sessions)
     rows = []
     for cell in sorted({one.cell for one in dataset.participants if "-" in one.cell}):
         own = [one.id for one in dataset.participants if one.cell == cell]
         some = [who for who in own if who in conditions]
-        whole = [who for who in some if conditions[who] >= set(cell.split("-"))]
+        whole = [who for who in some if {*conditions[who]} >= {*cell.split("-")}]
         rows.append((cell, *(table.people_count(dataset, ids) for ids in (own, some, whole))))
     head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
     return table.Table.of("orders", "Participants by order of conditions.", head, rows)
@@ -195,10 +196,9 @@ def orders(dataset: Dataset) -> table.Table:
 
 def fault_sides(dataset: Dataset) -> table.Table:
     """Return on which side the fault was for drives that were not completed, counted or not."""
-    ended: dict[tuple[str, str], list[str]] = {}
-    for one in (*dataset.sessions, *dataset.others):
-        if one.outcome not in {"", COMPLETED}:
-            ended.setdefault((one.outcome, one.fault_side), []).append(one.id)
+    both = (*dataset.sessions, *dataset.others)
+    failed = (one for one in both if one.outcome not in {"", COMPLETED})
+    ended = by_key(((one.outcome, one.fault_side), one.id) for one in failed)
     rows = (
         (table.spoken(outcome), side or "nobody", table.session_count(ids))
         for (outcome, side), ids in sorted(ended.items())

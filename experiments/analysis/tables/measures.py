@@ -30,6 +30,8 @@ NAMES = frozenset(column.name for column in METRICS)
 
 @dataclass(frozen=True)
 class StudyMeasures:
+    """The values of measures for their tests; `unknown` tells which ones have none."""
+
     dataset: Dataset
     measured: Sequence[Measured]
 
@@ -54,8 +56,7 @@ class StudyMeasures:
     def means(self, measure: str, condition: str) -> ComparedSide:
         variable, point, item = measure.rpartition(".")
         if not point:
-            own = self._sessions(condition, measure)
-            found = mean_side(own, measure) if measure in NAMES else ComparedSide({})
+            found = mean_side(self._sessions(condition, measure), measure)
             return found if found.values else ComparedSide({})
         scale = self._scale(variable, item)
         if scale is None:
@@ -88,9 +89,7 @@ class StudyMeasures:
                 places = self._first_places()
                 values = {who: one for who, one in values.items() if places[who] == condition}
             return [DriveOutcome(*one) for one in values.items()]
-        if (kind := KINDS.get(measure)) != test or kind is None:
-            return []
-        return list(outcomes(self._sessions(condition, measure), kind, measure))
+        return list(outcomes(self._sessions(condition, measure), KINDS[measure], measure))
 
     def _first_places(self) -> dict[str, str]:
         """Return of each participant's conditions the first, in the order of the study."""
@@ -107,10 +106,7 @@ class StudyMeasures:
         """
         if test in FAMILIES:
             driven = (one for one in self.measured if one.session.condition in keys)
-            own = compared_of(measure, driven)
-            if (kind := KINDS.get(measure)) != test or kind is None:
-                return [], ComparedSide({}, [one.session.id for one in own])
-            return drive_side(own, kind, measure)
+            return drive_side(compared_of(measure, driven), KINDS[measure], measure)
         groups = {key: self.means(measure, key) for key in keys}
         values: dict[str, float] = {}
         for together in conditions_together(self.dataset.study):

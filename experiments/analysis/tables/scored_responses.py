@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from experiments.analysis.tables.comparisons import participant_means
 from experiments.analysis.tables.table import amount
+from experiments.dataset.grouping import by_key
 from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.answers import Missing
 from surveys.definition import Definition
@@ -163,9 +164,8 @@ def _groups(dataset: Dataset, variable: str) -> Iterator[ScoreGroup]:
     others = sorted({one.condition for one in dataset.sessions} - set(planned))
     robots = {one.id: one.robot for one in dataset.sessions}
     for key in (*planned, *others):
-        found: dict[str, list[ResponseRecord]] = {}
-        for one in coded(dataset, counted(dataset, variable, key)):
-            found.setdefault(robots[one.session], []).append(one)
+        responses = coded(dataset, counted(dataset, variable, key))
+        found = by_key((robots[one.session], one) for one in responses)
         for robot, own in sorted(found.items()):
             yield ScoreGroup(key or NO_DRIVE, planned.get(key, key), robot, tuple(own))
     apart = tuple(one for one in dataset.responses if one.session not in robots)

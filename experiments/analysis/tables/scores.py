@@ -22,6 +22,7 @@ from experiments.analysis.tables.scored_responses import (
     scored_questionnaires,
 )
 from experiments.analysis.tables.table import Table, TableCell, count, number
+from experiments.dataset.grouping import by_key
 from experiments.dataset.records import Dataset
 from experiments.definition.factors import layout_of
 from surveys.definition import Definition
@@ -148,10 +149,8 @@ def _tested(dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale) ->
 
 def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
     """Yield sentences on comparisons that pool robots, or whose sides have different ones."""
-    robots: dict[str, list[str]] = {}
-    for group in found.groups:
-        if group.condition != NO_DRIVE:
-            robots.setdefault(group.title, []).append(group.robot)
+    driven = (group for group in found.groups if group.condition != NO_DRIVE)
+    robots = by_key((group.title, group.robot) for group in driven)
     for title, own in robots.items():
         if len(own) > 1:
             yield f"{title} pools the robots {', '.join(own)}."

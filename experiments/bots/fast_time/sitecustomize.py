@@ -74,16 +74,15 @@ def install(clocks: Clocks) -> None:
 def _threads(clocks: Clocks) -> None:
     import queue
 
-    wait, join = threading.Condition.wait, threading.Thread.join
+    def quick(wait: Callable[..., Any]) -> Callable[..., Any]:
+        def quick_wait(self: Any, timeout: float | None = None) -> Any:
+            return wait(self, None if timeout is None else clocks.shorter(timeout))
 
-    def quick_wait(self: threading.Condition, timeout: float | None = None) -> bool:
-        return wait(self, None if timeout is None else clocks.shorter(timeout))
-
-    def quick_join(self: threading.Thread, timeout: float | None = None) -> None:
-        join(self, None if timeout is None else clocks.shorter(timeout))
+        return quick_wait
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join = quick_wait, quick_join
+    changed.Condition.wait = quick(threading.Condition.wait)
+    changed.Thread.join = quick(threading.Thread.join)
     changed._time = clocks.monotonic
     queued: Any = queue
     queued.time = clocks.monotonic

@@ -84,7 +84,7 @@ def _once(dataset: Dataset, session: SessionRecord, states: Columns) -> Iterator
     if course is not None:
         points = course.path or tuple((stop.x, stop.y) for stop in course.checkpoints)
         yield 0.0, "/course", {"frame_id": FRAME, "poses": [_pose(x, y, 0.0) for x, y in points]}
-    rows = _rows(states, ("x", "y", "theta"))
+    rows = states[["x", "y", "theta"]].tolist()
     poses = [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)]
     yield 0.0, "/path", {"frame_id": FRAME, "poses": poses}
 
@@ -97,15 +97,10 @@ def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
     }
 
 
-def _rows(found: Columns, names: Iterable[str]) -> list[list[float]]:
-    rows: list[list[float]] = found[[*names]].tolist()
-    return rows
-
-
 def _of_states(states: Columns) -> Iterator[Message]:
     """Yield states by the server's clock, as events are."""
-    names = ("stamp", "clock_offset", "x", "y", "theta", *VELOCITY, *COMMANDS)
-    for stamp, offset, x, y, theta, *rest in _rows(states, names):
+    names = ["stamp", "clock_offset", "x", "y", "theta", *VELOCITY, *COMMANDS]
+    for stamp, offset, x, y, theta, *rest in states[names].tolist():
         at = stamp - (offset if math.isfinite(offset) else 0.0)
         if math.isfinite(x + y + theta):
             yield at, "/pose", {"frame_id": FRAME, "pose": _pose(x, y, theta)}
@@ -114,7 +109,7 @@ def _of_states(states: Columns) -> Iterator[Message]:
 
 
 def _of_network(network: Columns) -> Iterator[Message]:
-    for at, *rest in _rows(network, ("stamp", *NETWORK)):
+    for at, *rest in network[["stamp", *NETWORK]].tolist():
         yield at, "/network", _named(NETWORK, rest)
 
 

@@ -6,9 +6,10 @@ Read against LimeSurvey's own source (application/helpers/export_helper.php) and
 TonisOrmisson/limesurvey-structure-imex (version 630).
 """
 
-import math
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import ClassVar
 
 from django.utils.translation import gettext as _
@@ -21,14 +22,7 @@ from surveys.importing.question import ImportedQuestion, values_of
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS
 
-_NO_COUNTERPART = {"|": "file upload", "*": "equation", "I": "language switch"}
-# Answers that are not in the file, by the type of the question.
-_WORDED = {
-    "Y": {"Y": "yes", "N": "no"},
-    "G": {"F": "female", "M": "male"},
-    "C": {"Y": "yes", "U": "uncertain", "N": "no"},
-    "E": {"I": "increase", "S": "same", "D": "decrease"},
-}
+NAMES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _LINES = {"S": 1, "T": 5, "U": 15}
 
 
@@ -50,13 +44,13 @@ class LimeSurveyConversion(ImportedQuestion):
         return {"required": wish == "Y", "hint": self.texts_of(self.question, "help")}
 
     def items(self) -> list[Item]:
-        if self.kind in _NO_COUNTERPART:
-            raise self.not_supported(_NO_COUNTERPART[self.kind])
+        if self.kind in NAMES["no_counterpart"]:
+            raise self.not_supported(NAMES["no_counterpart"][self.kind])
         return super().items()
 
     def _answers(self, scale_id: str = "0") -> dict[str, Text]:
-        if self.kind in _WORDED:
-            return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
+        if worded := NAMES["worded"].get(self.kind):
+            return {code: self.word(name) for code, name in worded.items()}
         listed = (one for one in self.question.answers if one.row.get("scale_id", "0") == scale_id)
         return {one.get("code"): self.texts_of(one, "answer") for one in listed}
 
@@ -76,7 +70,7 @@ class LimeSurveyConversion(ImportedQuestion):
 
     @property
     def _has_other(self) -> bool:
-        return self.question.get("other") == "Y" and self.kind not in _WORDED
+        return self.question.get("other") == "Y" and self.kind not in NAMES["worded"]
 
     def _other(self) -> dict[str, Text]:
         if not self._has_other:
@@ -93,15 +87,7 @@ class LimeSurveyConversion(ImportedQuestion):
         return "fixed"
 
     def _number(self, name: str) -> float | None:
-        """Return an attribute that is a finite number; anything else is noted."""
-        value = self.question.attribute(name).strip()
-        try:
-            number = float(value or "nan")
-        except ValueError:
-            number = math.nan
-        if value and not math.isfinite(number):
-            self.unchecked(f"{name} = {value[:60]}")
-        return number if math.isfinite(number) else None
+        return self.number_bound(name, self.question.attribute(name))
 
     def single(self) -> list[Item]:
         """L, !, O, Y and G: one of the answers; O has a comment."""
@@ -255,17 +241,9 @@ class LimeSurveyConversion(ImportedQuestion):
         """D: a day."""
         if any(sign in self.question.attribute("date_format") for sign in ("H", "M:")):
             self.note.changed(_("It asks for the date, not the time."))
-        return [self.item("date", earliest=self._day("date_min"), latest=self._day("date_max"))]
-
-    def _day(self, attribute: str) -> str | None:
-        value = self.question.attribute(attribute).strip("\"'").lower()
-        if value in {"now", "today"}:
-            return "today"
-        if len(value) >= 10 and value[:10].replace("-", "").isdigit():
-            return value[:10]
-        if value:
-            self.unchecked(attribute)
-        return None
+        get = self.question.attribute
+        first, last = (self.date_bound(one, get(one)) for one in ("date_min", "date_max"))
+        return [self.item("date", earliest=first, latest=last)]
 
     TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
         **dict.fromkeys("L!OYG", single),
@@ -292,23 +270,6 @@ _COMPARISON = re.compile(
     \s*(?:==|\beq\b)\s*(?P<answer>"[^"]*"|'[^']*'|-?\d+)""",
     re.VERBOSE,
 )
-# Attributes of questions without a counterpart, with their names for people.
-_UNSUPPORTED = {
-    "array_filter": "array filter",
-    "array_filter_exclude": "array filter",
-    "em_validation_q": "validation",
-    "em_validation_sq": "validation",
-    "time_limit": "time limit",
-    "random_group": "random group",
-    "other_comment_mandatory": "mandatory comment",
-}
-# Tables without a counterpart, with their names for people.
-_TABLES = {
-    "quota": "quotas",
-    "assessments": "assessments",
-    "survey_url_parameters": "URL parameters",
-    "plugin_settings": "plugin settings",
-}
 
 
 class Lss(SurveyFormat):
@@ -380,8 +341,8 @@ class Lss(SurveyFormat):
 
     def _remark(self, asked: LimeSurveyConversion) -> None:
         note, question = asked.note, asked.question
-        found = [name for name in _UNSUPPORTED if question.attribute(name) not in {"", "0", "N"}]
-        lost = [_UNSUPPORTED[name] for name in found]
+        named = NAMES["unsupported"].items()
+        lost = [words for name, words in named if question.attribute(name) not in {"", "0", "N"}]
         for words in [*lost, "validation"] if question.get("preg") else lost:
             note.changed(_("Not imported: %(what)s."), what=words)
         if any(part.get("relevance") not in {"", "1"} for part in question.parts):
@@ -399,7 +360,7 @@ class Lss(SurveyFormat):
 
     def _rest(self) -> None:
         nowhere = _("This site has no equivalent.")
-        for table, words in _TABLES.items():
+        for table, words in NAMES["tables"].items():
             if self.tables.get(table):
                 self.into.leave_out(words, nowhere)
         if self.tables.get("defaultvalues"):

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, language_of
+from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, language_of, number_in
 from surveys.importing.plain_text import plain
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
@@ -243,7 +243,7 @@ class QualtricsConversion(ImportedQuestion):
         wanted = self.settings.get("ContentType") if has_format else ""
         if wanted == "ValidNumber":
             rules = mapping(self.settings.get("ValidNumber"))
-            least, most = _bound(rules.get("Min")), _bound(rules.get("Max"))
+            least, most = number_in(rules.get("Min")), number_in(rules.get("Max"))
             is_whole = str(rules.get("NumDecimals")) == "0"
             return [self.item("number", minimum=least, maximum=most, whole=is_whole)]
         if wanted == "ValidDate":
@@ -307,18 +307,8 @@ def _display(choice: Any) -> str:
 
 
 def _whole(value: Any, default: int) -> int:
-    try:
-        return int(float(value))
-    except (TypeError, ValueError, OverflowError):
-        return default
-
-
-def _bound(value: Any) -> float | None:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return None
-    return number if abs(number) < 1e12 else None
+    number = number_in(value)
+    return default if number is None else int(number)
 
 
 def _is_set(choice: Any, name: str) -> bool:

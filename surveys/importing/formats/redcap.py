@@ -11,6 +11,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
+from pathlib import Path
 from typing import Any, ClassVar
 
 from django.utils.translation import gettext as _
@@ -89,12 +90,14 @@ class RedcapField(ImportedQuestion):
     def free_text(self) -> list[Item]:
         """text: a text, a number or a day, by its validation."""
         rule = self.row["validation"].strip().lower()
+        bounds = [(one, self.row[one]) for one in ("min", "max")]
         if rule == "integer" or rule.startswith("number"):
-            least, most = self._bound("min"), self._bound("max")
+            least, most = (self.number_bound(*one) for one in bounds)
             is_whole = rule == "integer"
             return [self.item("number", minimum=least, maximum=most, whole=is_whole)]
         if rule in {"date_ymd", "date_mdy", "date_dmy"}:
-            return [self.item("date", earliest=self._day("min"), latest=self._day("max"))]
+            first, last = (self.date_bound(*one) for one in bounds)
+            return [self.item("date", earliest=first, latest=last)]
         if rule:
             self.note.changed(_("Its format (%(rule)s) is not checked."), rule=rule)
         return [self.item("text", max_length=self._length(is_line=True))]
@@ -105,24 +108,6 @@ class RedcapField(ImportedQuestion):
 
     def _length(self, *, is_line: bool) -> int:
         return self.length(_whole(self.tags.get("@CHARLIMIT", "")), is_line=is_line)
-
-    def _bound(self, column: str) -> float | None:
-        value = self.row[column].strip().replace(",", ".")
-        if re.fullmatch(r"-?\d{1,15}(\.\d+)?", value):
-            return float(value)
-        if value:
-            self.unchecked(f"{column} {value[:60]}")
-        return None
-
-    def _day(self, column: str) -> str | None:
-        value = self.row[column].strip().lower()
-        if value in {"today", "now"}:
-            return "today"
-        if re.fullmatch(r"\d{4}-\d{2}-\d{2}", value):
-            return value
-        if value:
-            self.unchecked(f"{column} {value}")
-        return None
 
     def _labels(self) -> dict[str, Text]:
         if self.kind in {"yesno", "truefalse"}:
@@ -202,28 +187,9 @@ def _whole(text: str) -> int | None:
 
 # --- the file -------------------------------------------------------------------------------------
 
-# Column → its headings in a dictionary and in an export over the API.
-COLUMNS = {
-    "name": ("variable / field name", "field_name"),
-    "form": ("form name", "form_name"),
-    "header": ("section header", "section_header"),
-    "type": ("field type", "field_type"),
-    "label": ("field label", "field_label"),
-    "choices": ("choices, calculations, or slider labels", "select_choices_or_calculations"),
-    "field_note": ("field note", "field_note"),
-    "validation": (
-        "text validation type or show slider number",
-        "text_validation_type_or_show_slider_number",
-    ),
-    "min": ("text validation min", "text_validation_min"),
-    "max": ("text validation max", "text_validation_max"),
-    "identifier": ("identifier?", "identifier"),
-    "branching": ("branching logic (show field only if...)", "branching_logic"),
-    "required": ("required field?", "required_field"),
-    "matrix": ("matrix group name", "matrix_group_name"),
-    "ranking": ("matrix ranking?", "matrix_ranking"),
-    "annotation": ("field annotation", "field_annotation"),
-}
+# The columns, with their headings in a dictionary and in an export over the API.
+with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as _file:
+    COLUMNS = {row["column"]: (row["dictionary"], row["api"]) for row in csv.DictReader(_file)}
 MAX_CELL = 100_000  # characters
 _OR = re.compile(r"\bor\b", re.IGNORECASE)
 # One comparison of a branching logic: [field] = '1', [field(2)] = "1".

@@ -96,7 +96,7 @@ def test_recruit_returns_to_the_site_with_the_code(robot, arrive, size):
 
 
 ENDS = [
-    ("cancelled", "left", "You left before the robot moved"),
+    ("cancelled", "left", "You left before you moved the robot"),
     ("timed_out", "timed_out", "Your driving time ran out"),
 ]
 

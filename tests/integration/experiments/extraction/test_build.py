@@ -139,6 +139,13 @@ def test_drives_are_in_the_order_of_time_although_each_step_counts_its_own(pract
     assert dataset.participants[0].left == "cancelled", "not the outcome of the second practice"
 
 
+@pytest.mark.parametrize(("outcome", "left"), [("cancelled", ""), ("robot_fault", "robot_fault")])
+def test_ending_the_voluntary_practice_is_no_reason_for_leaving(practised_twice, outcome, left):
+    Drive.objects.filter(step="task").delete()
+    Drive.objects.filter(number=2).update(outcome=outcome)
+    assert dataset_of(practised_twice.study).participants[0].left == left
+
+
 @pytest.mark.parametrize(("public", "time"), [(False, "2026-05-04 10:07"), (True, "2026-05-04")])
 def test_a_drive_that_a_researcher_excluded_has_the_time_of_that(practised_twice, public, time):
     at = datetime.datetime(2026, 5, 4, 10, 7, 33, tzinfo=datetime.UTC)

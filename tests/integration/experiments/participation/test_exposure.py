@@ -5,6 +5,7 @@ import datetime
 import pytest
 from django.utils import timezone
 
+from experiments.analysis.tables.flow import FLOW, flow
 from experiments.dataset.counting import attempted, counting
 from experiments.extraction.build import dataset_of
 from experiments.models import Draw, Drive, Participant
@@ -119,6 +120,24 @@ def test_video_of_the_task_fills_the_place_whether_or_not_the_robot_moved(robot)
     (place,) = places.held(drive.participant.study, "participant", later)
     assert (drive.moved, place.stage) == (False, "filled")
     assert attempted(counting(dataset_of(drive.participant.study)))
+
+
+@pytest.mark.parametrize(("moving", "stage"), [(False, "exposed"), (True, "ended")])
+def test_withdrawal_leaves_the_participant_at_the_stage_of_the_flow(robot, moving, stage):
+    drive = begin(robot)
+    at = timezone.now().timestamp()
+    away = Seen(at + 3.0, "boot", 8, 0.7, 2.0, 3.1)
+    write(drive, [FirstFrame(at, repr(at)), *docked(at), *([away] if moving else [])])
+    participant = ended(drive, at + 40.0).participant
+
+    def reached() -> dict[str, int]:
+        rows = flow(counting(dataset_of(participant.study))).rows
+        return {row[1].text: row[3].value for row in rows if row[1].text in FLOW[:5]}
+
+    before = reached()
+    assert [name for name in FLOW[:5] if before[name]][-1] == stage
+    withdraw(participant, timezone.now())
+    assert reached() == before
 
 
 def test_exposure_is_known_while_the_drive_lives(robot):

@@ -286,7 +286,7 @@ def test_a_study_without_a_site_gives_one_code_to_all_who_drove(ada):
 
 def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(ada):
     page = ada.finish("cancelled", moved=False, reason="left")
-    assert "You left before the robot moved" in page.text
+    assert "You left before you moved the robot" in page.text
     assert "technical failure" not in page.text
     leads_back(ada, "left")
     ada.client.post(FRONT)

@@ -10,13 +10,16 @@ import pytest
 from django.db import connection
 from django.utils import timezone
 
+from experiments.dataset.counting import attempted, counting, with_reasons
 from experiments.extraction.build import dataset_of
 from experiments.models import Drive, Participant, TaskEvent
+from experiments.participation import progress
+from experiments.participation.drive_status import status_at
 from experiments.rehearsal.findings import discrepancies
 from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import Finalizer, settle
-from experiments.tasks.records import FirstFrame, Seen
+from experiments.tasks.records import FirstFrame, Record, Seen
 from experiments.tasks.stored_records import stored, track_of
 from robots.api import messages as m
 from robots.models import RobotPresence
@@ -232,11 +235,57 @@ def test_whatever_comes_after_the_first_velocity_fills_the_place(robot, outcome)
     assert (drive.outcome, drive.moved, drive.participant.stage) == (outcome, True, "filled")
 
 
-def test_lost_states_count_as_motion_of_the_robot(robot):
+def test_lost_states_show_neither_motion_nor_exposure(robot):
     drive = begin(robot)
     ending = {"outcome": "connection_lost", "reason": "visitor_silent", "missing": 12}
     drive = settled(close(drive, at=timezone.now().timestamp(), **ending))
-    assert (drive.moved, drive.participant.stage) == (True, "filled")
+    assert (drive.moved, drive.exposed_at, drive.participant.stage) == (False, None, "freed")
+    dataset = counting(dataset_of(drive.participant.study))
+    assert attempted(dataset) == ()
+    assert [one.counts_why for one in dataset.others] == ["not_exposed"]
+
+
+def by_itself(drive: Drive, records: list[Record], mode: m.Mode) -> Drive:
+    """Settle a drive in which no velocity of the driver was applied, because the robot drove by
+    itself in this mode wherever it was not docked.
+    """
+    write(drive, records, moving=False)
+    for chunk in StateChunk.objects.all():
+        chunk.states = [
+            state if state.get("docked") else {**state, "mode": mode} for state in chunk.states
+        ]
+        chunk.save()
+    return settled(close(drive, outcome="connection_lost", reason="x", at=records[-1].at + 0.5))
+
+
+def counted(drive: Drive) -> tuple[bool, str, str]:
+    """Whether the robot moved, why the drive does not count, and the status of its step."""
+    participant = drive.participant
+    (one,) = with_reasons(dataset_of(participant.study)).sessions
+    status = status_at(participant, progress.place(participant)).state
+    return one.drove, one.counts_why, status
+
+
+def test_a_robot_that_went_where_its_driver_sent_it_has_moved(robot):
+    records = photographed(timezone.now().timestamp())
+    drive = by_itself(begin(robot), records, "goto")
+    assert (drive.moved, counted(drive)) == (True, (True, "", "moved"))
+
+
+def test_a_robot_that_only_left_its_dock_by_itself_has_not_moved(robot):
+    start = timezone.now().timestamp()
+    route = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, "1.5")).go(SECOND)
+    drive = by_itself(begin(robot), route.records, "docking")
+    assert (drive.moved, counted(drive)) == (False, (False, "not_driven", "unmoved"))
+    assert drive.exposed_at is not None
+
+
+def test_a_drive_without_a_note_of_motion_began_to_move_when_its_states_show_it(robot):
+    drive = by_itself(begin(robot), photographed(timezone.now().timestamp()), "goto")
+    for offset in (AHEAD, AHEAD - 1e9):  # of a clock that was never set
+        StateChunk.objects.update(clock_offset=offset)
+        (one,) = dataset_of(drive.participant.study).sessions
+        assert one.first_motion == pytest.approx(one.first_frame, abs=1.0)
 
 
 def test_a_place_of_a_technical_failure_is_refilled_as_often_as_the_rule_allows(robot):

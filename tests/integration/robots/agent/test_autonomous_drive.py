@@ -7,6 +7,7 @@ import pytest
 from robots.agent.adapters import registry
 from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
+from sessions.visitor_motion import VisitorMotion
 from tests.support.agents.autonomous_drive import made
 from tests.support.agents.control_rig import ThreadedControlRig, own
 from tests.support.agents.truth import Onlooker
@@ -82,6 +83,25 @@ def test_assistance_stops_a_driver_before_a_wall_and_is_in_the_state(rig, onlook
     assert state.mode == "assisted"
     assert onlooker.truth().contacts == 0
     rig.drive(-0.2, until=lambda: onlooker.truth().clearance > 0.3, within=20.0)
+
+
+@pytest.mark.nightly
+def test_states_tell_a_return_to_the_dock_from_leaving_it(tmp_path):
+    adapter = registry.create("simulator", "giraff", {"camera": "no", "seed": "3"})
+    with ThreadedControlRig(tmp_path, robot=registry.autonomous(adapter)) as rig:
+        rig.link.wait("state", lambda s: s.docked, within=40.0)
+        rig.wait(lambda: not rig.kernel.held)
+        for action in (own(m.Undock, "u"), own(m.Dock, "d")):
+            rig.grant(ttl=60.0)
+            rig.act(action)
+            assert rig.beat_until_end(action.action_id).status == "FINISHED"
+        motion, states = VisitorMotion(), rig.link.all("state")
+        moved = [(s.session, s.mode) for s in states if motion.take(s)]
+        assert {*moved} == {("s1", "docking")}
+        left = next(n for n, s in enumerate(states) if s.mode == "docking")
+        free = next(n for n, s in enumerate(states) if n > left and s.mode == "manual")
+        motion = VisitorMotion()
+        assert not any(motion.take(s) for s in states[:free])
 
 
 # --- with sonars and a bumper, and no laser -------------------------------------------------------

@@ -114,7 +114,11 @@ REPORTS = [
 ]
 
 
-@pytest.mark.parametrize(("check", "changed", "reported"), REPORTS, ids=lambda part: getattr(part, "__name__", str(part)))
+@pytest.mark.parametrize(
+    ("check", "changed", "reported"),
+    REPORTS,
+    ids=lambda part: getattr(part, "__name__", str(part)),
+)
 def test_check_reports_wrong_settings_and_accepts_right_ones(settings, check, changed, reported):
     for name, value in changed.items():
         setattr(settings, name, value)

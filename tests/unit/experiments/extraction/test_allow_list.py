@@ -35,8 +35,8 @@ from tests.support.paths import ROOT
 from tests.support.studies.traces import Known, traces
 
 DECIDE = (
-    "decide in experiments/extraction/allow_list.py what of it a pseudonymous dataset may contain: "
-    "`withheld` (or KEPT_BACK for a whole kind) withholds it"
+    "decide in experiments/extraction/allow_list.toml what of it a pseudonymous dataset may "
+    "contain: `withheld` (or kept_back for a whole kind) withholds it"
 )
 GRANTED = 1_777_885_200.25
 RELEASE = Release(Pseudonyms("5e" * 32), Selection(), frozenset({"hall"}), frozenset({"hello"}))

@@ -255,9 +255,9 @@ def test_a_cell_without_an_end_is_refused():
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        (field("a", "text", rule="number", least="[b] + 1"), "min [b] + 1"),
-        (field("a", "text", rule="number", most="9" * 400), "max 9999"),
-        (field("a", "text", rule="date_ymd", most="[b]"), "max [b]"),
+        (field("a", "text", rule="number", least="[b] + 1"), "min = [b] + 1"),
+        (field("a", "text", rule="number", most="9" * 400), "max = 9999"),
+        (field("a", "text", rule="date_ymd", most="[b]"), "max = [b]"),
     ],
 )
 def test_a_bound_that_cannot_be_checked_is_reported_and_left_out(row, message):

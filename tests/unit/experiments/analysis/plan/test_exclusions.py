@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.analysis.plan.reporting_sheet import reporting_sheet
+from experiments.analysis.tables.flow import flow
 from experiments.dataset.counting import counting
 from experiments.dataset.exclusions import excluded_participants
 from experiments.dataset.records import (
@@ -13,6 +15,7 @@ from experiments.dataset.records import (
     ResponseRecord,
     SessionRecord,
 )
+from tests.support.analysis.every_ending import every_ending
 from tests.support.analysis.planned import plan_with, planned_study
 from tests.support.studies.studies import STUDY
 
@@ -112,14 +115,35 @@ def test_each_step_that_asks_a_questionnaire_has_a_median_of_its_own():
 
 def test_incomplete_cases_lack_a_drive_or_answers():
     data = dataset(plan_with(incomplete="answers"))
-    people = (*data.participants, ParticipantRecord("P3"))
-    rows = {"participants": people, "sessions": data.sessions[1:], "responses": data.responses[:2]}
-    data = Dataset(data.study, **rows)
+    still = replace(data.sessions[0], first_frame=1.0, first_motion=float("nan"))
+    rows = {"sessions": (still, *data.sessions[1:]), "responses": data.responses[:2]}
+    data = Dataset(data.study, participants=data.participants, **rows)
     assert found(data) == [
         ("P0", "incomplete", "no drive of shut"),
         ("P2", "incomplete", "no answers to experience (shut)"),
-        ("P3", "incomplete", "never assigned to a condition"),
     ]
+
+
+def test_nobody_is_incomplete_who_was_not_exposed_or_still_drives():
+    found = counting(every_ending(plan_with(incomplete="drives")))
+    lacking = [one.participant for one in found.exclusions if one.rule == "incomplete"]
+    assert lacking == ["fault", "still", "visitor"]
+    sheet = {
+        row[1].text: row[2].text for row in reporting_sheet(found, (), found.participants).rows
+    }
+    assert sheet["excluded by the plan's rules"] == "3 participants"
+    assert sheet["incomplete"] == "3 cases"
+    lines = {(row[0].text, row[2].text): row[3].value for row in flow(found).rows}
+    assert lines["all", "among them: excluded by the plan's rules"] == 3
+
+
+def test_reporting_sheet_and_flow_count_the_same_drivers():
+    found = counting(every_ending())
+    sheet = {
+        row[1].text: row[2].text for row in reporting_sheet(found, (), found.participants).rows
+    }
+    lines = {(row[0].text, row[1].text): row[3].value for row in flow(found).rows}
+    assert int(sheet["drove a robot"]) == lines["all", "drove"] == 9
 
 
 def test_platform_faults_and_researchers_exclude_sessions_but_no_participant():
