@@ -91,24 +91,15 @@ def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | Non
 
 
 def _speeding(dataset: Dataset) -> Iterator[Flag]:
-    asked = {step.key: name for name, step in dataset.study.asked.items()}
-    pages = [one for one in dataset.pages if one.finished and one.step in asked]
-    times = by_key((asked[page.step], page.seconds) for page in pages)
-    # in datasets of earlier releases, pages have no session if their step is not repeated
-    answered = {
-        (one.participant, name, session): len(one.values)
-        for name in asked.values()
-        for one in dataset.answers_to(name)
-        for session in ("", one.session)
-        if one.finished
-    }
-    for page in pages:
-        name = asked[page.step]
-        items = answered.get((page.participant, name, page.session), 0)
-        grade = speeding(page.seconds, items, times[name])
-        if grade is not None:
-            value = f"{name}: {items} answers in {page.seconds:.1f} s"
-            yield Flag(page.participant, "speeding", grade, value, page.session)
+    for name in dataset.study.asked:
+        answered = dataset.answered_pages(name)
+        times = [page.seconds for page, _response in answered]
+        for page, response in answered:
+            items = len(response.values) if response.finished else 0
+            grade = speeding(page.seconds, items, times)
+            if grade is not None:
+                value = f"{name}: {items} answers in {page.seconds:.1f} s"
+                yield Flag(page.participant, "speeding", grade, value, page.session)
 
 
 def straight_lining(

@@ -105,14 +105,7 @@ def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     for variable, step in dataset.study.asked.items():
         if step.questionnaire != rule.questionnaire:
             continue
-        # in datasets of earlier releases, pages have no session if their step is not repeated
-        counting = {
-            (one.participant, session)
-            for one in dataset.answers_to(variable)
-            for session in (one.session, "")
-        }
-        finished = (one for one in dataset.pages if one.finished and one.step == step.key)
-        pages = [one for one in finished if (one.participant, one.session) in counting]
+        pages = [page for page, _response in dataset.answered_pages(variable)]
         limit, in_words = _limit(rule, pages)
         for page in pages:
             if page.seconds < limit:

@@ -413,6 +413,22 @@ class Dataset:
         own = (one for one in self.responses if one.questionnaire == slug)
         return [one for one in own if not point or (step is not None and one.step == step.key)]
 
+    def answered_pages(self, variable: str) -> list[tuple[PageRecord, ResponseRecord]]:
+        """Return the finished pages of a questionnaire, each with its response, if that counts.
+
+        A step about drives has pages with a session, except in datasets of earlier releases. A page
+        without one was then seen in a round without a drive, whose answers do not count.
+        """
+        key = self.study.asked[variable].key
+        finished = [one for one in self.pages if one.finished and one.step == key]
+        has_sessions = any(one.session for one in finished)
+        responses = {
+            (one.participant, one.session if has_sessions else ""): one
+            for one in self.answers_to(variable)
+        }
+        pairs = ((page, responses.get((page.participant, page.session))) for page in finished)
+        return [(page, response) for page, response in pairs if response is not None]
+
     def asking(self, response: ResponseRecord) -> AskingStep | None:
         """Return the step that asked a response; of earlier releases, the first that may have."""
         slug = response.questionnaire

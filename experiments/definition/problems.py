@@ -55,7 +55,8 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     asked = {step.questionnaire for step in study.questionnaire_steps}
     if study.recruiting is not None:
         yield from within(recruiting_problems(study.recruiting), place)
-    yield from within(screening_problems(study.screening, study.answer_quotas, asked), place)
+    rules = (study.screening, study.answer_quotas)
+    yield from within(screening_problems(*rules, asked, study.screening_steps), place)
     yield from within(piping_problems(study.steps), place)
 
 

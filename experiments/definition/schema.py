@@ -327,6 +327,15 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
 
     @property
+    def screening_steps(self) -> dict[str, AskingStep]:
+        """The step of each questionnaire whose answers may screen out: the first one that asks it,
+        if that is before the task.
+        """
+        last = len(self.steps) if self.task is None else self.steps.index(self.task)
+        before = (one for one in self.steps[:last] if isinstance(one, AskingStep))
+        return {one.questionnaire: one for one in reversed([*before])}
+
+    @property
     def asked(self) -> dict[str, AskingStep]:
         """The questionnaires as variables of results: each is named after its questionnaire, and
         after questionnaire and step (`trust.before`) where several steps ask it.

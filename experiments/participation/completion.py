@@ -68,9 +68,16 @@ def _of_drive(drive: Drive, side: str) -> Ending:
 
 
 def has_left_drive(participant: Participant) -> bool:
-    """Tell whether a participant left after moving the robot in the task."""
+    """Tell whether a participant who has ended left after moving the robot in the task, also where
+    they keep a better ending of an earlier visit.
+    """
+    has_ended = participant.completion in BEST_FIRST
+    return has_ended and has_driven(participant) and ending_of(participant) == LEFT
+
+
+def has_driven(participant: Participant) -> bool:
     drives = participant.task_drives.select_related("session")
-    return participant.completion == LEFT and any(drive.has_moved for drive in drives)
+    return any(drive.has_moved for drive in drives)
 
 
 def _without_motion(participant: Participant, number: int, drives: list[Drive]) -> Ending:
@@ -94,7 +101,8 @@ def _without_motion(participant: Participant, number: int, drives: list[Drive]) 
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
     """Store that a participant has finished. A later visit can only improve the ending."""
-    ending = "done" if participant.completion == "done" else ending_of(participant)
+    reached = {ending_of(participant), participant.completion}.intersection(BEST_FIRST)
+    ending = min(reached, key=BEST_FIRST.index)
     close(participant, Participant.Status.FINISHED, ending, now)
     appointments.plan_second_session(participant, now)
 
@@ -120,7 +128,9 @@ def return_address(participant: Participant, ending: Ending | None = None) -> st
 
 
 def on_leaving(participant: Participant) -> tuple[Ending, str]:
-    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid."""
+    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid.
+    Those whom no recruitment site sent have no use for the code of leaving.
+    """
     if participant.completion:
         return participant.completion, participant.completion_code
-    return "left", code(participant.study, "left")
+    return "left", code(participant.study, "left") if participant.recruitment_id else ""

@@ -223,7 +223,11 @@ def see(participant: Participant, now: datetime.datetime) -> None:
 
 
 def screen_out(participant: Participant, now: datetime.datetime) -> None:
-    completion.close(participant, Status.SCREENED_OUT, SCREENED_OUT, now)
+    """Turn a participant away. Those who finished an earlier visit, or drove, finish instead."""
+    if participant.completion or completion.has_driven(participant):
+        completion.conclude(participant, now)
+    else:
+        completion.close(participant, Status.SCREENED_OUT, SCREENED_OUT, now)
 
 
 def of_user(user: Any) -> "QuerySet[Participant]":

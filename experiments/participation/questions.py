@@ -109,6 +109,20 @@ def with_answers(participant: Participant, text: str, *, language: str) -> str:
     return piping.filled(text, answer)
 
 
+def operator_text(participant: Participant, language: str) -> str:
+    """Return the debriefing about a hidden operator, for participants who may have met one: who
+    have begun the task in a condition with an operator, or reached the end of the study.
+    """
+    definition, keys = participant.study.as_definition(), participant.conditions
+    if participant.status != Participant.Status.FINISHED:
+        begun = set(participant.task_drives.values_list("round", flat=True))
+        keys = [key for number, key in enumerate(keys) if number in begun]
+    if not any(map(definition.wizard_of, keys)):
+        return ""
+    language = progress.language_of(definition, language)
+    return with_answers(participant, spoken(definition.operator_text, language), language=language)
+
+
 def _in_words(response: Response, item: str, language: str) -> str:
     question = response.questionnaire.as_definition().question(item)
     given = response.given().get(item)

@@ -188,9 +188,6 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
         completion.conclude(participant, now)
     definition = participant.study.as_definition()
     language = progress.language_of(definition, request.LANGUAGE_CODE)
-    # only participants who may have met a hidden operator learn of one
-    keys = participant.conditions
-    may_have_met = not keys or any(map(definition.wizard_of, keys))
 
     def filled(text: Text) -> str:
         return questions.with_answers(participant, spoken(text, language), language=language)
@@ -198,8 +195,11 @@ def show_end(request: HttpRequest, participant: Participant, now: datetime) -> H
     left_drive = completion.has_left_drive(participant)
     may_return = not is_walk_through(participant) and landing.may_take_part_again(participant, now)
     more = {
-        "text": filled(progress.step_of(participant).end_text),
-        "operator": filled(definition.operator_text) if may_have_met else "",
+        "heading": spoken(definition.steps[-1].title, language),
+        "text": filled(definition.steps[-1].end_text),
+        "operator": filled(definition.operator_text)
+        if is_walk_through(participant)
+        else questions.operator_text(participant, language),
         "may_take_part_again": may_return,
         "left_drive": left_drive,
         "may_try_again": may_return and not left_drive and participant.completion in MAY_TRY_AGAIN,

@@ -21,7 +21,14 @@ from django.views.decorators.http import require_http_methods, require_safe
 from experiments.definition.course import CourseError
 from experiments.definition.step import AskingStep
 from experiments.models import Participant
-from experiments.participation import advance, completion, drive_config, journey, progress
+from experiments.participation import (
+    advance,
+    completion,
+    drive_config,
+    journey,
+    progress,
+    questions,
+)
 from experiments.participation.drive_status import robot_for, status_at
 from experiments.participation.step_page import render_in_frame, return_button, show_end, to_step
 from experiments.participation.steps import page_of
@@ -75,7 +82,8 @@ def _show(request: HttpRequest, participant: Participant) -> HttpResponseBase:
     now = timezone.now()
     _catch_up(participant, now)
     if participant.status == Status.SCREENED_OUT:
-        more = return_button(participant)
+        operator = questions.operator_text(participant, request.LANGUAGE_CODE)
+        more = {"operator": operator, **return_button(participant)}
         return render_in_frame(request, participant, "experiments/screened_out.html", more)
     if participant.status == Status.FINISHED:
         return show_end(request, participant, now)
@@ -89,8 +97,7 @@ def _catch_up(participant: Participant, now: datetime.datetime) -> None:
         step = progress.step_of(participant)
         if not page_of(participant, step).is_done():
             return
-        asked = step.questionnaire if isinstance(step, AskingStep) else ""
-        if asked and screening.is_screened_out(participant, asked, now):
+        if isinstance(step, AskingStep) and screening.is_screened_out(participant, step, now):
             progress.screen_out(participant, now)
         elif not advance.go_on(participant, progress.place(participant), now):
             return

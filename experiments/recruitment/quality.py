@@ -23,7 +23,7 @@ def same_id_flags(study: Study) -> Iterator[Flag]:
     the study: they joined before ids were recognized, or with a personal link.
     """
     people = Participant.objects.filter(study__slug=study.slug, kind=ParticipantKind.PARTICIPANT)
-    rows = people.exclude(recruitment_id="")
+    rows = people.exclude(recruitment_id="").exclude(status=Participant.Status.WITHDRAWN)
     found = list(rows.values_list("recruitment_id", "code", "study_id"))
     counts = Counter(identifier for identifier, _code, _study in found)
     for identifier, code, version in found:

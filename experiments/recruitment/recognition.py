@@ -5,9 +5,11 @@ A link with the id continues that participation. Other people know the id too, s
 researchers of earlier studies, so a browser that did not show the id of the same submission gets no
 copy of the participant's data (`is_confirmed`).
 
-Participants who withdraw after their assignment cannot join again, which would be a second draw. A
-hash of their id, or of their account, stays for that. It is keyed with the site's secret key, so
-that a list of ids and a copy of the database do not tell who withdrew.
+Participants who withdraw after they were assigned or turned away cannot join again, which would be
+a second draw or a second answer to the screening. A hash of their id, or of their account, stays
+for that; of an id it stays in any case, because its owner was shown a code that is to be paid. It
+is keyed with the site's secret key, so that a list of ids and a copy of the database do not tell
+who withdrew.
 """
 
 from collections.abc import Mapping
@@ -52,14 +54,18 @@ def known(study: Study, came: Arrival) -> Participant | None:
 
 
 def kept_after_withdrawal(participant: Participant) -> str:
-    """Return the hash that stays of a participant; empty for those who may join again: they had
-    neither been assigned nor finished, or are pilots or bots.
+    """Return the hash that stays of a participant; empty for pilots, bots, guests without an id,
+    and accounts that may join again.
     """
-    took_part = participant.cell or participant.completion
-    if participant.kind != ParticipantKind.PARTICIPANT or not took_part:
-        return ""
-    who = participant.recruitment_id or _account(participant.user)
-    return withdrawn_as(participant.study.slug, who) if who else ""
+    account = _account(participant.user) if has_taken_part(participant) else ""
+    who = participant.recruitment_id or account
+    is_kept = who and participant.kind == ParticipantKind.PARTICIPANT
+    return withdrawn_as(participant.study.slug, who) if is_kept else ""
+
+
+def has_taken_part(participant: Participant) -> bool:
+    """Tell whether a participant was assigned, finished, or was turned away."""
+    return bool(participant.cell or participant.completion)
 
 
 def withdrawn_as(slug: str, who: str) -> str:
@@ -68,11 +74,12 @@ def withdrawn_as(slug: str, who: str) -> str:
 
 def has_withdrawn(study: Study, came: Arrival, user: Any) -> bool:
     """Tell whether the person that a link names, or this user, has withdrawn from a version of the
-    study after being assigned.
+    study after taking part (`has_taken_part`).
     """
     hashes = [withdrawn_as(study.slug, who) for who in (came.identifier, _account(user)) if who]
     rows = Participant.objects.filter(study__slug=study.slug, recruitment_id__in=hashes)
-    return rows.filter(status=Participant.Status.WITHDRAWN).exists()
+    withdrawn = rows.filter(status=Participant.Status.WITHDRAWN)
+    return withdrawn.exclude(cell="", completion="").exists()
 
 
 def _account(user: Any) -> str:

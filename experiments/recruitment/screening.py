@@ -6,11 +6,15 @@ from collections.abc import Mapping
 from datetime import datetime, timedelta
 from typing import Any
 
+from django.db.models import Q
+
 from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
 from experiments.definition.schema import StudyDefinition
+from experiments.definition.step import AskingStep
 from experiments.models import Participant, ParticipantKind, StepResponse
 
 Status = Participant.Status
+FIRST = Q(visit=1, round=0)  # of several answers to a questionnaire, those that are judged
 
 
 def device_kind(device: Mapping[str, Any]) -> str:
@@ -28,16 +32,21 @@ def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
     return fits and (not study.browsers or browser in study.browsers)
 
 
-def is_screened_out(participant: Participant, questionnaire: str, now: datetime) -> bool:
-    """Tell whether a participant's answers to a finished questionnaire screen them out: by a rule,
-    or because a quota is full. Bots answer at random and are never screened out.
+def is_screened_out(participant: Participant, step: AskingStep, now: datetime) -> bool:
+    """Tell whether a participant's answers at a step that is done screen them out: by a rule, or
+    because a quota is full. Only the first answers are judged: of the first visit and round, before
+    the task. Bots answer at random and are never screened out.
     """
-    definition = participant.study.as_definition()
+    definition, questionnaire = participant.study.as_definition(), step.questionnaire
     rules = [one for one in definition.screening if one.questionnaire == questionnaire]
     quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
-    if participant.kind == ParticipantKind.BOT or not (rules or quotas):
+    is_first = (participant.visit, participant.round) == (1, 0)
+    is_judged = is_first and definition.screening_steps.get(questionnaire) == step
+    if participant.kind == ParticipantKind.BOT or not is_judged or not (rules or quotas):
         return False
-    asked = newest_finished(participant, questionnaire)
+    finished = StepResponse.objects.filter(FIRST, response__finished_at__isnull=False)
+    own = finished.filter(participant=participant, step=step.key)
+    asked = own.select_related("response__questionnaire").first()
     if asked is None:
         return False
     values = {item: given.value for item, given in asked.response.given().items()}
@@ -66,10 +75,11 @@ def _earlier(participant: Participant, quota: AnswerQuota, own: StepResponse, no
     study, own_order = participant.study, (own.response.finished_at, str(own.response_id))
     last_seen = now - timedelta(hours=study.as_definition().allocation.left_after_hours)
     rows = StepResponse.objects.filter(
+        FIRST,
+        step=own.step,
         participant__study=study,
         participant__kind=participant.kind,
         participant__status__in=(Status.ACTIVE, Status.FINISHED),
-        response__questionnaire__slug=quota.questionnaire,
         response__finished_at__isnull=False,
         response__answers__item=quota.item,
     ).exclude(participant=participant)

@@ -20,6 +20,7 @@ from django.views.decorators.http import require_safe
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
+from experiments.participation.withdrawal.receipt import STAYS
 from robots.access import may_drive_each, robots_visible_to
 from robots.cards import STATES, RobotCard, card
 from robots.models import Robot
@@ -73,7 +74,7 @@ def robots_json(request: HttpRequest) -> JsonResponse:
 
 @require_safe
 def about(request: HttpRequest) -> HttpResponse:
-    return render(request, "site/about.html")
+    return render(request, "site/about.html", {"stays": STAYS.values()})
 
 
 @require_safe

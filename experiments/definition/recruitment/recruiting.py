@@ -1,7 +1,7 @@
 """How participants are recruited, screened and invited: optional parts of a definition."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Meta
@@ -95,13 +95,21 @@ def recruiting_problems(one: Recruiting) -> Iterator[Problem]:
 
 
 def screening_problems(
-    rules: Iterable[AnswerRule], quotas: Iterable[AnswerQuota], asked: Iterable[str]
+    rules: Iterable[AnswerRule],
+    quotas: Iterable[AnswerQuota],
+    asked: Container[str],
+    before_task: Container[str],
 ) -> Iterator[Problem]:
-    known = set(asked)
     both: tuple[AnswerRule | AnswerQuota, ...] = (*rules, *quotas)
     for one in both:
-        if one.questionnaire not in known:
+        if one.questionnaire not in asked:
             words = _("the study does not ask the questionnaire %(name)s.")
+            yield Problem(words, {"name": one.questionnaire})
+        elif one.questionnaire not in before_task:
+            words = _(
+                "the study asks the questionnaire %(name)s only after the task, when nobody is"
+                " turned away any more: ask it before."
+            )
             yield Problem(words, {"name": one.questionnaire})
         has_bounds = isinstance(one, AnswerRule) and (one.at_least, one.at_most) != (None, None)
         if not one.answers and not has_bounds:

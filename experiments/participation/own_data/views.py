@@ -20,12 +20,12 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.models import ConsentReceipt, Participant
-from experiments.participation import progress
+from experiments.participation import progress, questions
 from experiments.participation.consent import as_text, take_back_sharing
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
 from experiments.participation.withdrawal import deletion
-from experiments.participation.withdrawal.receipt import leave
+from experiments.participation.withdrawal import receipt as receipts
 from experiments.recruitment import recognition
 
 FORBIDDEN = 403
@@ -78,6 +78,8 @@ def data_download(request: HttpRequest) -> JsonResponse:
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
     user: Any = request.user
+    own = list(progress.of_user(user))
+    operators = {questions.operator_text(one, get_language() or "") for one in own} - {""}
     if user.is_guest and not request.POST.get("sure"):
         refusal = _("To confirm, tick the box. Nothing was deleted.")
     elif not user.is_guest and request.POST.get("username", "") != user.username:
@@ -92,6 +94,8 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
     else:
         logout(request)
         messages.success(request, _("Your account and all your data have been deleted."))
+        for text in operators:
+            messages.info(request, text)
         return redirect("home")
     messages.error(request, refusal)
     return redirect("own_data")
@@ -121,10 +125,12 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         is_active = participant.status == Participant.Status.ACTIVE
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
-        more["cannot_return"] = bool(recognition.kept_after_withdrawal(participant))
+        receipt = receipts.of(participant, get_language() or "", timezone.now())
+        more["receipt"] = receipt
+        more["cannot_return"] = receipt.keeps_hash and recognition.has_taken_part(participant)
         more["shares"] = participant.consents.filter(sharing=True).exists()
         return render(request, "experiments/withdraw.html", more)
-    return leave(request, participant, timezone.now())
+    return receipts.leave(request, participant, timezone.now())
 
 
 @never_cache

@@ -33,7 +33,7 @@ from experiments.models import (
     Study,
     not_drawn,
 )
-from experiments.participation import progress, questions
+from experiments.participation import completion, progress, questions
 from experiments.recruitment import recognition
 from sessions.leases import store
 from sessions.models import Session, Snapshot
@@ -151,14 +151,17 @@ def _strip(participant: Participant, now: datetime) -> None:
 
 def _mark(participant: Participant, now: datetime) -> None:
     """Store the day, the step and the stage of the withdrawal, and release or fill the place. The
-    completion stays: all with the same ending have the same code, and may still need it.
+    completion and its code, or else the code of leaving, stay: all with the same ending have the
+    same code, and may still need it.
     """
     rows = Participant.objects.filter(pk=participant.pk)
     stage = stages_of(participant.study, [participant])[participant.pk]
     place = {"withdrawn_step": participant.step, "withdrawn_stage": stage}
+    _ending, code = completion.on_leaving(participant)
     times = {"seen_at": now, "finished_at": None, "withdrawn_at": now.date()}
+    left = {"status": Status.WITHDRAWN, "completion_code": code, **times, **place}
     staying = rows.exclude(status=Status.WITHDRAWN)
-    if staying.update(status=Status.WITHDRAWN, **times, **place):
+    if staying.update(**left):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
     was_exposed = participant.task_drives.filter(EXPOSED).exists()
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)

@@ -24,8 +24,8 @@ from django.views.decorators.http import require_POST
 
 from accounts import audit
 from accounts.models import AuditEntry, User
-from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
-from experiments.participation import completion, progress
+from experiments.models import CodingEdit, Participant, StudyMember, TaskEvent
+from experiments.participation import completion, progress, questions
 from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
 from experiments.recruitment import recognition
@@ -37,6 +37,7 @@ SALT, SECONDS = "withdrawal-receipt", 86_400
 _WORDS = words_by_kind(__file__, "receipt_words.csv", gettext_lazy)
 COUNTED, WHAT, BY = _WORDS["counted"], _WORDS["what"], _WORDS["by"]
 NOTHING = Q(pk__in=())
+STAYS = _WORDS["stays"]  # what remains of a participant, and why
 
 
 class Export(msgspec.Struct, frozen=True):
@@ -62,8 +63,8 @@ class Export(msgspec.Struct, frozen=True):
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
     """The receipt: `deleted` counts rows by the keys of `COUNTED`; `waits` tells that a drive has
     yet to end, `with_account` that the account is deleted too. `completion_code` is the one that
-    they got for the recruitment site; it stays valid. `cannot_return` tells that a keyed hash stays
-    of their id or account.
+    they got for the recruitment site; it stays valid. `keeps_hash` tells that a keyed hash stays of
+    their id or account.
     """
 
     title: str
@@ -76,11 +77,16 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
     deleted: dict[str, int]
     exports: tuple[Export, ...]
     completion_code: str = ""
-    cannot_return: bool = False
+    keeps_hash: bool = False
 
     @property
     def counts(self) -> list[tuple[str | Promise, int]]:
         return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
+
+    @property
+    def stays(self) -> list[str | Promise]:
+        other = {"hash": not self.keeps_hash, "account": self.with_account}
+        return [words for name, words in STAYS.items() if not other.get(name)]
 
 
 def of(participant: Participant, language: str, now: datetime.datetime) -> WithdrawalReceipt:
@@ -95,8 +101,8 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
         waits=living.exists(),
         deleted=_counted(participant),
         exports=_exports(participant),
-        completion_code=participant.completion_code,
-        cannot_return=bool(recognition.kept_after_withdrawal(participant)),
+        completion_code=completion.on_leaving(participant)[1],
+        keeps_hash=bool(recognition.kept_after_withdrawal(participant)),
         **about_study,
     )
 
@@ -163,15 +169,17 @@ def _by(actor: Any, roles: dict[Any, str]) -> str:
 
 def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
     """Withdraw a participant; show the receipt, and the code for the recruitment site."""
-    receipt = of(participant, get_language() or "", now)
+    language = get_language() or ""
+    receipt = of(participant, language, now)
+    operator = questions.operator_text(participant, language)
     ending, code = completion.on_leaving(participant)
     address = completion.return_address(participant, ending)
-    wants_code = bool(participant.completion_code or participant.recruitment_id)
     deletion.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
-    shown = {"code": code if wants_code else "", "is_finished": ending != LEFT}
-    context = {"receipt": receipt, "signed": signed(receipt), "address": address, **shown}
+    shown: dict[str, Any] = {"code": code, "ending": ending}
+    shown |= {"address": address, "operator": operator}
+    context = {"receipt": receipt, "signed": signed(receipt), **shown}
     return render(request, "experiments/withdrawn.html", context)
 
 

@@ -7,6 +7,8 @@ from django.core.management import call_command
 from django.urls import reverse
 
 from accounts import audit
+from accounts.models import User
+from accounts.passwordless import create_guest
 from experiments.models import Participant, StudyMember
 from experiments.participation.withdrawal import receipt as receipts
 from experiments.participation.withdrawal.receipt import WHAT
@@ -55,8 +57,25 @@ def test_receipt_counts_deleted_data_and_lists_what_is_kept(walker):
     for heading in ("What was deleted", "What stays, and why", "Who to ask"):
         assert heading in [one.text for one in page.all("h2")]
     assert "Nothing from this study was exported while you took part." in page.text
-    assert "Your account stays." in page.text
+    assert "Your account stays if it has a password" in page.text
     assert "Public datasets made from now on do not have this entry." in page.text
+
+
+@pytest.mark.parametrize("is_recruited", [False, True])
+def test_page_before_and_receipt_and_privacy_page_list_the_same(client, is_recruited):
+    study = p.published(p.of("exploration"), entry="code")
+    came = {"PROLIFIC_PID": "5f0c"} if is_recruited else {}
+    one = p.comer(study, create_guest(User.Kind.PARTICIPANT), recruitment=came)
+    client.force_login(one.user)
+    address = reverse("study_withdraw", args=[one.code])
+    before, after = read(client.get(address)), read(client.post(address))
+    text = client.post(DOWNLOAD, {"receipt": carried(after)}).content.decode()
+    everywhere = read(client.get(reverse("about")))
+    for name, words in receipts.STAYS.items():
+        is_told = {"hash": is_recruited, "account": False}.get(name, True)
+        for page in (before.text, after.text, text):
+            assert (str(words) in page) == is_told
+        assert str(words) in everywhere.text
 
 
 def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_name(walker):
@@ -110,7 +129,7 @@ def test_participant_who_finished_keeps_the_completion_code(walker):
     page = left(walker)
     assert code in page.text
     text = walker.client.post(DOWNLOAD, {"receipt": carried(page)}).content.decode()
-    assert f"Your completion code: {code}" in text
+    assert f"Code for the recruitment site: {code}" in text
     row = Participant.objects.get()
     assert (row.status, row.completion, row.completion_code) == ("withdrawn", "done", code)
     assert row.withdrawn_stage == "answered"

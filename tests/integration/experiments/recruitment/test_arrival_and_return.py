@@ -4,19 +4,23 @@ from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
+import msgspec
 import pytest
 from django.test import Client
 from django.utils import timezone
 
 from accounts.models import EntryCode, User
+from experiments.definition.shipped import shipped
 from experiments.models import Participant, Study
 from experiments.participation import completion, progress
-from experiments.recruitment import recognition
+from experiments.recruitment import recognition, screening
 from sessions.leases.absences import note_page_closed
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
+from tests.support.studies import task_session
+from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
@@ -387,7 +391,7 @@ def test_a_withdrawal_after_the_end_keeps_the_completion_code(ada):
 def test_an_id_that_withdraws_after_the_draw_cannot_join_again(recruit, ada, publish):
     ada.finish()
     receipt = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
-    assert "you can't take part a second time" in receipt.text
+    assert "it also keeps you from taking part a second time" in receipt.text
     Study.objects.update(status="closed")
     for study in (ada.study, publish(version=2)):
         again = recruit(study)
@@ -419,6 +423,20 @@ def test_declining_the_consent_returns_the_code_of_leaving(recruit, ada):
     assert COMPLETE + code in [one.attributes.get("href") for one in page.all("a")]
     assert recruit(ada.study).join().url == STEP, "and may come again, as somebody new"
     assert Participant.objects.filter(recruitment_id="5f0c").count() == 1
+
+
+def test_withdrawal_after_being_turned_away_keeps_the_code_and_the_refusal(recruit, publish):
+    rule = publish(screening=[RULE], turned_away_code=True)
+    ada = recruit(rule)
+    ada.join()
+    ada.go_to("about_you")
+    answered(ada, "age", 3)
+    ada.walker.look()
+    page = read(ada.client.post(f"/taking-part/{ada.participant.code}/withdraw/"))
+    assert completion.code(rule, "screened_out") in page.text
+    assert "You could not take part. You keep the code that you got." in page.text
+    assert "You had finished" not in page.text
+    assert recruit(rule).join().url == FRONT, "the same answers cannot be given again"
 
 
 def test_a_participant_of_no_site_gets_the_code_to_copy_as_before(publish, client):
@@ -501,6 +519,92 @@ def test_a_quota_takes_the_first_who_answer_and_refills_when_one_leaves(recruit,
         one.client.get(STEP)
         states.append(one.participant.status)
     assert states == ["active", "active", "active", "screened_out", "active"]
+
+
+SECOND_SESSION = {"required": False, "second_after_days": 1}
+
+
+def before_and_after(**changes: Any) -> dict[str, Any]:
+    """The study with one questionnaire before the task and after it."""
+    steps = msgspec.to_builtins(shipped()["exploration"])["steps"]
+    asked = next(one for one in steps if one["kind"] == "questionnaire")
+    task = next(n for n, one in enumerate(steps) if one["kind"] == "task")
+    steps = [*steps[:task], {**asked, "key": "before"}, *steps[task:]]
+    return {"steps": steps, "analyses": [], "appointments": SECOND_SESSION, **changes}
+
+
+LIKED = {"questionnaire": "experience", "item": "q1", "at_least": 0}
+
+
+def test_only_the_first_answers_before_the_task_screen_out(joined, publish):
+    ada = joined(publish(**before_and_after(screening=[LIKED])), "before")
+    answered(ada, "q1", 2)
+    ada.go_to("task")
+    ada.walker.drive()
+    ada.go_to("experience")
+    answered(ada, "q1", -2)
+    ada.walker.look()
+    assert ada.participant.step == "thanks"
+    leads_back(ada, "done")
+    ada.client.post(FRONT)
+    assert (ada.participant.visit, ada.participant.step) == (2, "instructions")
+    ada.go_to("before")
+    answered(ada, "q1", -2)
+    ada.walker.look()
+    assert (ada.participant.status, ada.participant.step) == ("active", "task")
+    assert ada.participant.completion_code == completion.code(ada.study, "done")
+
+
+def test_a_quota_counts_only_the_first_answers_before_the_task(joined, publish):
+    quota = {"questionnaire": "experience", "item": "q1", "answers": ["2"], "most": 1}
+    study = publish(**before_and_after(answer_quotas=[quota]))
+    ada, bob = joined(study, "before"), joined(study, "before", PROLIFIC_PID="bob")
+    answered(ada, "q1", 1)
+    ada.go_to("task")
+    ada.walker.drive()
+    ada.go_to("experience")
+    answered(ada, "q1", 2)
+    ada.walker.look()
+    answered(bob, "q1", 2)
+    bob.walker.look()
+    assert bob.participant.status == "active"
+
+
+def test_leaving_the_drive_of_another_try_keeps_the_code_and_ends_the_tries(ada):
+    ada.finish("robot_fault", moved=False)
+    leads_back(ada, "technical_failure")
+    ada.client.post(FRONT)
+    assert ada.participant.status == "active"
+    page = ada.finish("cancelled")
+    leads_back(ada, "technical_failure")
+    assert "Try the drive again" not in page.text
+    ada.client.post(FRONT)
+    assert ada.participant.status == "finished"
+
+
+@pytest.mark.parametrize(("number", "is_judged"), [(0, True), (1, False)])
+def test_only_the_first_of_several_rounds_screens_out(number, is_judged):
+    task_session.cabin_robot()
+    task, asked = ({**step, "repeat": True} for step in STUDY["steps"])
+    allocation = {"design": "within", "order": "fixed"}
+    rounds = {"steps": [asked, task], "allocation": allocation, "screening": [LIKED]}
+    ada = p.comer(p.published(small_study(**rounds)), person("ada"))
+    for passed in range(number + 1):
+        p.respond(ada, "experience", {"q1": -2}, number=passed)
+    Participant.objects.update(round=number)
+    ada.refresh_from_db()
+    step = progress.step_of(ada)
+    assert screening.is_screened_out(ada, step, timezone.now()) is is_judged
+
+
+def test_being_turned_away_from_a_later_visit_keeps_the_first_ending(joined, publish):
+    ada = joined(publish(appointments=SECOND_SESSION))
+    ada.finish()
+    ada.client.post(FRONT)
+    assert ada.participant.status == "active"
+    progress.screen_out(ada.participant, timezone.now())
+    assert ada.participant.status == "finished"
+    leads_back(ada, "done")
 
 
 def test_a_study_for_computers_sends_phones_elsewhere_before_anything_is_stored(recruit, publish):

@@ -130,6 +130,23 @@ def test_a_participant_who_withdrew_is_still_paid(client, study, ada, key):
     assert Participant.objects.get().recruitment_id not in shown, "nor is the hash of it"
 
 
+@pytest.mark.parametrize("is_assigned", [False, True])
+def test_a_participant_who_leaves_early_is_paid_as_the_page_promised(
+    client, study, ada, key, is_assigned
+):
+    if is_assigned:
+        p.assign(ada, "giraff_open")
+    client.force_login(ada.user)
+    page = client.post(f"/taking-part/{ada.code}/withdraw/").content.decode()
+    code = completion.code(study, "left")
+    assert code in page
+    head, line = payments.payment_rows(study)
+    row = dict(zip(head, line, strict=True))
+    assert (row["status"], row["outcome"], row["code"]) == ("withdrawn", "left", code)
+    (one,) = ask(client, key, id="5f0c").json()["participants"]
+    assert (one["status"], one["outcome"], one["completionCode"]) == ("withdrawn", "left", code)
+
+
 def test_an_id_that_looks_like_a_formula_is_guarded_in_the_payment_table(client, study):
     p.comer(study, person("eve"), recruitment={"PROLIFIC_PID": '=HYPERLINK("x")'})
     signed_in(client, "researcher", study.slug)

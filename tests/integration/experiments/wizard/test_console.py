@@ -16,6 +16,7 @@ from experiments.extraction.build import release_of
 from experiments.extraction.events import events_of
 from experiments.extraction.selection import Selection
 from experiments.models import Drive, Participant, StudyMember
+from experiments.participation import progress
 from experiments.participation.own_data.gathering import gather
 from experiments.research import live
 from robots.api import messages as m
@@ -292,6 +293,26 @@ def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, partici
     page = client.get("/studies/cabin-study/step/").content.decode()
     assert OPERATOR_TEXT in page
     assert f"/taking-part/{participant.code}/withdraw/" in page
+
+
+@pytest.mark.parametrize("kind", ["leaves", "deletes the account", "is turned away", "no drive"])
+def test_participant_who_met_an_operator_is_told_however_they_leave(
+    client, robot, participant, kind
+):
+    own = p.assign(participant, "all_open")
+    if kind != "no drive":
+        p.drive_of(robot, own, outcome="cancelled", moved=False)
+    client.force_login(own.user)
+    if kind == "is turned away":
+        progress.screen_out(own, timezone.now())
+        page = client.get("/studies/cabin-study/step/")
+    elif kind == "deletes the account":
+        page = client.post(reverse("own_data_delete"), {"username": own.user.username}, follow=True)
+    else:
+        asked = client.get(f"/taking-part/{own.code}/withdraw/").content.decode()
+        assert OPERATOR_TEXT not in asked, "those who stay are not told"
+        page = client.post(f"/taking-part/{own.code}/withdraw/")
+    assert (OPERATOR_TEXT in page.content.decode()) is (kind != "no drive")
 
 
 def test_own_data_names_the_operator_role_after_the_debriefing_and_never_the_person(

@@ -68,7 +68,7 @@ def test_a_complete_recruitment_site_has_no_problems():
 
 def test_rules_name_a_questionnaire_of_the_study_and_an_answer():
     quota = AnswerQuota(questionnaire="other", item="i", answers=("a",))
-    found = [one.sentence(str) for one in screening_problems([rule()], [quota], ["q"])]
+    found = [one.sentence(str) for one in screening_problems([rule()], [quota], ["q"], ["q"])]
     assert len(found) == 2
     assert "names no answer" in found[0]
     assert "other" in found[1]

@@ -165,6 +165,10 @@ def network(**ways) -> dict:
         ({"steps": [step("debrief", text={"en": "bye"}), TASK, ASKED]}, "must be the last step"),
         ({"steps": [TASK, ASKED, step("instructions", leaves=[])]}, "there is no page to read"),
         ({"allocation": {"design": "within"}}, "the task must be repeated"),
+        (
+            {"screening": [{"questionnaire": "experience", "item": "q1", "at_least": 0}]},
+            "asks the questionnaire experience only after the task",
+        ),
         ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
         (
             {"refill": {"outcomes": ["completed"], "most": 1}},

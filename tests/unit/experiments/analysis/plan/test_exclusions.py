@@ -65,6 +65,14 @@ def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not(
     assert [who for who, *_ in found(data)] == ["P0"]
 
 
+def test_fast_page_of_a_round_without_a_drive_excludes_nobody():
+    rule = {"questionnaire": "experience", "seconds": 10}
+    data = dataset(plan_with(speeders=[rule]))
+    assert found(replace(data, pages=(*data.pages, PageRecord("P0", "experience", "", 3.0)))) == []
+    earlier = tuple(replace(one, session="", seconds=3.0) for one in data.pages)
+    assert len(found(replace(data, pages=earlier))) == 3, "earlier releases noted no session"
+
+
 HALF = "experience: 4.0 s, less than 16.0 s (0.5 of the median of 32.0 s)"
 
 
