@@ -118,7 +118,9 @@ def test_share_of_success_has_an_interval_only_where_participants_have_one_drive
     for key, share, bounds in ((first, 0.0, (0.0, 27.8)), (second, 100.0, (72.2, 100.0))):
         assert cell(table, row(table, key), "Sessions") == 10
         assert cell(table, row(table, key), "% completed") == share
-        assert tuple(cell(table, row(table, key), name) for name in ("from", "to")) == pytest.approx(bounds, abs=0.1)
+        assert tuple(
+            cell(table, row(table, key), name) for name in ("from", "to")
+        ) == pytest.approx(bounds, abs=0.1)
     assert cell(table, row(table, "all"), "% completed") == 50.0
     assert {one.text for one in row(table, "all")[4:6]} == {"–"}
 
