@@ -62,6 +62,12 @@ def test_laser_of_a_self_localizing_robot_stops_its_driver_before_a_wall(robot, 
     assert world.contacts == 0
 
 
+def test_robot_hits_the_wall_without_assistance(robot, new_agent):
+    rig = new_agent(WALL)
+    rig.grant(assist="off", ttl=60.0)
+    rig.drive(0.4, until=lambda: robot.world.sim.contacts > 0, within=30.0)
+
+
 def test_self_localizing_robot_without_navigation_uses_ours(robot, new_agent):
     rig = new_agent("5.0,1.0,3.1", navigation="none")
     assert "goto" in rig.robot.profile.capabilities
