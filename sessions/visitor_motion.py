@@ -57,8 +57,6 @@ class VisitorMotion:
         self._last = state
         if any(command.linear or command.angular for command in state.applied):
             return True
-        return (state.mode == "goto" or self._returns) and _is_under_way(state.velocity)
-
-
-def _is_under_way(measured: _Velocity) -> bool:
-    return abs(measured.linear) > DOCKED.linear or abs(measured.angular) > DOCKED.angular
+        velocity = state.velocity
+        is_moving = not DOCKED.is_at_rest(velocity.linear, velocity.angular)
+        return is_moving and (state.mode == "goto" or self._returns)

@@ -25,6 +25,10 @@ class DockedRule:
     release: float = 0.5
     gap: float = 1.0
 
+    def is_at_rest(self, linear: float, angular: float) -> bool:
+        """Return whether a measured velocity (m/s, rad/s) counts as rest."""
+        return abs(linear) <= self.linear and abs(angular) <= self.angular
+
 
 DOCKED = DockedRule()
 ROUNDING = 1e-6  # seconds that a sum of periods may miss
@@ -60,8 +64,8 @@ APART = DockState()
 
 def follow(rule: DockedRule, before: DockState, reading: DockReading) -> DockState:
     """Return the state after the next reading."""
-    is_still = abs(reading.linear) <= rule.linear and abs(reading.angular) <= rule.angular
-    rests = reading.contact and is_still and reading.released
+    is_at_rest = rule.is_at_rest(reading.linear, reading.angular)
+    rests = reading.contact and is_at_rest and reading.released
     continuous = before.at is not None and reading.at - before.at <= rule.gap
     since = before.resting_since if continuous and before.resting_since is not None else reading.at
     has_rested = rests and reading.at - since >= rule.seconds - ROUNDING

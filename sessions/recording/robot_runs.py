@@ -40,10 +40,7 @@ class RobotRuns:
 
     def take(self, robot: str, state: State, session: str | None, now: float) -> bool:
         """Note a state of this robot's `session`; False when it was seen before."""
-        known = session is None or (session, state.boot) in self._restored
-        tracker = self._trackers.get(robot, {}).get(state.boot) if known else None
-        if tracker is None:
-            tracker = self._tracker(robot, state.boot, session, now)
+        tracker = self._tracker(robot, state.boot, session, now)
         last = self._last.setdefault(robot, _LastState(state.boot, now))
         last.at = now
         if tracker.reached is None or state.seq > tracker.reached:

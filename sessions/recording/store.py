@@ -181,23 +181,20 @@ class RecordStore:
 
         `careful`: another session manager may have stored some of these states, in other chunks.
         """
-        robots = {
-            robot
-            for row in rows
-            if (robot := self._robot_of_session.get(str(row.session_id))) is not None
-        }
-        foreign = {robot for robot in robots if not self.ownership.records(robot)}
+        robots = [self._robot_of_session.get(str(row.session_id)) for row in rows]
+        known = {robot for robot in robots if robot is not None}
+        ours = {robot for robot in known if self.ownership.records(robot)}
         by_model: dict[type[Model], list[Model]] = {}
-        for row in rows:
-            if self._robot_of_session.get(str(row.session_id)) in foreign:
-                self.counts["fenced"] += 1
-            else:
+        for row, robot in zip(rows, robots, strict=True):
+            if robot is None or robot in ours:
                 by_model.setdefault(type(row), []).append(row)
+            else:
+                self.counts["fenced"] += 1
         if careful:
             by_model[StateChunk] = [
                 part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)
             ]
-        with self.ownership.about(*(robots - foreign)):
+        with self.ownership.about(*ours):
             for model, fresh in by_model.items():
                 for start in range(0, len(fresh), BATCH):
                     batch = fresh[start : start + BATCH]

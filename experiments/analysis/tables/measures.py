@@ -105,8 +105,8 @@ class StudyMeasures:
         who lack one of these have none.
         """
         if test in FAMILIES:
-            driven = (one for one in self.measured if one.session.condition in keys)
-            return drive_side(compared_of(measure, driven), KINDS[measure], measure)
+            sessions = (one for one in self.measured if one.session.condition in keys)
+            return drive_side(compared_of(measure, sessions), KINDS[measure], measure)
         groups = {key: self.means(measure, key) for key in keys}
         values: dict[str, float] = {}
         for together in conditions_together(self.dataset.study):

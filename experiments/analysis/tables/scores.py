@@ -149,8 +149,8 @@ def _tested(dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale) ->
 
 def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
     """Yield sentences on comparisons that pool robots, or whose sides have different ones."""
-    driven = (group for group in found.groups if group.condition != NO_DRIVE)
-    robots = by_key((group.title, group.robot) for group in driven)
+    about_drives = (group for group in found.groups if group.condition != NO_DRIVE)
+    robots = by_key((group.title, group.robot) for group in about_drives)
     for title, own in robots.items():
         if len(own) > 1:
             yield f"{title} pools the robots {', '.join(own)}."

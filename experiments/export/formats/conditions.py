@@ -16,6 +16,7 @@ from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.scored_responses import asked_when
 from experiments.dataset.columns import Column, Tables, amount_of, flag, share
 from experiments.dataset.counting import PARTICIPANTS, attempted, counting
+from experiments.dataset.grouping import by_key
 from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED, Kind
 from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 from experiments.definition.factors import steps_about_drive
@@ -96,17 +97,15 @@ def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
 
 def condition_rows(source: ExportSource) -> Iterator[Sequence[Any]]:
     """Yield the rows, participant by participant; those who withdrew have none."""
-    drives: dict[tuple[str, str], list[SessionRecord]] = {}
-    for one in source.dataset.sessions:
-        if not one.practice:
-            drives.setdefault((one.participant, one.condition), []).append(one)
+    own_drives = (one for one in source.dataset.sessions if not one.practice)
+    drives = by_key(((one.participant, one.condition), one) for one in own_drives)
     study, found = source.dataset.study, cache(partial(_of_kind, source))
     for person in source.dataset.participants:
         if person.withdrawn:
             continue
         assigned = [key for key in person.cell.split("-") if key]
-        driven = (key for who, key in drives if who == person.id)
-        for order, key in enumerate(dict.fromkeys((*assigned, *driven)), start=1):
+        conditions = (key for who, key in drives if who == person.id)
+        for order, key in enumerate(dict.fromkeys((*assigned, *conditions)), start=1):
             own = drives.get((person.id, key), [])
             yield [*_row(study, found(person.kind), person, key, order, own)]
 
@@ -115,9 +114,7 @@ def _of_kind(source: ExportSource, kind: Kind) -> "_CountedRows":
     """Return what counts of the participants of a kind, as in a report on that kind."""
     dataset = counting(source.dataset, (kind,))
     measured = [replace(source.measured[one.id], session=one) for one in attempted(dataset)]
-    attempts: dict[Place, list[Measured]] = {}
-    for one in measured:
-        attempts.setdefault((one.session.participant, one.session.condition), []).append(one)
+    attempts = by_key(((one.session.participant, one.session.condition), one) for one in measured)
     keys = {key for _who, key in attempts}
     # covariates are also of incomplete participants, whose attempts count
     whole = replace(dataset, exclusions=())

@@ -18,7 +18,7 @@ from robots.api.reasons import ReasonCode
 
 TRIGGER = "std_srvs/Trigger"
 CANCEL_TIME = 1.0  # seconds that one call of `cancel` waits
-SETTLED_WITHIN = 6.0  # seconds in which the cancel before a docking has to be answered
+SETTLED_WITHIN = 6.0  # seconds within which the cancel before a docking must be answered
 LOST_FOR = 30.0  # seconds in which a call that ended without an answer may still start the robot
 
 
