@@ -29,8 +29,7 @@ from benchmarks.traffic import shares
 from benchmarks.traffic.mqtt_line import MqttLine, hello
 from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from robots.api.idle import WATCHER
 from tests.support.sessions.site import LOOPBACK, wait_for
 

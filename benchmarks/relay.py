@@ -17,8 +17,7 @@ from pathlib import Path
 
 import aiomqtt
 
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from sessions import protocol
 from tests.support.patience import until
 from tests.support.sessions.bridge_rig import Rig, RobotDouble, SocketPage

@@ -119,8 +119,7 @@ def past_chunk(session: Any, first: int) -> Any:
 
 
 def state(seq: int, boot: str, session: str | None, epoch: int, *, commands: int = 5) -> bytes:
-    from robots.api import codec
-    from robots.api import messages as m
+    from robots.api import codec, messages as m
 
     stamp = 1.7e9 + seq * 0.25
     applied = tuple(

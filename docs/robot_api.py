@@ -16,8 +16,7 @@ from typing import Any
 import msgspec
 
 from docs import page_codec
-from robots.api import messages as m
-from robots.api import topics
+from robots.api import messages as m, topics
 from robots.api.reasons import ReasonCode
 
 ROOT = Path(__file__).resolve().parents[1]

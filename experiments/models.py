@@ -11,8 +11,7 @@ from typing import Any
 from django.conf import settings
 from django.db import models
 from django.db.models import CASCADE, PROTECT, SET_NULL, ForeignKey, OneToOneField
-from django.utils.translation import get_language
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import get_language, gettext_lazy as _
 
 from accounts.passwordless import CODE_LETTERS
 from experiments.definition.recruitment.recruiting import ENDINGS

@@ -17,8 +17,7 @@ from accounts import audit
 from experiments.definition.problems import doubts, name_problems, problems
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.steps.consent import SHARING, TEMPLATE
-from experiments.models import PersonalLink, Rehearsal, StudyMember
-from experiments.models import Study as Row
+from experiments.models import PersonalLink, Rehearsal, Study as Row, StudyMember
 from experiments.resources import obstacles_here, shipped_questionnaires
 from surveys import questionnaires
 from surveys.documents import (
@@ -26,10 +25,10 @@ from surveys.documents import (
     ChangedMeanwhileError,
     Problem,
     ProblemPlace,
+    gettext_noop as _,
     text_in,
     within,
 )
-from surveys.documents import gettext_noop as _
 from surveys.models import Questionnaire as QuestionnaireRow
 
 LEAST_REASON = 10  # characters: "later" is no reason

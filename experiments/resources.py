@@ -21,10 +21,8 @@ from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
-from surveys.definition import Definition as QuestionnaireDefinition
-from surveys.definition import language_for
-from surveys.documents import Problem, ProblemPlace, spoken, within
-from surveys.documents import gettext_noop as _
+from surveys.definition import Definition as QuestionnaireDefinition, language_for
+from surveys.documents import Problem, ProblemPlace, gettext_noop as _, spoken, within
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.scoring import scales_of, topic_scales
 

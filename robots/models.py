@@ -17,8 +17,7 @@ from django.core.validators import (
     URLValidator,
 )
 from django.db import models, transaction
-from django.utils.translation import get_language
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import get_language, gettext_lazy as _
 
 from robots.api import floorplan
 from robots.api.idle import ONLINE_SECONDS

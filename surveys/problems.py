@@ -4,8 +4,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from surveys.definition import Definition, Page
-from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import (
+    Problem,
+    ProblemPlace,
+    checked,
+    duplicates,
+    gettext_noop as _,
+    text_problems,
+    within,
+)
 from surveys.item import Item, ItemCondition, Question, ScalePoint
 from surveys.questions import TYPES
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONCE, NONE, SELF
 
-from telepresence_site import environment as env
-from telepresence_site import mongodb, postgresql
+from telepresence_site import environment as env, mongodb, postgresql
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())

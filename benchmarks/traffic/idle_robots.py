@@ -19,8 +19,7 @@ from benchmarks.traffic.packets import PublishPacket
 from benchmarks.traffic.robots import factsheet_of, is_late_will
 from robots.agent.broker_link.mqtt import KEEPALIVE
 from robots.agent.broker_link.reconnection import Reconnection
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from robots.api.idle import IDLE_STATE_SECONDS, INTEREST_SECONDS
 
 STATE, BEAT = 1 / 4, 1 / 5

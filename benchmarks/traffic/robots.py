@@ -28,8 +28,7 @@ from benchmarks.traffic.packets import PublishPacket
 from robots.agent.broker_link.mqtt import TIMEOUT
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.safety.lease import LeaseKeeper
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 
 POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600

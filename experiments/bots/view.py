@@ -9,12 +9,10 @@ from typing import Any
 
 import msgspec
 
-from robots.api import codec, topics
-from robots.api import picture as pictures
+from robots.api import codec, picture as pictures, topics
 from robots.api.errors import Rejection
 from robots.api.geometry import Pose2D
-from robots.api.messages import ActionStatus, Heartbeat, PoseUpdate, Scan, State
-from robots.api.messages import Pose as RobotPose
+from robots.api.messages import ActionStatus, Heartbeat, Pose as RobotPose, PoseUpdate, Scan, State
 from sessions import protocol
 
 RECENT = 7  # measurements of which the median is taken

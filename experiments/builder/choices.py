@@ -8,8 +8,7 @@ from typing import get_args
 import msgspec
 from django.conf import settings
 from django.utils.text import capfirst
-from django.utils.translation import get_language
-from django.utils.translation import gettext as _
+from django.utils.translation import get_language, gettext as _
 
 from experiments import instruction_media, resources
 from experiments.builder.design import shared_fields

@@ -8,8 +8,7 @@ from typing import Any
 import msgspec
 from django.conf import settings
 from django.utils.text import capfirst
-from django.utils.translation import get_language, ngettext, override
-from django.utils.translation import gettext as _
+from django.utils.translation import get_language, gettext as _, ngettext, override
 
 from experiments.builder.arrangement import MOST_LETTERS, Renamed, free_key
 from experiments.builder.labels import GUIDE

@@ -8,8 +8,7 @@ from django import forms
 from django.core.validators import validate_email
 from django.db.models import Q
 from django.utils import timezone
-from django.utils.translation import gettext
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext, gettext_lazy as _
 
 from accounts.models import User
 from experiments import publishing

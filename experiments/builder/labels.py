@@ -6,9 +6,7 @@ from typing import TypeAlias
 
 from django.utils.functional import Promise
 from django.utils.text import capfirst
-from django.utils.translation import gettext_lazy as _
-from django.utils.translation import gettext_lazy as translated
-from django.utils.translation import pgettext_lazy
+from django.utils.translation import gettext_lazy as _, gettext_lazy as translated, pgettext_lazy
 
 from experiments.definition.coding import CodingScheme
 from experiments.definition.factors import SETTING_NAMES

@@ -7,8 +7,15 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, duplicates, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import (
+    DocumentPart,
+    Key,
+    Problem,
+    ProblemPlace,
+    duplicates,
+    gettext_noop as _,
+    within,
+)
 
 MAX_CODES, MAX_MODIFIERS, MAX_VALUES = 40, 5, 20
 MAX_NAME, MAX_DESCRIPTION = 80, 500

@@ -13,8 +13,7 @@ from msgspec.structs import replace
 from experiments.definition.design import Factor, Level, Setting
 from experiments.definition.schema import Condition, Impairment, StudyDefinition
 from experiments.definition.step import AskingStep
-from surveys.documents import Problem, ProblemPlace, duplicates, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, ProblemPlace, duplicates, gettext_noop as _, within
 
 LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24

@@ -8,8 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from experiments.definition import slowing
-from experiments.definition import wizard as wizards
+from experiments.definition import slowing, wizard as wizards
 from experiments.definition.design import OwnAction
 from experiments.definition.factors import of_condition
 from experiments.definition.problems import length_of, of_course
@@ -20,8 +19,7 @@ from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
 from robots.world.inspection import BACKED_OUT, Floor
 from robots.world.render_plan import rasterise
-from surveys.documents import Problem, ProblemPlace, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, ProblemPlace, gettext_noop as _, within
 
 CAPABILITY: dict[OwnAction, Capability] = {
     "places": "goto",

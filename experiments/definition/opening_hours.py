@@ -12,8 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from surveys.documents import Problem, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, gettext_noop as _, within
 
 Hours = Sequence[Mapping[str, Any]]
 _CLOCK = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d\Z", re.ASCII)

@@ -13,8 +13,7 @@ from experiments.definition.plan import (
     StudyPlan,
 )
 from experiments.definition.schema import StudyDefinition
-from surveys.documents import MAX_TEXT, Problem, duplicates, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import MAX_TEXT, Problem, duplicates, gettext_noop as _, within
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:

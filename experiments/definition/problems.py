@@ -5,8 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import combinations
 
-from experiments.definition import factors, plan_problems
-from experiments.definition import wizard as wizards
+from experiments.definition import factors, plan_problems, wizard as wizards
 from experiments.definition.analyses import AGE, EFFECTS, FAMILIES, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
 from experiments.definition.recruitment.piping import piping_problems
@@ -14,8 +13,15 @@ from experiments.definition.recruitment.recruiting import recruiting_problems, s
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.step import AskingStep, Step
 from experiments.definition.steps import KINDS
-from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import (
+    Problem,
+    ProblemPlace,
+    checked,
+    duplicates,
+    gettext_noop as _,
+    text_problems,
+    within,
+)
 
 MAX_BYTES = 1024 * 1024
 MOST_MINUTES = 240.0  # of driving, for one participant

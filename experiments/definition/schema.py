@@ -42,8 +42,7 @@ from experiments.definition.steps.consent import Consent
 from experiments.definition.steps.debrief import Debrief
 from experiments.definition.steps.task import TaskStep
 from experiments.definition.wizard import Wizard
-from robots.api.floorplan import Key as PlanKey
-from robots.api.floorplan import Length
+from robots.api.floorplan import Key as PlanKey, Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
 from surveys.documents import DocumentPart, Key, Language, Slug, Text, fields_of

@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 from msgspec import Meta
 
 from experiments.definition.design import TitledPart
-from surveys.documents import Problem, Slug, Text
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, Slug, Text, gettext_noop as _
 
 Version = Annotated[int, Meta(ge=1, le=9999)]
 Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]

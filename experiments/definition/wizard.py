@@ -11,8 +11,16 @@ from msgspec import Meta
 from experiments.definition.design import TitledPart
 from robots.api.floorplan import Key as PlanKey
 from robots.api.messages import Capability
-from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, Text, duplicates, within
-from surveys.documents import gettext_noop as _
+from surveys.documents import (
+    DocumentPart,
+    Key,
+    Problem,
+    ProblemPlace,
+    Text,
+    duplicates,
+    gettext_noop as _,
+    within,
+)
 
 MOST_DRIVE_SECONDS = 10.0
 DRIVING_KEYS = frozenset("wasd")  # by hand, on the operator's page

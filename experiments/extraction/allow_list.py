@@ -28,8 +28,7 @@ from experiments.extraction import forms
 from experiments.extraction.forms import Form, Origin, Release, in_words, kept, words
 from robots.api import messages as m
 from sessions import protocol as p
-from sessions.devices import OTHER as OTHER_DEVICE
-from sessions.devices import SYSTEMS, TABLE_3_BROWSERS
+from sessions.devices import OTHER as OTHER_DEVICE, SYSTEMS, TABLE_3_BROWSERS
 from sessions.interfaces import INTERFACES
 from sessions.leases.fault_side import MANAGER, WEB
 from sessions.wizard.script import Deviation

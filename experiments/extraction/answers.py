@@ -12,9 +12,7 @@ from experiments.models import Participant, Study
 from surveys import questionnaires
 from surveys.definition import Definition
 from surveys.downloads import answered
-from surveys.models import Answer
-from surveys.models import Questionnaire as QuestionnaireRow
-from surveys.models import Response as Row
+from surveys.models import Answer, Questionnaire as QuestionnaireRow, Response as Row
 
 AT_ONCE = 200  # participants whose responses one query returns
 

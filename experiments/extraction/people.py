@@ -17,12 +17,12 @@ from experiments.models import (
     ConsentReceipt,
     Draw,
     Drive,
+    Participant as Row,
     ParticipantKind,
     StepResponse,
     StepVisit,
     Study,
 )
-from experiments.models import Participant as Row
 
 LEFT_BY_STATUS = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
 # Outcomes of the last drive after which the study goes on, so that they are no reason for leaving.

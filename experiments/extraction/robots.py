@@ -10,8 +10,7 @@ from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
-from robots.models import FloorPlan as PlanRow
-from robots.models import Robot as Row
+from robots.models import FloorPlan as PlanRow, Robot as Row
 
 YES, NO, UNKNOWN = "yes", "no", "–"
 ACCESS = {"open": "everybody", "invitation": "by invitation"}

@@ -20,8 +20,7 @@ from robots.api.messages import LabReport
 from robots.api.network_words import spell
 from sessions.leases.absences import end_of, faults_of
 from sessions.leases.fault_side import FaultAttribution
-from sessions.models import Session as Visit
-from sessions.models import SessionEvent
+from sessions.models import Session as Visit, SessionEvent
 from sessions.visitor_motion import VisitorMotion
 
 NAN = math.nan

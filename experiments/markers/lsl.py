@@ -8,8 +8,7 @@ correction of their clock (some 0.2 ms on one network).
 import time
 
 import pylsl
-from pylsl.util import LostError
-from pylsl.util import TimeoutError as LateError
+from pylsl.util import LostError, TimeoutError as LateError
 
 from experiments.markers.incoming import ForeignMarker
 

@@ -23,8 +23,7 @@ from experiments.recruitment import screening
 from surveys import questionnaires, responses
 from surveys.definition import Definition
 from surveys.documents import spoken
-from surveys.models import SEED_LIMIT, Response
-from surveys.models import Questionnaire as Row
+from surveys.models import SEED_LIMIT, Questionnaire as Row, Response
 from surveys.outer_progress import OuterProgress
 from surveys.responses import Context, Respondent
 

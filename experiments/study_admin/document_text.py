@@ -8,9 +8,7 @@ from typing import Any
 
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext
-from django.utils.translation import gettext_lazy as _
-from django.utils.translation import gettext_lazy as translated
+from django.utils.translation import gettext, gettext_lazy as _, gettext_lazy as translated
 
 from experiments.builder.labels import CHOICES, GUIDE, LABELS, Words
 from experiments.research.study_access import shown_time

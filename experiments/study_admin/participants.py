@@ -8,16 +8,14 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.urls import URLPattern
 from django.utils import timezone
 from django.utils.safestring import SafeString
-from django.utils.translation import get_language, gettext
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import get_language, gettext, gettext_lazy as _
 
 from accounts import audit
 from experiments.access import may
 from experiments.builder.labels import ENDING_NAMES
 from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 from experiments.models import Drive, Participant, StudyMember
-from experiments.participation.withdrawal import deletion
-from experiments.participation.withdrawal import receipt as receipts
+from experiments.participation.withdrawal import deletion, receipt as receipts
 from experiments.study_admin.rows import (
     CompletionFilter,
     LanguageFilter,

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import msgspec
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.utils.translation import gettext
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext, gettext_lazy as _
 
 from experiments.access import may
 from experiments.builder.study_page import StudyPages, study_view

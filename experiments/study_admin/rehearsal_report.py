@@ -6,8 +6,7 @@ from typing import Any
 
 import msgspec
 from django.utils import timezone
-from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
+from django.utils.translation import gettext as _, ngettext
 
 from experiments.builder.pages import BuilderPlace
 from experiments.builder.views import LinkedProblem, address

@@ -9,8 +9,7 @@ from django.core.exceptions import ValidationError
 from django.db.models import Model, QuerySet, Value
 from django.forms import CharField, ModelForm, TextInput
 from django.http import HttpRequest
-from django.utils.translation import gettext
-from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext, gettext_lazy as _
 
 from accounts.admin_filters import ShownFilters
 from accounts.models import User

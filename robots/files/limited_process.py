@@ -23,8 +23,7 @@ import django
 import msgspec
 import structlog
 from django.conf import settings
-from django.utils.translation import activate, get_language
-from django.utils.translation import gettext as _
+from django.utils.translation import activate, get_language, gettext as _
 
 PASSED_ON = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "TMPDIR", "TEMP", "SYSTEMROOT")
 ROOT = Path(__file__).parents[2]

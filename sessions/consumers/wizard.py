@@ -22,8 +22,7 @@ from robots.bridge.delivery import NOTICE, ReceivedMessage
 from robots.ice import IceCredentials
 from robots.models import Robot
 from robots.process import log_ids
-from sessions import page_channel
-from sessions import protocol as pages
+from sessions import page_channel, protocol as pages
 from sessions.consumers import queries, wizard_relay
 from sessions.consumers.authorization import FrameRefused, Publish
 from sessions.consumers.database import query

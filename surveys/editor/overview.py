@@ -6,8 +6,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from django.urls import reverse
-from django.utils.translation import get_language
-from django.utils.translation import gettext as _
+from django.utils.translation import get_language, gettext as _
 
 from surveys.document_forms.parts import Document
 from surveys.document_forms.problem_text import by_place, text_name

@@ -4,8 +4,7 @@ import datetime
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
-from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext as _, gettext_lazy
 
 from surveys.documents import Problem, gettext_noop
 from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of

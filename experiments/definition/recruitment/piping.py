@@ -9,8 +9,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from surveys.documents import Problem
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, gettext_noop as _
 
 MOST_CHARACTERS = 200
 NO_ANSWER = "–"

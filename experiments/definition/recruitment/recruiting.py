@@ -6,8 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key, Problem, Slug
-from surveys.documents import gettext_noop as _
+from surveys.documents import DocumentPart, Key, Problem, Slug, gettext_noop as _
 
 # How taking part ended. `left`: before the task was completed or its time over, or withdrawn.
 Ending = Literal["done", "timed_out", "technical_failure", "screened_out", "left"]

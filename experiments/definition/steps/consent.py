@@ -10,8 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from msgspec import Meta
 
 from experiments.definition.step import Step, Version
-from surveys.documents import Problem, Text
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, Text, gettext_noop as _
 
 PLACEHOLDER = re.compile(r"\[\[[^\[\]]+\]\]")
 TEXTS = Path(__file__).resolve().parents[2] / "definitions"

@@ -4,8 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from experiments.definition.step import Step
-from surveys.documents import Problem, Text
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, Text, gettext_noop as _
 
 
 class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):

@@ -7,8 +7,7 @@ from msgspec import Meta
 
 from experiments.definition.step import Step
 from robots.api.floorplan import Key as PlanKey
-from surveys.documents import DocumentPart, Key, Problem, Text
-from surveys.documents import gettext_noop as _
+from surveys.documents import DocumentPart, Key, Problem, Text, gettext_noop as _
 
 OWN_MEDIA = "own-"  # how names of uploaded pictures and videos begin
 

@@ -7,8 +7,7 @@ from msgspec import Meta
 
 from experiments.definition.step import DriveStep, Minutes, Step
 from robots.api.docked import DOCKED
-from surveys.documents import Problem
-from surveys.documents import gettext_noop as _
+from surveys.documents import Problem, gettext_noop as _
 
 
 class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):

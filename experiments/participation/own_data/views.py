@@ -11,8 +11,7 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, Js
 from django.shortcuts import get_list_or_404, get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import get_language
-from django.utils.translation import gettext as _
+from django.utils.translation import get_language, gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
@@ -24,8 +23,7 @@ from experiments.participation import progress, questions
 from experiments.participation.consent import as_text, take_back_sharing
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
-from experiments.participation.withdrawal import deletion
-from experiments.participation.withdrawal import receipt as receipts
+from experiments.participation.withdrawal import deletion, receipt as receipts
 from experiments.recruitment import recognition
 
 FORBIDDEN = 403

@@ -19,8 +19,7 @@ from typing import Any, Literal, Protocol
 from urllib.parse import unquote, urlsplit
 
 import structlog
-from aiomqtt import Client, MqttError, Will
-from aiomqtt import Message as Delivery
+from aiomqtt import Client, Message as Delivery, MqttError, Will
 from paho.mqtt.reasoncodes import ReasonCode
 
 from robots.agent.broker_link.broker_discovery import tls_context

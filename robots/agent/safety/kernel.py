@@ -60,8 +60,7 @@ from robots.agent.ramp import (
 from robots.agent.safety.clock_sync import SERVER_PEER, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.controllers import Change, Controller, after
-from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
-from robots.agent.safety.estop_latch import refusal as latch_refusal
+from robots.agent.safety.estop_latch import BUTTON, EStopLatch, refusal as latch_refusal, stricter
 from robots.agent.safety.freshness import judge
 from robots.agent.safety.hold import DriveHold, LeaseGrant
 from robots.agent.safety.lease import LeaseKeeper, Remembered

@@ -14,8 +14,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, ClassVar
 
-from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext as _, gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing.draft import Draft, Item, SurveyFormat, language_of

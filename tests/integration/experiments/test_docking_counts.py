@@ -4,8 +4,7 @@ records, and by driving in simulation.
 
 from dataclasses import replace
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View

@@ -23,8 +23,7 @@ from sessions.models import Session, SessionEvent
 from tests.support.agents.docked_robot import report_in_dock
 from tests.support.studies import participants as p
 from tests.support.studies.studies import small_study
-from tests.support.studies.task_drives import BACK, THERE
-from tests.support.studies.task_drives import Drive as DriveRecord
+from tests.support.studies.task_drives import BACK, THERE, Drive as DriveRecord
 from tests.support.studies.task_session import begin, cabin_robot, close, small_conditions, write
 
 pytestmark = pytest.mark.django_db

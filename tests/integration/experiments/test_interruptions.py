@@ -34,8 +34,7 @@ from surveys.models import Answer, Response
 from surveys.questionnaires import store
 from tests.support.browsers.html_page import read
 from tests.support.people import person
-from tests.support.studies import participants as p
-from tests.support.studies import task_drives
+from tests.support.studies import participants as p, task_drives
 from tests.support.studies.questionnaires import defined, item
 from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_walk import Walker

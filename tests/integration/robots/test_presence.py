@@ -3,8 +3,7 @@
 import datetime
 
 import pytest
-from django.db import DataError
-from django.db import connection as database
+from django.db import DataError, connection as database
 from django.test.utils import CaptureQueriesContext
 
 from robots.api.messages import Connection

@@ -7,8 +7,7 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from sessions import protocol
 from tests.support import words
 from tests.support.patience import patient, until

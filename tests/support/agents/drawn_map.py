@@ -10,8 +10,7 @@ from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from robots.world.raycaster import cast
 from robots.world.sensing import CENTRE, LaserScan
-from robots.world.solids import Floats, edges, rectangle
-from robots.world.solids import Solid as _Solid
+from robots.world.solids import Floats, Solid as _Solid, edges, rectangle
 
 SHADES = {"#": OCCUPIED, ".": FREE, "~": FREE, " ": UNKNOWN}
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from robots.agent.adapters import registry
 from robots.agent.media import MediaSide
-from robots.api import adapter_names
-from robots.api import messages as m
+from robots.api import adapter_names, messages as m
 from tests.support.agents.control_rig import ThreadedControlRig
 from tests.support.host_jitter import watched
 

@@ -5,8 +5,7 @@ import dataclasses
 import pytest
 
 from robots.agent.adapters.common import remote_adapter
-from robots.agent.adapters.navigation_layer import adapter as autonomy
-from robots.agent.adapters.navigation_layer import child
+from robots.agent.adapters.navigation_layer import adapter as autonomy, child
 from robots.agent.adapters.simulator import adapter as simulator
 from tests.support.patience import patient
 

@@ -32,8 +32,7 @@ from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import CommandSender
-from robots.api import codec, floorplan, picture
-from robots.api import messages as m
+from robots.api import codec, floorplan, messages as m, picture
 from robots.api.errors import Rejection
 from robots.simulator.physics.simulation import Simulation
 from robots.world.robot_models import model_of

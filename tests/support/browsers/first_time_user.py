@@ -13,8 +13,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from playwright.sync_api import CDPSession, Locator, Page
-from playwright.sync_api import TimeoutError as PlaywrightTimeout
+from playwright.sync_api import CDPSession, Locator, Page, TimeoutError as PlaywrightTimeout
 
 from experiments.bots.driver import STAND, Driver, Guide, Intent, SpeedSetting
 from experiments.bots.view import View

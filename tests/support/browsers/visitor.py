@@ -6,8 +6,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, FrameLocator, Page, Playwright, expect
-from playwright.sync_api import Error as PlaywrightError
+from playwright.sync_api import (
+    Browser,
+    Error as PlaywrightError,
+    FrameLocator,
+    Page,
+    Playwright,
+    expect,
+)
 
 from tests.support.browsers.chromium import CHROMIUM, FLAGS
 from tests.support.patience import HELD, patient

@@ -20,8 +20,7 @@ from experiments.models import Drive, Participant, StepResponse, StepVisit, Stud
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, Session, StateChunk
-from surveys.models import Answer, Response
-from surveys.models import Questionnaire as QuestionnaireRow
+from surveys.models import Answer, Questionnaire as QuestionnaireRow, Response
 from tests.support.robots import create_robot, floor_plan
 from tests.support.sessions import replays
 from tests.support.sessions.rows import session_row, unsaved_chunk

@@ -23,8 +23,7 @@ from sessions.models import Session, SessionEvent
 from sessions.protocol import PageEvent
 from tests.support import words
 from tests.support.sessions.rows import chunk_row
-from tests.support.studies import participants as p
-from tests.support.studies import task_drives
+from tests.support.studies import participants as p, task_drives
 from tests.support.studies.studies import small_study
 from tests.support.studies.study_site import cabin_with_giraff
 

@@ -12,8 +12,7 @@ from benchmarks import load
 from benchmarks.traffic import mqtt_line, packets, robots, viewers
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.packets import PublishPacket
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 
 
 class Owner:

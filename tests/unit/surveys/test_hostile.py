@@ -3,8 +3,7 @@
 import copy
 import json
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from surveys.answers import Missing, read_answer
 from surveys.definition import to_json

@@ -4,8 +4,7 @@ import math
 import statistics
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from surveys.likert import half_width, likert_table, mean_and_sd, summarise
 from surveys.questionnaires import shipped

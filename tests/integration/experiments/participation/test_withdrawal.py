@@ -32,8 +32,7 @@ from telepresence_site.ops.log_lines import key_value_lines
 from tests.support.media.jpegs import with_metadata
 from tests.support.people import person
 from tests.support.sessions import replays
-from tests.support.studies import own_traces
-from tests.support.studies import participants as p
+from tests.support.studies import own_traces, participants as p
 from tests.support.studies.own_traces import in_bytes, in_files, in_tables, rows_of, values_of
 from tests.support.studies.study_walk import Walker
 

@@ -18,8 +18,7 @@ from sessions.leases.absences import note_page_closed
 from surveys.models import Answer, Response
 from tests.support.browsers.html_page import Page, faults, read
 from tests.support.people import person
-from tests.support.studies import participants as p
-from tests.support.studies import task_session
+from tests.support.studies import participants as p, task_session
 from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_walk import Walker
 

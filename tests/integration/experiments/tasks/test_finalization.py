@@ -28,8 +28,7 @@ from sessions.leases import store, terms
 from sessions.leases.absences import note_manager_absence, note_page_closed
 from sessions.models import Session, SessionEvent, StateChunk, SystemLog
 from sessions.protocol import PageEvent
-from tests.support.studies import participants as p
-from tests.support.studies import task_drives
+from tests.support.studies import participants as p, task_drives
 from tests.support.studies.studies import PRACTICE, STUDY, small_study
 from tests.support.studies.task_drives import SECOND, THERE
 from tests.support.studies.task_session import (

@@ -22,8 +22,7 @@ from experiments.research import live
 from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
-from sessions import page_channel
-from sessions import protocol as pages
+from sessions import page_channel, protocol as pages
 from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
 from sessions.wizard import protocol

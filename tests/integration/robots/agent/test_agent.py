@@ -19,8 +19,7 @@ from robots.agent.control.reports import Reports
 from robots.agent.devices.equipment import equipment_of
 from robots.agent.lab.in_force import Networks
 from robots.agent.robot_interface import AdapterError
-from robots.api import messages as m
-from robots.api import network_words
+from robots.api import messages as m, network_words
 from tests.support import words
 from tests.support.agents.agent_server import AgentServer
 from tests.support.agents.control_rig import ListeningMedia

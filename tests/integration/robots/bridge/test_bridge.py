@@ -10,8 +10,7 @@ import aiomqtt
 import msgspec
 import pytest
 
-from robots.api import codec, picture, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, picture, topics
 from robots.api.idle import WATCHER
 from robots.bridge.bridge import REPORTS_IN_FLIGHT, STOP_SECONDS, Bridge
 from robots.bridge.delivery import FAULTS, LINK, NOTICE

@@ -20,8 +20,7 @@ from sessions.consumers import queries, waiting_chat
 from sessions.consumers.authorization import Authorization
 from sessions.leases import store
 from sessions.leases.terms import Terms
-from sessions.wizard import leases, operators
-from sessions.wizard import protocol as wizard_protocol
+from sessions.wizard import leases, operators, protocol as wizard_protocol
 from tests.support import words
 from tests.support.browsers.pages import Display, Page
 from tests.support.browsers.wizard_console import Console, Operators

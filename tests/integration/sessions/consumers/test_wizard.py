@@ -10,8 +10,7 @@ from django.contrib.auth import get_user_model
 from django.db import OperationalError
 
 from robots.api import messages as m
-from sessions import page_channel
-from sessions import protocol as pages
+from sessions import page_channel, protocol as pages
 from sessions.consumers import robot_page
 from sessions.leases.terms import Terms
 from sessions.models import Lease, SessionEvent

@@ -5,8 +5,7 @@ import pytest
 from aiomqtt import Message, Topic
 
 from accounts.models import User
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from robots.models import Robot
 from sessions import protocol, signals
 from sessions.manager import notices

@@ -8,8 +8,7 @@ import pytest
 from django.db import OperationalError, connection
 
 from accounts.models import User
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick

@@ -28,8 +28,7 @@ from surveys.questionnaires import store
 from surveys.responses import Context, Respondent, begin
 from tests.support.people import person
 from tests.support.sessions import replays
-from tests.support.studies import participants as p
-from tests.support.studies import questionnaires
+from tests.support.studies import participants as p, questionnaires
 
 pytestmark = pytest.mark.django_db
 DAY = datetime.timedelta(days=1)

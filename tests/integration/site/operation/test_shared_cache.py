@@ -9,8 +9,7 @@ import pytest
 from django.core.cache import cache
 from django.urls import reverse
 from redis import Redis
-from redis.exceptions import AuthenticationError
-from redis.exceptions import ConnectionError as RedisConnectionError
+from redis.exceptions import AuthenticationError, ConnectionError as RedisConnectionError
 
 from accounts.attempts import Attempts
 from accounts.models import User

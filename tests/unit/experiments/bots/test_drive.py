@@ -9,8 +9,7 @@ from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Effect, Persona
 from experiments.bots.view import View
-from robots.api import messages as m
-from robots.api import picture
+from robots.api import messages as m, picture
 from sessions import protocol
 from tests.support import words
 

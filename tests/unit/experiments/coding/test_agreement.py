@@ -5,8 +5,7 @@ import warnings
 import krippendorff
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from statsmodels.stats.inter_rater import cohens_kappa
 
 from experiments.coding.agreement import (

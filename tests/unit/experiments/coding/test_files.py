@@ -5,8 +5,7 @@ import warnings
 from xml.etree import ElementTree as ET
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from pympi.Elan import Eaf
 
 from experiments.coding.boris import from_boris, to_boris

@@ -2,8 +2,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from experiments.definition.course import CourseError, CourseStop, Motion, PhotoSpot, lay_out
 from experiments.definition.shipped import shipped

@@ -2,8 +2,7 @@ import datetime
 from zoneinfo import ZoneInfo
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from experiments.definition.opening_hours import is_open, opens_at, problems
 from tests.support.examples import examples

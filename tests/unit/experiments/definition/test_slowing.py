@@ -1,8 +1,7 @@
 """What safety limits leave of a drive over a network."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.slowing import REAL_COMMANDS, longest_video_delay, predicted

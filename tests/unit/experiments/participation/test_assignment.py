@@ -3,8 +3,7 @@ from collections import Counter
 from itertools import pairwise, permutations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from experiments.definition.schema import Allocation, BalanceFactor, Refill
 from experiments.definition.shipped import shipped

@@ -3,8 +3,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import (

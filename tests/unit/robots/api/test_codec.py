@@ -5,11 +5,9 @@ import math
 
 import msgspec
 import pytest
-from hypothesis import HealthCheck, given
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, strategies as st
 
-from docs.robot_api import WITH_MESSAGES
-from docs.robot_api import examples as examples_of
+from docs.robot_api import WITH_MESSAGES, examples as examples_of
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from tests.support.examples import examples

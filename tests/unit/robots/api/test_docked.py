@@ -5,8 +5,7 @@ as the rule says.
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.api.docked import APART, DOCKED, DockReading, follow
 from tests.support.examples import examples

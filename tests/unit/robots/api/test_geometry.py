@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
 from tests.support.examples import examples

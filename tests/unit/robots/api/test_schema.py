@@ -3,8 +3,7 @@ import json
 import jsonschema
 import pytest
 
-from docs.robot_api import SCHEMA as SCHEMA_FILE
-from docs.robot_api import WITH_MESSAGES, examples
+from docs.robot_api import SCHEMA as SCHEMA_FILE, WITH_MESSAGES, examples
 from robots.api.codec import encode
 from tests.support.paths import ROOT
 

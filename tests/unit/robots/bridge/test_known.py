@@ -1,11 +1,9 @@
 """What a web process knows of a robot."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from robots.bridge.broker_address import BadAddress, BrokerAddress, parse
 from robots.bridge.delivery import Delivery
 from robots.bridge.known import DOUBT_SECONDS, KnownRobot

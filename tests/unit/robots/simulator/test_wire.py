@@ -1,7 +1,6 @@
 """Messages between a simulator and its clients."""
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.process import framing
 from robots.simulator import wire

@@ -4,11 +4,9 @@ import math
 
 import msgspec
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from sessions import protocol
 from sessions.consumers.authorization import (
     Authorization,

@@ -3,8 +3,7 @@
 import msgspec
 import pytest
 
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from sessions import protocol
 from sessions.consumers.authorization import DenyFrame, Publish
 from sessions.consumers.screen_authorization import ScreenAuthorization

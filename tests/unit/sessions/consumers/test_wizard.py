@@ -4,8 +4,7 @@ import msgspec
 import pytest
 
 from docs.robot_api import examples
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from robots.bridge.delivery import ReceivedMessage
 from sessions import protocol as pages
 from sessions.consumers.authorization import Authorization, DenyFrame, Halt, Publish, Verb

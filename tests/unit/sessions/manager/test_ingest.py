@@ -6,8 +6,7 @@ import msgspec
 import pytest
 from aiomqtt import Message, Topic
 
-from robots.api import codec, topics
-from robots.api import messages as m
+from robots.api import codec, messages as m, topics
 from robots.bridge.known import DOUBT_SECONDS
 from sessions import protocol
 from sessions.manager import ingest as module

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 from django.db import OperationalError
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from sessions.manager.health import ManagerHealth
 from sessions.manager.membership import SHARED_INTERVAL_S, WAIT_SECONDS, Membership

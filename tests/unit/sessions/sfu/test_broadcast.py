@@ -6,8 +6,7 @@ import itertools
 
 import pytest
 
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from sessions.protocol import WantOffer
 from sessions.sfu import broadcast as module
 from sessions.sfu.broadcast import Broadcast

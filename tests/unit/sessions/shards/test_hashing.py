@@ -1,7 +1,6 @@
 """Which shard a robot has, and which session manager a shard prefers."""
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from sessions.shards.hashing import N_SHARDS, preferred_slot, shard_of, share_of
 

@@ -15,8 +15,7 @@ import pytest
 from robots.agent.broker_link.mqtt import Endpoint, MqttLink
 from robots.agent.broker_link.outbox import Outbox, outbound
 from robots.agent.timing import Backoff
-from robots.api import codec
-from robots.api import messages as m
+from robots.api import codec, messages as m
 from telepresence_site.demo import lan
 from tests.support import words
 from tests.support.architectures.mqtt_ear import Ear

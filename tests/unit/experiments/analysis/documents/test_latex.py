@@ -5,8 +5,7 @@ fits on pages.
 import re
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from experiments.analysis.documents.latex import as_latex, latex
 from experiments.analysis.documents.typesetting import MOST_COLUMNS, parts_of

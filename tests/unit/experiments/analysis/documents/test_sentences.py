@@ -6,10 +6,8 @@ import pytest
 from experiments.analysis.documents.latex import runs_as_latex
 from experiments.analysis.documents.sentences import METHODS, probability, sentences_of
 from experiments.analysis.statistics import comparisons, proportions, rank_tests, regression
-from experiments.analysis.statistics.comparisons import IntervalEstimate, correlation
-from experiments.analysis.statistics.comparisons import Test as Found
-from experiments.analysis.tables import comparisons as rows
-from experiments.analysis.tables import declared
+from experiments.analysis.statistics.comparisons import IntervalEstimate, Test as Found, correlation
+from experiments.analysis.tables import comparisons as rows, declared
 from experiments.analysis.tables.comparisons import TESTED, ComparedSide, compared, head_of
 from experiments.analysis.tables.table import Table
 

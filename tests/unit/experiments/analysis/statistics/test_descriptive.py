@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pandas
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy import stats
 
 from experiments.analysis.statistics.descriptive import shares, spread, wilson

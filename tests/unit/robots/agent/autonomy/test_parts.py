@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, seed
-from hypothesis import strategies as st
+from hypothesis import given, seed, strategies as st
 
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames

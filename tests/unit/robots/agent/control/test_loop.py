@@ -14,8 +14,7 @@ import pytest
 from robots.agent.control.supervised_adapter import SILENCE
 from robots.agent.media.webrtc.packet_gate import decoded
 from robots.agent.ramp import ZERO
-from robots.api import messages as m
-from robots.api import picture
+from robots.api import messages as m, picture
 from robots.api.geometry import Pose2D
 from tests.support import words
 from tests.support.agents.control_rig import ControlRig, own, staff, stamped

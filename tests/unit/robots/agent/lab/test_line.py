@@ -5,8 +5,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, NetworkLine
 from robots.api.messages import NetworkLab

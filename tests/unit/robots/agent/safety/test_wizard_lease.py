@@ -1,8 +1,7 @@
 """A lease of kind `wizard`: the visitor has the session, and one hidden operator alone drives."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from robots.agent.media.peers.registry import PeerRegistry
 from robots.agent.safety.permissions import CommandSender

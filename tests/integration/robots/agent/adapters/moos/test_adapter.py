@@ -7,8 +7,7 @@ import math
 import os
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.moos import openmora, wire

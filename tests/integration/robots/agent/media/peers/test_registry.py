@@ -1,8 +1,7 @@
 """Which peers are admitted, and with which role."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.agent.media.peers.registry import (
     MAX_HELD_CANDIDATES,

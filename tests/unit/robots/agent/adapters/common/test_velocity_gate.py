@@ -1,8 +1,7 @@
 """A velocity is sent after an answer of the peer, with a limited number for each reading."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
 from robots.agent.ramp import ZERO

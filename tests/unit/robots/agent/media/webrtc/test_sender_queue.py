@@ -1,8 +1,7 @@
 """A viewer is never fed with holes."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.webrtc.sender_queue import DEPTH, MAX_BACKLOG, ViewerQueue

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.path import PlannedPath, resampled
