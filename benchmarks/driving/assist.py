@@ -70,7 +70,9 @@ class Rig:
         self.collisions, self.touches, self.hardest = 0, 0, 0.0
         self.seconds: list[float] = []
         self._sensors = sensors
+        self.delay = 0.0  # seconds after which readings arrive
         self._ticks = itertools.count()
+        self._readings: deque[tuple[float, RcaState]] = deque()
         self._scan_due = self._sonar_due = 0.0
         self._volley = 0
 
@@ -80,7 +82,9 @@ class Rig:
         if tick % RENEWED == 0:
             bench.lease(renewal=tick, ttl=60.0)
             bench.know_clock(every=0.0)
-        self.monitor.sense(self._reading(), bench.now)
+        self._readings.append((bench.now + self.delay, self._reading()))
+        while self._readings and self._readings[0][0] <= bench.now:
+            self.monitor.sense(self._readings.popleft()[1], bench.now)
         bench.motion = Velocity(linear=motion.linear, angular=motion.angular)
         began = time.thread_time()
         if tick % COMMANDED == 0:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
 from robots.agent.safety.collision.assist import Assisted, DriverAssistance
-from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.odometry import Delay, OdometryTrack, carried
 from robots.agent.safety.collision.swept import outside
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
 from robots.api.floorplan import ChargingDock as Station
@@ -37,7 +37,7 @@ class MonitorParams:
     reported_for: float = 0.5  # s for which the last assistance is reported
     # m beyond the footprint, where a cone of 30° is narrower than most robots
     near_arc: float = 0.3
-    longest_step: float = 0.5  # s for which a measured velocity is integrated
+    longest_step: float = 0.5  # s for which a velocity is integrated
 
 
 MONITOR = MonitorParams()
@@ -64,17 +64,23 @@ class CollisionMonitor:
         self._corners = np.array(footprint, dtype=np.float64)
         self._fastest = fastest_by_direction(self._sources)
         self._here: Pose2D | None = None
+        self._measured_at, self._delay = math.inf, Delay()
         self._reckoning, self._reckoned_at = CENTRE, math.inf
         self._shaped_at = -math.inf
         self._last = UNASSISTED
 
     def sense(self, reading: RcaState, now: float) -> None:
         """Take a reading; `now` is monotonic time in seconds."""
-        self.moved(
-            reading.stamp, self._reckoned(reading) if reading.odometry is None else reading.odometry
-        )
+        delay = 0.0
+        if reading.is_measured or self._here is None:
+            stamp = reading.stamp if reading.odometry_stamp is None else reading.odometry_stamp
+            delay = self._delay.of(stamp, now)
+            self._measured_at = now - delay
+            self.moved(
+                stamp, self._reckoned(reading) if reading.odometry is None else reading.odometry
+            )
         for source in self._sources:
-            source.sense(reading, self.track, now)
+            source.sense(reading, self.track, now - delay)
 
     def moved(self, stamp: float, odometry: Pose2D) -> None:
         """Take dead reckoning at `stamp`, the robot's Unix time in seconds."""
@@ -87,7 +93,7 @@ class CollisionMonitor:
         the driver's ramp. `last_sent` is what the base was last
         sent; `now` is monotonic time.
         """
-        points, errors = self._about(self._assist.reach)
+        points, errors = self._about(self._expected(last_sent, now), self._assist.reach)
         lost = {
             source.loss
             for source in self._sources
@@ -135,9 +141,7 @@ class CollisionMonitor:
         """Return dead reckoning from measured velocities, for a robot without odometry."""
         before, self._reckoned_at = self._reckoned_at, reading.stamp
         seconds = min(max(reading.stamp - before, 0.0), MONITOR.longest_step)
-        turn, travelled = reading.velocity.angular * seconds, reading.velocity.linear * seconds
-        step = Pose2D(travelled * math.cos(turn / 2.0), travelled * math.sin(turn / 2.0), turn)
-        self._reckoning = self._reckoning.compose(step)
+        self._reckoning = carried(self._reckoning, reading.velocity, seconds)
         return self._reckoning
 
     def points(self) -> Floats:
@@ -170,10 +174,17 @@ class CollisionMonitor:
         silent = self._last.why in QUIET or now - self._shaped_at > MONITOR.reported_for
         return ("", None) if silent else (self._last.why, self._last.point)
 
-    def _about(self, radius: float) -> tuple[Floats, Floats]:
+    def _expected(self, sent: Velocity, now: float) -> Pose2D | None:
+        """Return where the robot is by now, if it has obeyed since the newest odometry."""
         if self._here is None:
+            return None
+        age = min(max(now - self._measured_at, 0.0), MONITOR.longest_step)
+        return carried(self._here, sent, age)
+
+    def _about(self, here: Pose2D | None, radius: float) -> tuple[Floats, Floats]:
+        if here is None:
             return NO_POINTS, np.zeros(0)
-        found = [source.about(self._here, radius) for source in self._sources]
+        found = [source.about(here, radius) for source in self._sources]
         if len(found) == 1:
             return found[0]
         points, errors = zip(*found, strict=True)

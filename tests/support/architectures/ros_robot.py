@@ -4,6 +4,7 @@ objects, whatever carries them.
 
 import base64
 import time
+from collections import deque
 
 from robots.agent.adapters.ros import messages
 from tests.support.media.picture_server import jpeg_of
@@ -18,7 +19,8 @@ class RosRobot:
     """Drives a world by the messages of the topics that it `hears`, and returns what it publishes
     as (topic, message) pairs; `version` is that of ROS, `base` the topic and type of velocities.
 
-    Its move_base and Nav2 are the navigation of the world.
+    Its move_base and Nav2 are the navigation of the world. Its messages arrive `late` seconds after
+    they were stamped.
     """
 
     def __init__(self, world, version, base=BASE):
@@ -27,6 +29,7 @@ class RosRobot:
         self.goal, self._told, self._fixed = None, "", 0.0
         self.cancelled = None
         self.stamps = []
+        self.late, self._under_way = 0.0, deque()  # (when it arrives, topic, message)
         self._measured = False  # odometry was published since the restart
 
     TOPICS = {
@@ -98,7 +101,15 @@ class RosRobot:
         self.world.go_to(place.x, place.y)
 
     def due(self, count):
-        """Return the messages of this tick of 20 ms."""
+        """Return the messages that arrive in this tick of 20 ms."""
+        now = time.monotonic()
+        self._under_way += ((now + self.late, *each) for each in self._published(count))
+        found = []
+        while self._under_way and self._under_way[0][0] <= now:
+            found.append(self._under_way.popleft()[1:])
+        return found
+
+    def _published(self, count):
         sim = self.world.sim
         found = []
         if count % 2 == 0:
@@ -121,6 +132,8 @@ class RosRobot:
         return found
 
     def restarted(self):
+        self.late = 0.0
+        self._under_way.clear()
         self._fixed, self._measured = 0.0, False
         self.goal = self.cancelled = None
 

@@ -7,7 +7,7 @@ that the noise of single poses counts little.
 """
 
 import math
-from collections import deque
+from collections import defaultdict, deque
 
 import msgspec
 
@@ -26,13 +26,24 @@ from robots.api.messages import Battery, Pose, Scan, Velocity
 REMEMBERED = 200  # odometries: some seconds
 WINDOW = 0.3  # seconds over which poses become a velocity
 FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: faster is a new fix, not a motion
-CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
+CLOCK_SKEW = 0.5  # seconds by which a stamp differs from its arrival while the clocks agree
+LATEST = 5.0  # seconds by which a message may be late without doubt about its clock
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 
-def stamp_of(stamp: float, arrived: float) -> float:
-    """Return the RCA's stamp where its clock agrees with ours, else the time of arrival."""
-    return stamp if abs(stamp - arrived) < CLOCK_SKEW else arrived
+class StampClock:
+    """The clock of one of the RCA's topics. Once it has agreed with ours, older stamps are of late
+    messages; that of another computer, or of a simulation, never agrees.
+    """
+
+    def __init__(self) -> None:
+        self._agrees = False
+
+    def believed(self, stamp: float, arrived: float) -> float:
+        """Return the stamp of a message where the clock agrees, else its arrival; Unix time."""
+        late = arrived - stamp
+        self._agrees = abs(late) < CLOCK_SKEW or (self._agrees and 0.0 < late < LATEST)
+        return stamp if self._agrees else arrived
 
 
 class Readings:
@@ -64,6 +75,11 @@ class Readings:
         self._points: ObstaclePoints | None = None
         self._contacts = 0
         self._measured = self._stamp = 0.0  # stamps of the newest measurement, and of the state
+        self._clocks: defaultdict[str, StampClock] = defaultdict(StampClock)
+
+    def believed(self, topic: str, stamp: float, arrived: float) -> float:
+        """Return when a message of a topic was measured; all in Unix time."""
+        return self._clocks[topic].believed(stamp, arrived)
 
     def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
         """Take dead reckoning in any frame; `velocity` is None where the RCA measures none."""
@@ -162,6 +178,7 @@ class Readings:
             bumper=self._bumper,
             points=points,
             is_measured=is_measured or measures_nothing,
+            odometry_stamp=None if self.odometry is None else self._measured,
         )
 
     def _received(self, stamp: float, now: float) -> None:

@@ -19,7 +19,6 @@ from robots.agent.adapters.common.pending_actions import (
 )
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile
-from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError
@@ -149,7 +148,7 @@ class OpenMoraAdapter(RemoteAdapter):
             self.readings.lost(now)
             self.readings.last_received_at = now  # it works, although it is lost
         else:
-            self.readings.located(pose, stamp_of(stamp, time.time()), now)
+            self.readings.located(pose, self.readings.believed("pose", stamp, time.time()), now)
 
     def _report_error(self, text: str) -> None:
         self.readings.errors = (text,)

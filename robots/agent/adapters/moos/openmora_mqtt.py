@@ -38,7 +38,6 @@ from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import options as socket_options
-from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
@@ -215,9 +214,8 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
             case "Status":
                 self._take_status(openmora.status_of(text), sent)
             case "LaserScan" if "scan" in self.profile.capabilities:
-                self.readings.scanned(
-                    openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max)
-                )
+                stamp = self.readings.believed("scan", sent, time.time())
+                self.readings.scanned(openmora.scan_of(text, stamp, self._options.range_max))
             case "Topology":
                 self._nodes |= openmora.nodes_of(text)
             case "ErrorMsg":

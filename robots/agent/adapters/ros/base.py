@@ -24,7 +24,6 @@ from robots.agent.adapters.common.pending_actions import (
 )
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile
-from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.ros import messages
 from robots.agent.adapters.ros.bus import OURS, Bus, Handler, Subscription
 from robots.agent.adapters.ros.docking import TriggerDocking
@@ -392,7 +391,7 @@ class RosAdapter(RemoteAdapter):
         if stamp == self._odometry_stamp and messages.stamp_in(message, 0.0):
             return  # published again: it measures nothing
         self._odometry_stamp = stamp
-        self.readings.moved(here, velocity, _stamp(message), time.monotonic())
+        self.readings.moved(here, velocity, self._stamp("odometry", message), time.monotonic())
         if self._early_fix is not None:
             early, self._early_fix = self._early_fix, None
             self._fix(early)
@@ -405,15 +404,20 @@ class RosAdapter(RemoteAdapter):
         if self.readings.odometry is None:
             self._early_fix = message  # latched long ago: combined with the first odometry
         else:
-            self.readings.located(pose, _stamp(message), time.monotonic())
+            self.readings.located(pose, self._stamp("pose", message), time.monotonic())
 
     def _transforms(self, message: dict[str, Any]) -> None:
         found = messages.transform_in(message, self._options.map_frame, self._options.odom_frame)
         if found is not None:
             self.readings.corrected(found, time.monotonic())
 
+    def _stamp(self, topic: str, message: dict[str, Any]) -> float:
+        """Return when a message was measured, Unix time."""
+        arrived = time.time()
+        return self.readings.believed(topic, messages.stamp_in(message, arrived), arrived)
+
     def _scan(self, message: dict[str, Any]) -> None:
-        self.readings.scanned(messages.scan_in(message, _stamp(message)))
+        self.readings.scanned(messages.scan_in(message, self._stamp("scan", message)))
 
     def _bumper(self, message: dict[str, Any]) -> None:
         self.readings.bumped(touching=messages.flag_in(message))
@@ -426,7 +430,7 @@ class RosAdapter(RemoteAdapter):
 
     def _image(self, message: dict[str, Any]) -> None:
         if self._camera is not None and self._camera.wanted:
-            self._camera.take(messages.picture_in(message), _stamp(message))
+            self._camera.take(messages.picture_in(message), self._stamp("image", message))
 
     def _joints(self, message: dict[str, Any]) -> None:
         angle = messages.joint_in(message, self._options.tilt_joint)
@@ -616,12 +620,6 @@ class RosAdapter(RemoteAdapter):
 
     def _at_rest(self) -> bool:
         return is_within(self.readings.velocity, self.profile.standstill)
-
-
-def _stamp(message: dict[str, Any]) -> float:
-    """Return when a message was measured, Unix time."""
-    arrived = time.time()
-    return stamp_of(messages.stamp_in(message, arrived), arrived)
 
 
 ADVICE = (

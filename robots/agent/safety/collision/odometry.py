@@ -1,4 +1,4 @@
-"""Odometry without jumps, interpolated at past moments.
+"""Odometry without jumps, interpolated at past moments, and how late it arrives.
 
 A wheel counter that restarts at zero, or a restarted base, moves the odometry by metres within a
 tick although nothing was driven. The track then continues from where it was and counts the jump, so
@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Velocity
 from robots.world.sensing import CENTRE
 
 KEPT = 200  # readings: 10 s at 20 Hz
@@ -63,6 +64,37 @@ class OdometryTrack:
         seconds = max(seconds, 0.0)
         too_far = distance > self.speed * seconds + self.slack
         return too_far or abs(turn) > self.turning * seconds + self.slack
+
+
+@dataclass
+class Delay:
+    """How much later readings arrive than the fastest recent one. The robot's clock may differ from
+    ours, so that a constant delay cannot be told from it.
+
+    `forgets` is how fast a fast reading is forgotten, in seconds per second.
+    """
+
+    forgets: float = 0.005
+    _fastest: float = math.inf
+    _stamp: float = -math.inf
+    _taken_at: float = -math.inf
+
+    def of(self, stamp: float, now: float) -> float:
+        """Take a reading's stamp, the robot's time, and return its delay at `now`, monotonic time;
+        in seconds. A clock that steps back starts anew.
+        """
+        took = now - stamp
+        forgotten = self._fastest + self.forgets * (now - self._taken_at)
+        self._fastest = took if stamp < self._stamp else min(took, forgotten)
+        self._stamp, self._taken_at = stamp, now
+        return took - self._fastest
+
+
+def carried(pose: Pose2D, velocity: Velocity, seconds: float) -> Pose2D:
+    """Return the pose after a velocity has been held for so long."""
+    turn, travelled = velocity.angular * seconds, velocity.linear * seconds
+    step = Pose2D(travelled * math.cos(turn / 2.0), travelled * math.sin(turn / 2.0), turn)
+    return pose.compose(step)
 
 
 def interpolated(past: deque[tuple[float, Pose2D]], stamp: float) -> Pose2D:

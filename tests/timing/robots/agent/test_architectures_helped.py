@@ -41,8 +41,10 @@ def new_agent(robot, tmp_path):
         rig.time.close()
 
 
-def test_laser_of_a_self_localizing_robot_stops_its_driver_before_a_wall(robot, new_agent):
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_laser_of_a_self_localizing_robot_stops_its_driver_before_a_wall(robot, new_agent, late):
     rig = new_agent(WALL)
+    robot.robot.late = late
     assert {"assist", "localization", "goto"} <= rig.kernel.capabilities | set(
         rig.robot.profile.capabilities
     )

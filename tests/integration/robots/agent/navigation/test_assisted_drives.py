@@ -90,6 +90,26 @@ def test_laser_fault_stops_the_robot_within_1_5_s(fault, level):
     assert not robot.stands
 
 
+@pytest.mark.parametrize("speed", [0.2, 0.4, 0.7])
+@pytest.mark.parametrize("delay", [0.1, 0.2, 0.4])
+def test_robot_stops_before_a_wall_by_readings_that_become_late(speed, delay):
+    robot = Rig(Simulation(MODELS["rhodon"], OFFICE, seed=3, start="5.0,1.0,1.5708"), "slow")
+    drive(robot, Velocity(linear=speed, angular=0.0), 0.3)
+    robot.delay = delay
+    drive(robot, Velocity(linear=speed, angular=0.0), 8.0)
+    assert (robot.why, robot.touches) == ("stop", 0)
+    assert 0.05 < robot.world.clearance() < 0.1
+
+
+def test_robot_stops_when_readings_become_later_than_a_laser_may_be_silent():
+    robot = rig("corridor-centre", "slow")
+    drive(robot, AHEAD, 1.0)
+    robot.delay = 1.0
+    drive(robot, AHEAD, 3.0)
+    assert robot.stands
+    assert robot.why == "blind"
+
+
 def test_robot_does_not_move_without_a_first_scan():
     robot = rig("corridor-centre", "slow")
     robot.world.faults = Faults(laser="silent")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robots.agent.adapters.common.robot_profile import BatteryRange
-from robots.agent.adapters.common.state_builder import Readings, stamp_of
+from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.control.state_validation import sound
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints
@@ -32,9 +32,17 @@ def readings():
     return Readings()
 
 
-def test_a_stamp_counts_when_the_clocks_agree():
-    assert stamp_of(99.8, 100.0) == 99.8
-    assert stamp_of(5.0, 100.0) == 100.0
+def test_stamps_count_once_the_clocks_have_agreed_also_of_late_messages(readings):
+    assert readings.believed("scan", 98.0, 100.0) == 100.0
+    assert readings.believed("scan", 100.8, 101.0) == 100.8
+    assert readings.believed("scan", 100.9, 103.0) == 100.9
+    assert readings.believed("odometry", 100.9, 103.0) == 103.0, "its clock has not agreed"
+    assert readings.believed("scan", 104.0, 103.1) == 103.1, "its clock has been set"
+    assert readings.believed("scan", 102.0, 104.0) == 104.0
+
+
+def test_a_simulations_clock_is_not_believed(readings):
+    assert readings.believed("scan", 5.0, 100.0) == 100.0
 
 
 def test_pose_is_unknown_before_the_first_reading(readings):

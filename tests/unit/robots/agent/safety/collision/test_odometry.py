@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robots.agent.safety.collision.odometry import OdometryTrack
+from robots.agent.safety.collision.odometry import Delay, OdometryTrack
 from robots.api.geometry import Pose2D
 
 
@@ -57,3 +57,20 @@ def test_a_clock_that_steps_back_clears_the_past_at_the_same_place(track: Odomet
     track.add(100.0, Pose2D(1.0, 0.0, 0.0))
     track.add(50.0, Pose2D(1.05, 0.0, 0.0))
     assert track.at(50.0) == track.at(100.0) == Pose2D(1.05, 0.0, 0.0)
+
+
+def test_the_delay_of_a_reading_is_beyond_that_of_the_fastest() -> None:
+    delay = Delay()
+    assert delay.of(100.0, 3.0) == 0.0, "the clocks differ by 97 s"
+    assert delay.of(100.5, 3.9) == pytest.approx(0.4, abs=0.01)
+    assert delay.of(101.0, 4.0) == pytest.approx(0.0, abs=0.01)
+    assert delay.of(101.2, 4.1) == 0.0, "the fastest so far"
+    assert delay.of(101.3, 4.3) == pytest.approx(0.1, abs=0.01)
+
+
+def test_a_delay_that_lasts_is_forgotten_as_is_one_of_a_clock_that_steps_back() -> None:
+    delay = Delay()
+    delay.of(0.0, 0.0)
+    found = [delay.of(now - 0.3, now) for now in (1.0, 41.0, 61.0)]
+    assert found == pytest.approx([0.295, 0.095, 0.0])
+    assert delay.of(10.0, 61.1) == 0.0
