@@ -445,9 +445,9 @@ def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(st
 
 def test_a_public_export_warns_of_who_did_not_agree_or_was_not_asked(stored, tmp_path):
     def warned(study, folder):
-        told = io.StringIO()
-        call_command("export_study", study.slug, "--public", "--out", str(folder), stderr=told)
-        return told.getvalue()
+        errors = io.StringIO()
+        call_command("export_study", study.slug, "--public", "--out", str(folder), stderr=errors)
+        return errors.getvalue()
 
     assert "The consent did not ask" in warned(stored.study, tmp_path / "unasked")
     text = (tmp_path / "unasked" / "README.md").read_text()

@@ -174,8 +174,8 @@ class PresentRobotPage(FakeRobotPage):
                 super()._command(suffix, message, sender, peer)
                 return
             status = "FAILED" if reason else "FINISHED"
-            told = {"action_id": message.action_id, "status": status, "reason": reason or ""}
-            self._say("action", m.ActionStatus(stamp=unix, **told))
+            fields = {"action_id": message.action_id, "status": status, "reason": reason or ""}
+            self._say("action", m.ActionStatus(stamp=unix, **fields))
 
     def _permit(self, message: Any, sender: CommandSender, now: float, unix: float) -> str | None:
         """Do what is permitted; return why an action is not."""
@@ -216,8 +216,8 @@ class PresentRobotPage(FakeRobotPage):
         lease, found = self._lease, self.receipts.of(action_id)
         page = self._pages.get(lease.peer) if lease else None
         if page is not None and found is not None:
-            told = {"action_id": action_id, "session": found[0], "state": found[1]}
-            page.say("receipt", m.Receipt(stamp=time.time(), **told))
+            fields = {"action_id": action_id, "session": found[0], "state": found[1]}
+            page.say("receipt", m.Receipt(stamp=time.time(), **fields))
 
     def _obey(self, message: Any, now: float) -> None:
         lease = self.kernel.leases.live(now)

@@ -166,10 +166,10 @@ def race_as_processes(rounds: int, stop: float, racers: int = 3) -> Races:
             process.kill()  # one that is stopped, too
     found = Races()
     for process in running:
-        said, _ = process.communicate()
+        output, _ = process.communicate()
         if process.returncode:
             raise RuntimeError(f"a racer ended with {process.returncode}")
-        for name, n in json.loads(said).items():
+        for name, n in json.loads(output).items():
             setattr(found, name, getattr(found, name) + n)
     return found
 

@@ -29,8 +29,8 @@ def test_the_defaults_in_the_reference_are_those_of_the_settings():
     )
     explained = {
         name: defaults[min(number, len(defaults) - 1)]
-        for names, told in rows
-        for defaults in [re.findall(r"`([^`]+)`", told)]
+        for names, columns in rows
+        for defaults in [re.findall(r"`([^`]+)`", columns)]
         for number, name in enumerate(re.findall(r"`([A-Z_]+)`", names))
     }
     assert len(found.keys() & explained.keys()) > 20

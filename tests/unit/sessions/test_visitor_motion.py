@@ -58,13 +58,13 @@ def test_a_docking_that_begins_among_lost_states_may_be_an_undocking(lost):
 
 
 def test_the_session_manager_notes_motion_by_the_same_rule():
-    driven = {"session": "s1", "epoch": 1}
+    drive = {"session": "s1", "epoch": 1}
     states = (
-        {**driven, "docked": True},
-        {**driven, **by_itself("docking")},
-        driven,
+        {**drive, "docked": True},
+        {**drive, **by_itself("docking")},
+        drive,
         by_itself("goto"),  # between sessions
-        {**driven, **by_itself("goto")},
+        {**drive, **by_itself("goto")},
     )
     liveness, noted = RobotLiveness(), []
     for seq, state in enumerate(states, start=1):

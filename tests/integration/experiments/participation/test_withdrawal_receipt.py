@@ -72,9 +72,9 @@ def test_page_before_and_receipt_and_privacy_page_list_the_same(client, is_recru
     text = client.post(DOWNLOAD, {"receipt": carried(after)}).content.decode()
     everywhere = read(client.get(reverse("about")))
     for name, words in receipts.STAYS.items():
-        is_told = {"hash": is_recruited, "account": False}.get(name, True)
+        is_shown = {"hash": is_recruited, "account": False}.get(name, True)
         for page in (before.text, after.text, text):
-            assert (str(words) in page) == is_told
+            assert (str(words) in page) == is_shown
         assert str(words) in everywhere.text
 
 

@@ -354,8 +354,8 @@ async def test_every_page_shows_the_driver_and_how_many_watch_and_wait(bridge, d
         "room",
         lambda room: (room.driver, room.observers, room.driving) == ("Ada", 1, False),
     )
-    driven = words.state(session=driver.granted.session, epoch=driver.granted.epoch, viewers=4)
-    bridge.say("giraff", "state", driven)
+    state = words.state(session=driver.granted.session, epoch=driver.granted.epoch, viewers=4)
+    bridge.say("giraff", "state", state)
     await other.expect("room", lambda room: room.driving and room.observers == 3)
     await other.say("session/take", protocol.Take())
     await driver.expect("room", lambda room: room.waiting == 1)

@@ -129,9 +129,9 @@ async def lost(primary, standby, fails, robot):
 
 async def goes_on(site, client, robot):
     """Check that the same drive goes on, and that pages and commands know the new primary."""
-    session, driven = robot.session, len(robot.driven)
+    session, count = robot.session, len(robot.driven)
     assert client.session == session
-    await client.until(lambda: len(robot.driven) > driven, patient(15), "a command")
+    await client.until(lambda: len(robot.driven) > count, patient(15), "a command")
     await client.until(lambda: not client.faults, patient(15), "the end of the fault")
     await reached(lambda: site.web_answers("readyz"), 15, "a web process that is ready")
     cookie = await asyncio.to_thread(site.sign_in, "ben")

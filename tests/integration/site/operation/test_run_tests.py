@@ -55,8 +55,8 @@ class Runner:
 
     def run(self, word: str, **more: str) -> tuple[int, str]:
         process = self.begin(word, **more)
-        said, _ = process.communicate(timeout=60)
-        return process.returncode, said
+        output, _ = process.communicate(timeout=60)
+        return process.returncode, output
 
     def parts(self) -> list[str]:
         return self.called.read_text().splitlines() if self.called.exists() else []
@@ -68,9 +68,9 @@ def runner(tmp_path) -> Runner:
 
 
 def test_unknown_word_fails_the_run(runner):
-    code, said = runner.run("nigthly")
+    code, output = runner.run("nigthly")
     assert code == 2
-    assert "not nigthly" in said
+    assert "not nigthly" in output
 
 
 def test_folder_that_the_environment_names_is_kept(runner, tmp_path):
@@ -83,9 +83,9 @@ def test_folder_that_the_environment_names_is_kept(runner, tmp_path):
 
 @pytest.mark.parametrize("word", ["nightly", "soak"])
 def test_failed_part_does_not_stop_the_others_and_is_named_at_the_end(runner, word):
-    code, said = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
+    code, output = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
     assert code == 1
-    assert said.strip().endswith("failed: servers timing_of_robots")
+    assert output.strip().endswith("failed: servers timing_of_robots")
     assert {*PARTS, "tests/timing/browser"} <= set(runner.parts())
 
 
@@ -93,9 +93,9 @@ def test_one_part_may_have_no_marked_test_but_not_the_whole_run(runner):
     code, _ = runner.run("nightly", ENDS="tests/timing/robots=5")
     assert code == 0
     folders = [*PARTS, "tests/integration/surveys", "tests/timing/browser"]
-    code, said = runner.run("nightly", ENDS=" ".join(f"{name}=5" for name in folders))
+    code, output = runner.run("nightly", ENDS=" ".join(f"{name}=5" for name in folders))
     assert code == 1
-    assert "No test was chosen" in said
+    assert "No test was chosen" in output
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -103,10 +103,10 @@ def test_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: sign
     process = runner.begin("nightly", HANGS="tests/integration/browser")
     wait_for(lambda: PARTS[1] in runner.parts(), 30, "the browsers' part")
     process.send_signal(end)
-    said, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=60)
     assert process.returncode == 128 + end
-    assert "-- browsers, not finished" in said
-    assert f"this is what {PARTS[1]} said" in said
+    assert "-- browsers, not finished" in output
+    assert f"this is what {PARTS[1]} said" in output
     assert list(runner.temporary.iterdir()) == []
 
 
@@ -117,5 +117,5 @@ def test_part_that_ends_first_is_shown_first(runner):
         if line.startswith("-- browsers, ended"):
             break
     process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=60)
-    assert "-- servers, not finished" in said
+    output, _ = process.communicate(timeout=60)
+    assert "-- servers, not finished" in output

@@ -164,8 +164,8 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
 
         await ada.say("command/velocity", words.velocity(stamp=time.time()))
         await until(lambda: robot.driven, "the command arrives")
-        driven = robot.driven[-1]
-        assert (driven.session, driven.epoch) == (driving.session, driving.epoch)
+        command = robot.driven[-1]
+        assert (command.session, command.epoch) == (driving.session, driving.epoch)
         await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
         assert (await bob.expect("denied")).suffix == "command/velocity"
 

@@ -174,10 +174,10 @@ def test_owner_finds_their_robots_with_a_problem(client):
 
 
 def test_only_operators_see_that_the_session_manager_is_silent(client, boss):
-    said = "The session manager isn't running"
-    assert said in read(client.get(reverse(HOME))).text
+    output = "The session manager isn't running"
+    assert output in read(client.get(reverse(HOME))).text
     ManagerBeat.objects.create(name="manager", holder="here:1", beat_at=timezone.now())
-    assert said not in read(client.get(reverse(HOME))).text
+    assert output not in read(client.get(reverse(HOME))).text
     ManagerBeat.objects.all().delete()
     client.force_login(person("helper", is_staff=True))
-    assert said not in read(client.get(reverse(HOME))).text
+    assert output not in read(client.get(reverse(HOME))).text

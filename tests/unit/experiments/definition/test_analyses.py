@@ -15,7 +15,7 @@ def test_an_analysis_that_makes_sense_is_accepted():
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "problem"),
     [
         ({"measures": []}, "it measures nothing; add at least one measure."),
         ({"measures": ["sus.score"]}, "the study does not ask the questionnaire sus."),
@@ -41,21 +41,21 @@ def test_an_analysis_that_makes_sense_is_accepted():
         ({"test": "mixed", "effects": ["delay:help"]}, "there is no factor delay."),
     ],
 )
-def test_contradictions_are_problems_of_the_analysis(changes, told):
+def test_contradictions_are_problems_of_the_analysis(changes, problem):
     found = sentences(problems(small_study(analyses=[{**GOOD, **changes}])))
-    assert f"Analysis doors: {told}" in found
+    assert f"Analysis doors: {problem}" in found
 
 
 def test_measures_name_the_step_where_several_ask_a_questionnaire():
     before = {"kind": "questionnaire", "key": "before", "questionnaire": "experience"}
     steps = [{**before, "title": {"en": "Before"}}, *STUDY["steps"]]
-    told = (
+    problem = (
         "Analysis doors: several steps ask the questionnaire experience; name the step in its"
         " measures, as in experience.{}.overall."
     )
     (key,) = (one["key"] for one in STUDY["steps"] if one["kind"] == "questionnaire")
     found = sentences(problems(small_study(analyses=[GOOD], steps=steps)))
-    assert found == [told.format(key)]
+    assert found == [problem.format(key)]
     good = {**GOOD, "measures": ["experience.before.q1", f"experience.{key}.q1"]}
     assert sentences(problems(small_study(analyses=[good], steps=steps))) == []
 

@@ -14,10 +14,10 @@ PACKAGE = f"the ROS package absent_msgs is not installed for {sys.executable}"
 
 @pytest.fixture(params=["ROS 1", "ROS 2"])
 def node(request):
-    """A node without ROS, which lacks all types; `said` has its messages to the agent."""
+    """A node without ROS, which lacks all types; `sent` has its messages to the agent."""
     made = object.__new__(ros1_node.Node if request.param == "ROS 1" else ros2_node.Ros2Node)
-    made.said, made.problems, made.subscriptions = [], {}, {}
-    made.say = lambda **message: made.said.append(message)
+    made.sent, made.problems, made.subscriptions = [], {}, {}
+    made.say = lambda **message: made.sent.append(message)
     made.roslib = SimpleNamespace(message=SimpleNamespace(get_message_class=lambda kind: None))
     return made
 
@@ -31,9 +31,9 @@ def subscribe(node, topic, *, essential):
 
 def test_topic_that_is_not_essential_is_reported_and_the_connection_stays(node):
     subscribe(node, "/bumper", essential=False)
-    (said,) = node.said
-    assert said["op"] == "problems"
-    (sentence,) = said["sentences"]
+    (message,) = node.sent
+    assert message["op"] == "problems"
+    (sentence,) = message["sentences"]
     assert sentence.startswith("/bumper is not received, because absent_msgs/Bool")
     assert PACKAGE in sentence
 
@@ -41,11 +41,11 @@ def test_topic_that_is_not_essential_is_reported_and_the_connection_stays(node):
 def test_essential_topic_ends_the_connection_and_names_the_package_to_install(node, monkeypatch):
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     subscribe(node, "/odom", essential=True)
-    (said,) = node.said
-    assert said["op"] == "lost"
-    assert said["reason"].startswith("/odom is not received, because absent_msgs/Bool")
-    assert PACKAGE in said["reason"]
-    assert said["reason"].endswith("; install ros-jazzy-absent-msgs")
+    (message,) = node.sent
+    assert message["op"] == "lost"
+    assert message["reason"].startswith("/odom is not received, because absent_msgs/Bool")
+    assert PACKAGE in message["reason"]
+    assert message["reason"].endswith("; install ros-jazzy-absent-msgs")
 
 
 def test_driving_needs_what_shows_motion_place_and_emergency_stop():
