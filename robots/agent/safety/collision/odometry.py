@@ -69,7 +69,7 @@ class OdometryTrack:
 @dataclass
 class Delay:
     """How much later readings arrive than the fastest recent one. The robot's clock may differ from
-    ours, so that a constant delay cannot be told from it.
+    ours, so that a constant delay looks like that difference.
 
     `forgets` is how fast a fast reading is forgotten, in seconds per second.
     """
@@ -81,7 +81,7 @@ class Delay:
 
     def of(self, stamp: float, now: float) -> float:
         """Take a reading's stamp, the robot's time, and return its delay at `now`, monotonic time;
-        in seconds. A clock that steps back starts anew.
+        in seconds. After a clock has stepped back, the next reading counts as the fastest.
         """
         took = now - stamp
         forgotten = self._fastest + self.forgets * (now - self._taken_at)
