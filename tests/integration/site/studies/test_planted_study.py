@@ -95,9 +95,9 @@ def test_planted_effects_on_success_and_its_time_are_found_and_no_others(studies
     tables = ("analysis-success-model", "analysis-times-model")
     assert {one for table in tables for one in found_in(report, table)} == planted.SUCCESS_PLANTED
     decided = hypotheses_in(report)
-    assert (decided["h1"], decided["h2"], decided["h4"]) == ("yes", "yes", "no")
+    assert (decided["h1"], decided["h2"]) == ("yes", "yes")
     # without a test where no bot with the brake succeeds
-    assert decided["h3"] in {"no", "unknown"}
+    assert {decided["h3"], decided["h4"]} <= {"no", "unknown"}
 
 
 @pytest.mark.parametrize("slug", STUDIES)

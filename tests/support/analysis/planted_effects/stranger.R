@@ -231,8 +231,13 @@ score_test <- function(kind, own, x, at) {
   if (n <= q + 1 || same(if (kind == "counts") own$value / own$weight else own$value)) return(list(`n tested` = n))
   if (kind == "times") {
     fitted <- rep(0, ncol(x))
-    if (length(others)) fitted[others] <- coef(coxph(Surv(value, weight) ~ x[, others], own, ties = "breslow", control = EXACT))
+    if (length(others)) {
+      rest <- tryCatch(coxph(Surv(value, weight) ~ x[, others], own, ties = "breslow", control = EXACT), warning = function(w) NULL)
+      if (is.null(rest)) return(list(`n tested` = n))  # others separate
+      fitted[others] <- coef(rest)
+    }
     fit <- suppressWarnings(coxph(Surv(value, weight) ~ x, own, ties = "breslow", init = fitted, control = coxph.control(iter.max = 0)))
+    if (fit$nevent == 0) return(list(`n tested` = n))
     scores <- as.matrix(residuals(fit, "score")); information <- solve(fit$var)
     scores <- if (!length(others)) scores[, at, drop = FALSE] else
       scores[, at, drop = FALSE] - scores[, others, drop = FALSE] %*% solve(information[others, others], information[others, at])
@@ -279,8 +284,12 @@ of_some <- function(groups) {  # participants have only some of the conditions: 
   own$side <- factor(own$side, names(groups)); contrasts(own$side) <- contr.sum(nlevels(own$side)); n <- length(unique(own$who))
   if (all(tapply(own$value, own$who, same))) return(list(`n tested` = n))
   fit <- suppressWarnings(suppressMessages(lmer(value ~ side + (1 | who), own, control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11)))))
-  found <- Wald_test(fit, constraints = constrain_zero(seq_along(fixef(fit))[-1]), vcov = vcovCR(fit, cluster = own$who, type = "CR2"), test = "HTZ")
-  list(`n tested` = n, Statistic = found$Fstat, df = length(groups) - 1, `df 2` = found$df_denom, p = found$p_val)
+  robust <- vcovCR(fit, cluster = own$who, type = "CR2")
+  found <- Wald_test(fit, constraints = constrain_zero(seq_along(fixef(fit))[-1]), vcov = robust, test = "HTZ")
+  row <- list(`n tested` = n, Statistic = found$Fstat, df = length(groups) - 1, `df 2` = found$df_denom, p = found$p_val)
+  if (length(groups) > 2) return(row)
+  b <- fixef(fit)[[2]]; slack <- qt(.975, found$df_denom) * sqrt(robust[2, 2])
+  c(row, list(Difference = 2 * b, `Difference: from` = 2 * (b - slack), `Difference: to` = 2 * (b + slack)))
 }
 compared <- function(groups, test, layout = list(paired = TRUE)) {  # a condition of fewer than two participants is left out
   groups <- groups[lengths(groups) > 1]; if (length(groups) < 2) return(list(`n tested` = 0))
