@@ -131,13 +131,20 @@ def test_events_survive_a_lost_network_and_a_reload(opened):
     assert CodingEdit.objects.count() == 1
 
 
+def let_through(page, saving):
+    """Let the request to save continue, as soon as the page has made it."""
+    while not saving:
+        page.wait_for_timeout(20)
+    saving.pop().continue_()
+
+
 def test_comment_being_typed_survives_answers_of_the_server(opened):
     one = opened(10.0)
     saving = []
     one.route("**/save/*", lambda route: saving.append(route))
     one.keyboard.press("h")
     one.get_by_label("Comment").fill("waves")
-    saving.pop().continue_()
+    let_through(one, saving)
     expect(one.locator("#coding-saved")).to_have_text(SAVED)
     two = opened(10.0)
     rows(two).click()
@@ -145,7 +152,7 @@ def test_comment_being_typed_survives_answers_of_the_server(opened):
     expect(rows(one).filter(has_text="a visitor")).to_have_count(1)
     one.keyboard.type(" twice")
     one.keyboard.press("Enter")
-    saving.pop().continue_()
+    let_through(one, saving)
     expect(one.locator("#coding-saved")).to_have_text(SAVED)
     expect(rows(one)).to_contain_text("a visitor · waves twice")
     expect(one.locator("#coding-message")).to_be_hidden()
