@@ -6,6 +6,7 @@ does not depend on localization.
 """
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -65,6 +66,7 @@ class CollisionMonitor:
         self._fastest = fastest_by_direction(self._sources)
         self._here: Pose2D | None = None
         self._measured_at, self._delay = math.inf, Delay()
+        self._sent: deque[tuple[float, Velocity]] = deque(maxlen=64)  # (until when, what)
         self._reckoning, self._reckoned_at = CENTRE, math.inf
         self._shaped_at = -math.inf
         self._last = UNASSISTED
@@ -176,10 +178,14 @@ class CollisionMonitor:
 
     def _expected(self, sent: Velocity, now: float) -> Pose2D | None:
         """Return where the robot is by now, if it has obeyed since the newest odometry."""
+        self._sent.append((now, sent))
         if self._here is None:
             return None
-        age = min(max(now - self._measured_at, 0.0), MONITOR.longest_step)
-        return carried(self._here, sent, age)
+        pose, since = self._here, max(self._measured_at, now - MONITOR.longest_step)
+        for until, velocity in self._sent:
+            if until > since:
+                pose, since = carried(pose, velocity, until - since), until
+        return pose
 
     def _about(self, here: Pose2D | None, radius: float) -> tuple[Floats, Floats]:
         if here is None:

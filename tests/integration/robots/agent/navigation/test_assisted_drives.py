@@ -98,7 +98,7 @@ def test_robot_stops_before_a_wall_by_readings_that_become_late(speed, delay):
     robot.delay = delay
     drive(robot, Velocity(linear=speed, angular=0.0), 8.0)
     assert (robot.why, robot.touches) == ("stop", 0)
-    assert 0.05 < robot.world.clearance() < 0.1
+    assert 0.07 < robot.world.clearance() < 0.1
 
 
 def test_robot_stops_when_readings_become_later_than_a_laser_may_be_silent():
