@@ -5,9 +5,12 @@ withdraw learn of it (accounts.audit.COPIES).
 import ast
 from collections.abc import Iterator
 
+import pytest
+
 from accounts.audit import COPIES
 from tests.support.paths import ROOT
 
+pytestmark = pytest.mark.slow
 FOLDERS = ("accounts", "robots", "sessions", "surveys", "experiments")
 READERS = {"FileResponse", "as_json", "as_long_csv", "as_wide_csv", "dataset_of", "export_files"}
 # Functions that send a file or read a study's data and note nothing, with the reason.

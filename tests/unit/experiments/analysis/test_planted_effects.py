@@ -53,6 +53,7 @@ def test_every_planted_effect_is_found_and_nothing_else(report):
     assert hypotheses_in(report) == {"h1": "yes", "h2": "yes", "h3": "yes", "h4": "no"}
 
 
+@pytest.mark.slow
 def test_every_number_is_the_one_that_r_computed(report):
     ours, theirs = by_the_report(report), numbers_of(EXPECTED)
     assert {table for table, _, _ in ours} == {table for table, _, _ in theirs}

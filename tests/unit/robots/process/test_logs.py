@@ -58,6 +58,7 @@ def test_lines_that_find_no_room_are_counted(log, caplog):
     assert f"lines_dropped count={151 - kept}" in caplog.text
 
 
+@pytest.mark.slow
 def test_flush_does_not_wait_for_ever(log):
     stuck = StuckHandler()
     handler = ThreadedHandler([stuck])

@@ -169,6 +169,7 @@ def test_a_site_where_no_robot_fits_is_found() -> None:
     assert found == "there is not enough room for a robot anywhere on the map"
 
 
+@pytest.mark.slow
 def test_a_plan_as_large_as_a_district_takes_no_more_memory_than_a_large_map() -> None:
     far = 5000.0
     square = ((0.0, 0.0), (far, 0.0), (far, far), (0.0, far))

@@ -21,6 +21,7 @@ def recorded(source: DeviceMicrophone, blocks: int) -> np.ndarray:
     return np.concatenate(found)
 
 
+@pytest.mark.slow
 def test_other_rates_and_two_channels_become_mono_at_48_khz():
     sine = "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo"
     microphone = DeviceMicrophone(device_address.read(sine, "microphone"))
