@@ -42,9 +42,9 @@ async def drive(adapter: Adapter, velocity: Velocity, until, seconds: float = 8.
     return await _until(adapter, until, seconds, lambda: adapter.apply(velocity))
 
 
-async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
-    """Read states, without applying velocities, until a condition holds."""
-    return await _until(adapter, until, seconds, lambda: None)
+async def wait_for(adapter: Adapter, until, seconds: float = 8.0, act=lambda: None) -> RcaState:
+    """Read states, without applying velocities, until a condition holds; `act` at each."""
+    return await _until(adapter, until, seconds, act)
 
 
 async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:

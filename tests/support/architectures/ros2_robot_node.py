@@ -156,8 +156,8 @@ def main():
     robot = Robot(json.loads(sys.argv[1]))
     executor = MultiThreadedExecutor(4)
     executor.add_node(robot.node)
+    say("ready", {})  # before anything that it hears
     threading.Thread(target=executor.spin, daemon=True).start()
-    say("ready", {})
     for line in sys.stdin:
         robot.obey(*json.loads(line))
     os._exit(0)

@@ -148,7 +148,7 @@ def test_unreceived_velocity_is_not_recorded_and_the_reason_is_reported(tmp_path
     (static/js/view/hud/stuck.js).
     """
     with Ros2Rig("giraff", ("/base/cmd_vel", TWIST)) as rca, agent(rca, tmp_path) as rig:
-        rig.grant()
+        rig.grant(ttl=60.0)
         rig.drive(
             0.25,
             until=lambda: any(
