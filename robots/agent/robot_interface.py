@@ -149,14 +149,14 @@ class RcaState:
     localize itself; `odometry` is dead reckoning, in a frame with any origin, of `odometry_stamp`
     where that is older than `stamp`. `clearance` is the distance in metres from the footprint to
     the nearest obstacle, None when unknown. `contacts` counts the collisions since connect(),
-    `distance` the metres driven since then. `is_measured` is false
-    when `velocity` only repeats an earlier measurement, which does not show that the robot is still
-    at rest. `estop` is true while the robot's own emergency button is pressed, None until that is
-    reported. `path` is what the robot follows by itself, in map metres, () when it follows none,
-    None when unknown. `scan`, `sonar` and `points` are new since the last reading. `bumper` has the
-    directions, in radians in the robot's frame, in which something touches the robot now: () for
-    none, None when unknown. `assist_why` and `assist_point` are those of an RCA's own assistance,
-    as in `messages.State`. `battery` and `tilt` are None when unknown, never guessed.
+    `distance` the metres driven since then. `is_measured` is false when `velocity` only repeats an
+    earlier measurement, which does not show that the robot is still at rest. `estop` is true while
+    the robot's own emergency button is pressed, None until that is reported. `path` is what the
+    robot follows by itself, in map metres, () when it follows none, None when unknown. `scan`,
+    `sonar` and `points` are new since the last reading. `bumper` has the directions, in radians in
+    the robot's frame, in which something touches the robot now: () for none, None when unknown.
+    `assist_why` and `assist_point` are those of an RCA's own assistance, as in `messages.State`.
+    `battery` and `tilt` are None when unknown, never guessed.
     """
 
     stamp: float

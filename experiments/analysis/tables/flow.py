@@ -125,8 +125,8 @@ class _Flow:
     def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
         stages = {one.id: self.stage(one) for one in people}
         for number, stage in enumerate(FLOW):
-            gone = [one for one in people if stages[one.id] == number - 1]
-            lost = by_key((self._reason(one, number), one.id) for one in gone)
+            stopped = [one for one in people if stages[one.id] == number - 1]
+            lost = by_key((self._reason(one, number), one.id) for one in stopped)
             for reason, ids in sorted(lost.items()):
                 yield cell, "", reason, table.people_count(self.dataset, ids)
             left = [one for one in people if stages[one.id] >= number]

@@ -92,8 +92,7 @@ class CollisionMonitor:
         self, wanted: Velocity, last_sent: Velocity, level: AssistLevel, now: float
     ) -> Assisted:
         """Return what to send to the base instead of `wanted`, which is within the limits and on
-        the driver's ramp. `last_sent` is what the base was last
-        sent; `now` is monotonic time.
+        the driver's ramp. `last_sent` is what the base was last sent; `now` is monotonic time.
         """
         points, errors = self._about(self._expected(last_sent, now), self._assist.reach)
         lost = {

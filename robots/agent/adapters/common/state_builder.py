@@ -33,7 +33,7 @@ TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 class StampClock:
     """The clock of one of the RCA's topics. Once it has agreed with ours, older stamps are of late
-    messages; that of another computer, or of a simulation, never agrees.
+    messages. A clock that is not synchronized, or of a simulation, never agrees.
     """
 
     def __init__(self) -> None:

@@ -240,7 +240,7 @@ async def test_emergency_stop_arrives_from_publishers_of_either_durability():
                 await wait_for(adapter, lambda s, pressed=pressed: s.estop is pressed)
         async with connected(rig.adapter(estop="/estop")) as adapter:
             for pressed in (True, False):
-                # again and again: what is published before the subscription is found is lost
+                # repeated: a publisher keeps nothing for a subscription that it has not found yet
                 await wait_for(
                     adapter,
                     lambda s, pressed=pressed: s.estop is pressed,
