@@ -175,3 +175,12 @@ def test_charge_is_unknown_without_a_battery_range_or_a_current_reading(readings
 def test_a_charge_of_nan_is_unknown(readings):
     readings.charged(charge=math.nan, charging=False)
     assert sound(readings.state(1.0)).battery.charge is None
+
+
+def test_odometry_keeps_its_stamp_in_repeated_states_and_after_them(readings):
+    assert readings.state(1.0).odometry_stamp is None
+    for stamp, now in ((9.6, 10.0), (9.7, 10.1)):
+        readings.moved(Pose2D(stamp, 0.0, 0.0), None, stamp, now)
+        states = readings.state(now), readings.state(now + 0.05)
+        assert [state.odometry_stamp for state in states] == [stamp, stamp]
+        assert [state.is_measured for state in states] == [True, False]
