@@ -338,6 +338,22 @@ class ManagerBeat(models.Model):
         return self.holder
 
 
+class Maintenance(models.Model):
+    """The site's maintenance, while it is announced or under way: no session begins, and those in
+    progress end at `starts_at`.
+    """
+
+    name = models.CharField(primary_key=True, max_length=20, default="maintenance")
+    starts_at = models.DateTimeField()
+
+    class Meta:
+        verbose_name = _("maintenance")
+        verbose_name_plural = _("maintenance")
+
+    def __str__(self) -> str:
+        return f"{self.starts_at:%Y-%m-%d %H:%M}"
+
+
 class Shard(models.Model):
     """A share of the robots, by the hash of their names: `owner` serves them, under an epoch that
     grows whenever the shard changes hands (sessions/shards/ownership.py).

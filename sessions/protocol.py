@@ -354,9 +354,9 @@ class Queued(Notice, frozen=True, kw_only=True):
     """You wait; `place` 1 is next, `minutes` the estimate.
 
     `reason` is why a robot without a driver is not ready: `returning`, `charging` or `paused`, a
-    colon, and the robot's reason; `held`, a colon, and why sessions are paused; or `start`, a
-    colon, and the code of why it does not meet a study's terms: `not_docked`, `elsewhere`, `lost`,
-    `charge`, `silent`.
+    colon, and the robot's reason; `held`, a colon, and why sessions are paused; `maintenance` of
+    the site; or `start`, a colon, and the code of why it does not meet a study's terms:
+    `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
     """
 
     place: Count
@@ -371,9 +371,12 @@ class Offered(Notice, frozen=True, kw_only=True):
 
 
 class TurnWarning(Notice, frozen=True, kw_only=True):
-    """The turn ends in `remaining` seconds."""
+    """The turn ends in `remaining` seconds, or no longer has an end if this is None. `reason` is
+    empty, or `maintenance` if the site's maintenance ends it.
+    """
 
-    remaining: Seconds
+    remaining: Seconds | None
+    reason: Reason = ""
 
 
 class PresenceAsked(Notice, frozen=True, kw_only=True):

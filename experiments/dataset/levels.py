@@ -55,6 +55,7 @@ END_REASONS: Levels = {
     "lease_gone": "the server no longer knew who drives",
     "left": "the visitor left",
     "left_queue": "the visitor left before having the robot",
+    "maintenance": "the site's maintenance began",
     "never_connected": "the page was open and did not reach the robot in time",
     "no_picture": "no video frame was shown in time",
     "page_gone": "the page was closed before it had reached the robot",

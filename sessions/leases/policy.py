@@ -23,6 +23,7 @@ State = Literal["waiting", "connecting", "driving", "reconnecting"]
 # PAGE_GONE_SECONDS without, the page counts as gone.
 PAGE_SEEN_EVERY = 10.0
 PAGE_GONE_SECONDS = 25.0
+MAINTENANCE = "maintenance"  # the pause of all robots, and the reason of the drives that it ends
 # Duration of a return to the dock, for estimates only.
 RETURN_TO_DOCK_SECONDS = 90.0
 
@@ -103,7 +104,8 @@ class Scene:
 
     `pause` is why the robot is not ready for a session (sessions/leases/readiness.py), empty when
     it is. `changed_at` is when the lease changed last: a request that was made earlier and waited
-    for this change is granted as of then.
+    for this change is granted as of then. `maintenance_at` is when the site's maintenance begins
+    or began, None if none is announced.
     """
 
     hold: Hold
@@ -112,6 +114,7 @@ class Scene:
     online: bool = True
     pause: str = ""
     changed_at: float = 0.0
+    maintenance_at: float | None = None
 
     @property
     def waits_for(self) -> str:

@@ -39,6 +39,7 @@ from robots.presence.report import standstill_of
 from sessions.leases import terms
 from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
+    MAINTENANCE,
     PAGE_GONE_SECONDS,
     ActiveSession,
     Ask,
@@ -53,7 +54,7 @@ from sessions.leases.policy import (
 )
 from sessions.leases.readiness import STOPPED
 from sessions.leases.terms import FREE, Terms, UnreadableTerms
-from sessions.models import HOLDING_STATES, Lease, Session
+from sessions.models import HOLDING_STATES, Lease, Maintenance, Session
 from sessions.protocol import Queued, Refused
 
 LIVE = (Session.State.WAITING, *HOLDING_STATES)
@@ -543,7 +544,8 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
     active: dict[Any, list[ActiveSession]] = {key: [] for key in keys}
     for session in sessions.values():
         active[session.robot_id].append(session_of(session))
-    pauses = _pauses_of(keys)
+    maintenance_at = _maintenance_at()
+    pauses = _pauses_of(keys) if maintenance_at is None else dict.fromkeys(keys, MAINTENANCE)
     scenes = {}
     for robot in robots:
         lease = leases.get(robot.pk)
@@ -554,6 +556,7 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
             robot.is_online(now),
             pauses.get(robot.pk, ""),
             0.0 if lease is None else lease.changed_at.timestamp(),
+            maintenance_at,
         )
         scenes[robot.pk] = _with_needs(scene, robot, sessions, now)
     return scenes
@@ -584,7 +587,8 @@ def pause_of(robot: Robot) -> str:
     """Return why a robot is not ready for a session, empty when it is; read from the database,
     because another process may just have sent it to its dock.
     """
-    return _pauses_of([robot.pk]).get(robot.pk, "")
+    is_paused = _maintenance_at() is not None
+    return MAINTENANCE if is_paused else _pauses_of([robot.pk]).get(robot.pk, "")
 
 
 def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
@@ -592,6 +596,11 @@ def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
         "robot", "report", "robot__held", "robot__returns_home", "turnaround", "turnaround_reason"
     )
     return {key: _pause(*values) for key, *values in rows}
+
+
+def _maintenance_at() -> float | None:
+    """Return when the announced maintenance begins or began, None if none is announced."""
+    return _seconds(Maintenance.objects.values_list("starts_at", flat=True).first())
 
 
 def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> str:

@@ -15,6 +15,8 @@ Rules, all in seconds unless stated otherwise:
 - A turn is limited only while another visitor waits with an open page, or always if the terms
   require it. It ends `turn` after the grant, but not before `warning` after the moment from which
   another visitor waited. When no visitor waits any more, the limit is lifted.
+- The site's maintenance ends every drive when it begins, as stopped_by_operator; drivers are warned
+  from its announcement on.
 - A driver who does nothing for `idle` is asked to confirm presence. Without a sign within
   ANSWER_SECONDS, plus ROUND_TRIP_MARGIN_S for question and answer to arrive, the session ends as if
   its turn were over. Driving, a touch of the page, a call, autonomous motion of the robot and an
@@ -34,6 +36,7 @@ from dataclasses import dataclass, field
 
 from sessions.leases.fault_side import TERMS_UNREADABLE
 from sessions.leases.policy import (
+    MAINTENANCE,
     ActiveSession,
     Hold,
     Rules,
@@ -223,7 +226,7 @@ def _driver(
     if idle is not None:
         yield idle
     if not isinstance(changed, Ended) and not isinstance(idle, Ended):
-        yield from _turn(scene, holder, link, rules, now)
+        yield from _until_maintenance(scene, holder, _turn(scene, holder, link, rules, now), now)
 
 
 def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> Ended | None:
@@ -326,6 +329,25 @@ def _turn(
         yield TurnLimited(holder.id, ends_at)
     if ends_at - now <= rules.warning:
         yield TurnWarning(session=holder.id, remaining=ends_at - now)
+
+
+def _until_maintenance(
+    scene: Scene, holder: ActiveSession, turn: Iterator[Transition], now: float
+) -> Iterator[Transition]:
+    """Yield the transitions of the turn, unless maintenance ends the session first."""
+    left = None if scene.maintenance_at is None else scene.maintenance_at - now
+    if left is not None and left <= 0.0:
+        yield Ended(session=holder.id, outcome="stopped_by_operator", reason=MAINTENANCE)
+        return
+    due = list(turn)
+    ends = [each for each in due if isinstance(each, TurnWarning | Ended)]
+    if left is None or any(
+        isinstance(end, Ended) or (end.remaining or 0.0) <= left for end in ends
+    ):
+        yield from due
+        return
+    yield from (each for each in due if each not in ends)
+    yield TurnWarning(session=holder.id, remaining=left, reason=MAINTENANCE)
 
 
 def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Transition]:

@@ -27,7 +27,13 @@ from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.absences import WebAbsences
-from sessions.leases.policy import PAGE_GONE_SECONDS, Scene, minutes_until_turn, place_in_queue
+from sessions.leases.policy import (
+    PAGE_GONE_SECONDS,
+    ActiveSession,
+    Scene,
+    minutes_until_turn,
+    place_in_queue,
+)
 from sessions.leases.store import (
     LIVE,
     count_renewal,
@@ -163,8 +169,10 @@ class Scheduler:
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
                 if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
                     self._web_absences.tick(scenes[robot.pk].holder, now)
-                for transition in expiry.tick(robot, link, now, scenes[robot.pk]):
+                due = expiry.tick(robot, link, now, scenes[robot.pk])
+                for transition in due:
                     self._publish(transition, robot, now)
+                self._withdraw_warning(scenes[robot.pk].holder, due)
                 if robot.pk in queues:
                     self._publish_places(robot, now)
         return self._finish(now)
@@ -194,7 +202,6 @@ class Scheduler:
                 self._note(session, "turn_limited", now)
             case TurnUnlimited(session):
                 self._note(session, "turn_unlimited", now)
-                self._warned.pop(session, None)
             case Ended(outcome="robot_fault" | "stopped_by_operator"):
                 system_log.log(
                     "session_broken_off",
@@ -231,14 +238,21 @@ class Scheduler:
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
         session, at = warning.session, now.timestamp()
-        ends_at = round(at + warning.remaining)
+        remaining = warning.remaining or 0.0
+        ends_at = round(at + remaining)
         if abs(self._warned.get(session, 0) - ends_at) > 1:
-            rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
+            rounded = msgspec.structs.replace(warning, remaining=round(remaining, 1))
             if not _is_warned(session, ends_at):
                 self._record(rounded, now)
             self._send(rounded)
             self._warned = {one: end for one, end in self._warned.items() if end > at}
             self._warned[session] = ends_at
+
+    def _withdraw_warning(self, holder: ActiveSession | None, due: tuple[Transition, ...]) -> None:
+        """Tell a driver who was warned, and is not any more, that the turn has no end."""
+        still = any(isinstance(each, TurnWarning | Ended) for each in due)
+        if holder is not None and not still and self._warned.pop(holder.id, None) is not None:
+            self._send(TurnWarning(session=holder.id, remaining=None))
 
     def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)

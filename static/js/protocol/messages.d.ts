@@ -101,7 +101,7 @@ export interface SdpOffer { type: "offer"; sdp: string; role: "driver" | "observ
   "wizard"; session: string | null; epoch: number; who: string; iceServers: Array<IceServer> }
 export interface Queued { session: string; place: number; minutes: number; reason: string }
 export interface Offered { session: string; seconds: number }
-export interface TurnWarning { session: string; remaining: number }
+export interface TurnWarning { session: string; remaining: number | null; reason: string }
 export interface PresenceAsked { session: string; seconds: number }
 export interface PresenceConfirmed { session: string }
 export interface Task { session: string; stamp: number; cue: string; number: number | null;

@@ -153,7 +153,8 @@ const SdpOffer = object({ type: oneOf("offer"), sdp, role: optional(role, "obser
 const Queued = object({ session: id, place: count, minutes: notNegative, reason: optional(reason,
   "") });
 const Offered = object({ session: id, seconds: notNegative });
-const TurnWarning = object({ session: id, remaining: notNegative });
+const TurnWarning = object({ session: id, remaining: nullable(notNegative), reason: optional(reason,
+  "") });
 const PresenceAsked = object({ session: id, seconds: notNegative });
 const PresenceConfirmed = object({ session: id });
 const Task = object({ session: id, stamp, cue: optional(name, ""), number: absent(count),

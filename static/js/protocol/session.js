@@ -80,6 +80,8 @@ export const newVisit = () => ({
   signingUntil: number,
   /** Unix time at which the turn ends, once the server has warned */
   turnEnds: number,
+  /** why it ends then, other than for the next visitor: `maintenance` */
+  turnReason: "",
   /** a session that was left without the server's confirmation */
   unsaid: /** @type {{session: string, peer?: string} | null} */ (null),
   /** whether to request the denied video again during the wait */
@@ -106,6 +108,9 @@ const FINAL = new Map([
   [4403, "not_allowed"],
   [4404, "no_such_robot"],
 ]);
+
+/** The reasons of an end that the page shows in place of the outcome. */
+const OWN_WORDS = new Set(["idle", "maintenance"]);
 
 /** @param {string} suffix @param {object} [message] @returns {Effect} */
 const send = (suffix, message = {}) => ({ type: "send", suffix, message });
@@ -351,7 +356,9 @@ const HANDLERS = {
       visit.phase === "driving" ? message.outcome || "connection_lost" : "",
     );
   },
-  "session/turn_warning": (_visit, { message, now }) => [{ turnEnds: now + message.remaining }],
+  "session/turn_warning": (_visit, { message: { remaining, reason }, now }) => [
+    { turnEnds: remaining === null ? null : now + remaining, turnReason: reason ?? "" },
+  ],
   "session/asked_there": (_visit, { message, now }) => [
     { askedUntil: now + message.seconds },
     [{ type: "call", word: "idle" }],
@@ -364,7 +371,7 @@ const HANDLERS = {
     const missed = visit.phase === "turn" && message.outcome !== "stopped_by_operator";
     return over(
       "ended",
-      missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome,
+      missed ? "turn_missed" : OWN_WORDS.has(message.reason) ? message.reason : message.outcome,
     );
   },
   robot: (visit, { message, now }) => {

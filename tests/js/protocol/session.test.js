@@ -445,6 +445,21 @@ describe("queue and turn", () => {
       190,
     );
   });
+
+  test("a warning of maintenance says why, and is withdrawn", () => {
+    const warn = (/** @type {number | null} */ remaining, reason = "") =>
+      message("session/turn_warning", { session: "s1", remaining, reason });
+    const { visit } = play(...DRIVING, warn(90, "maintenance"));
+    assert.deepEqual([visit.turnEnds, visit.turnReason], [190, "maintenance"]);
+    const { visit: after } = play(...DRIVING, warn(90, "maintenance"), warn(null));
+    assert.deepEqual([after.turnEnds, after.turnReason], [null, ""]);
+  });
+
+  test("maintenance ends the drive in its own words", () => {
+    const end = { session: "s1", outcome: "stopped_by_operator", reason: "maintenance" };
+    const { visit } = play(...DRIVING, message("session/ended", end));
+    assert.deepEqual([visit.phase, visit.reason], ["ended", "maintenance"]);
+  });
 });
 
 describe("a page that is open for hours", () => {

@@ -5,6 +5,7 @@ sessions.leases.policy and sessions.leases.transitions without a database.
 from dataclasses import dataclass, field, replace
 
 from sessions.leases.policy import (
+    MAINTENANCE,
     ActiveSession,
     Ask,
     Grant,
@@ -41,6 +42,7 @@ class World:
     ended: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     grants: list[tuple[int, str]] = field(default_factory=list)  # epoch, visitor
     online: bool = True
+    maintenance_at: float | None = None
     enabled: bool = True
     offline_since: float | None = None
     connected: set[str] = field(default_factory=set)  # visitors whose heartbeat reaches the robot
@@ -53,7 +55,12 @@ class World:
     @property
     def scene(self) -> Scene:
         return Scene(
-            self.hold, tuple(self.sessions.values()), enabled=self.enabled, online=self.online
+            self.hold,
+            tuple(self.sessions.values()),
+            enabled=self.enabled,
+            online=self.online,
+            pause="" if self.maintenance_at is None else MAINTENANCE,
+            maintenance_at=self.maintenance_at,
         )
 
     @property

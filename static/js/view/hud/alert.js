@@ -245,7 +245,8 @@ const quietAlert = ({ visit, notice, now, slow, playing, progress, practising })
   // a task shows the time left itself, and so does the page around a practice drive
   if (visit.turnEnds !== null && (progress?.endsAt ?? null) === null && !practising) {
     const time = clockTime(Math.max(0, Math.ceil(visit.turnEnds - now)));
-    return { word: "alert.turn_ends", tone: "busy", values: { time } };
+    const word = visit.turnReason ? "alert.maintenance" : "alert.turn_ends";
+    return { word, tone: "busy", values: { time } };
   }
   if (notice) {
     return { word: "alert.notice", tone: "calm", values: { text: notice } };

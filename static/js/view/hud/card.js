@@ -48,6 +48,7 @@ const AFTER = /** @type {Record<string, Button>} */ ({
   turn_missed: AGAIN,
   idle: AGAIN,
   timed_out: AGAIN,
+  maintenance: AGAIN,
   completed: AGAIN,
   cancelled: AGAIN,
   left: AGAIN,
@@ -185,7 +186,7 @@ const closed = ({ visit, betterBrowser, copied }) => {
   return { word, main: visit.reason === "signed_out" ? SIGN_IN : HOME };
 };
 
-const PAUSES = new Set(["returning", "checked", "charging", "paused", "held"]);
+const PAUSES = new Set(["returning", "checked", "charging", "paused", "held", "maintenance"]);
 const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network", "fault", "not_connected"]);
 

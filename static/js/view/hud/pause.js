@@ -9,7 +9,8 @@ import { reasonFor } from "../../autonomy/reasons.js";
 /** The robot is docked, and not ready yet. */
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
 
-/** @typedef {"" | "returning" | "checked" | "charging" | "paused" | "held" | "start"} Why */
+/** @typedef {"" | "returning" | "checked" | "charging" | "paused" | "held" | "start" |
+ *   "maintenance"} Why */
 
 /**
  * @param {string} pause the server's: a word, a colon, and a reason

@@ -14,7 +14,7 @@ from sessions import protocol
 from sessions.leases import store, terms
 from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Session, SessionEvent, SystemLog
+from sessions.models import Lease, Maintenance, Session, SessionEvent, SystemLog
 from sessions.protocol import Ended, Offered, PresenceAsked, PresenceConfirmed, Queued, TurnWarning
 from tests.support.robots import online_robot, update_robots
 from tests.support.sessions.rows import NOW, after
@@ -120,6 +120,26 @@ def test_warning_is_sent_again_to_a_broker_that_may_have_lost_it(drive, warned):
     scheduler.begin()
     assert [notice.session for notice in sent_by(scheduler, 2, TurnWarning, **warned)] == [drive]
     assert SessionEvent.objects.filter(type="turn_warning").count() == 1
+
+
+def test_driver_learns_that_the_maintenance_was_called_off(drive, warned):
+    Session.objects.exclude(pk=drive).delete()  # no turn ends, as no other visitor waits
+    scheduler, end = Scheduler(), {"session": drive, "reason": "maintenance"}
+    Maintenance.objects.create(starts_at=after(301))
+    assert sent_by(scheduler, 1, TurnWarning, **warned) == [TurnWarning(remaining=300.0, **end)]
+    assert sent_by(scheduler, 2, TurnWarning, **warned) == []
+    Maintenance.objects.all().delete()
+    withdrawn = TurnWarning(session=drive, remaining=None)
+    assert sent_by(scheduler, 3, TurnWarning, **warned) == [withdrawn]
+    assert sent_by(scheduler, 4, TurnWarning, **warned) == []
+
+
+def test_maintenance_ends_the_drive_and_frees_the_robot(drive, warned):
+    Maintenance.objects.create(starts_at=after(1))
+    sent_by(Scheduler(), 2, **warned)
+    ended = Session.objects.get(pk=drive)
+    assert (ended.outcome, ended.outcome_reason) == ("stopped_by_operator", "maintenance")
+    assert not Lease.objects.filter(session=drive).exists()
 
 
 @pytest.mark.django_db(transaction=True)

@@ -165,6 +165,56 @@ def test_a_turn_ends_after_its_minutes_and_a_warning_while_a_visitor_waits(world
     assert ended(session, "timed_out", "turn_over") in acts
 
 
+def test_maintenance_warns_a_driver_from_its_announcement_and_ends_the_drive(world):
+    session = drive(world)
+    world.maintenance_at = world.now + 120.0
+    assert world.tick() == (TurnWarning(session=session, remaining=120.0, reason="maintenance"),)
+    pass_time(world, 119.0)
+    assert world.sessions[session].state == "driving"
+    assert ended(session, "stopped_by_operator", "maintenance") in pass_time(world, 2.0)
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["connecting", "reconnecting"])
+def test_maintenance_ends_a_session_that_is_not_connected(world, lost):
+    session = world.session_of("ana").id
+    if lost:
+        drive(world)
+        world.connected.clear()
+        world.tick()
+    world.maintenance_at = world.now
+    assert ended(session, "stopped_by_operator", "maintenance") in world.tick()
+
+
+def test_a_turn_that_ends_before_the_maintenance_ends_as_a_turn(world):
+    session = drive(world)
+    world.take("ben")
+    world.maintenance_at = world.now + 2 * RULES.turn
+    acts = pass_time(world, RULES.turn + 1.0)
+    reasons = {act.reason for act in acts if isinstance(act, TurnWarning)}
+    assert reasons == {"", "maintenance"}  # of the maintenance until the turn's own warning
+    assert ended(session, "timed_out", "turn_over") in acts
+
+
+def test_nobody_begins_during_maintenance_and_the_first_who_waits_is_next_after_it(world):
+    drive(world)
+    world.maintenance_at = world.now
+    world.tick()
+    assert isinstance(world.take("ben"), Wait)
+    assert isinstance(world.take("cem"), Wait)
+    assert not any(isinstance(act, Offered) for act in pass_time(world, 60.0))
+    world.maintenance_at = None
+    offers = [act.session for act in pass_time(world, 1.0) if isinstance(act, Offered)]
+    assert offers == [world.session_of("ben").id]
+
+
+def test_an_offer_is_withdrawn_when_maintenance_is_announced(world):
+    world.take("ben")
+    world.end(world.session_of("ana").id, "completed", "left")
+    pass_time(world, 1.0)
+    world.maintenance_at = world.now + 120.0
+    assert WithdrawOffer(world.session_of("ben").id) in world.tick()
+
+
 def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
     session = drive(world)
     pass_time(world, 5 * RULES.turn)
