@@ -25,6 +25,9 @@ from experiments.dataset.columns import Floats
 LEAST_UNIQUENESS = 0.005  # share of an item's variance that the factor never explains
 STARTS = 4  # besides the usual one
 DECIMALS = 6  # of the fit of the factor model that are certain
+# Condition number from which the information matrix counts as singular: at most 10⁴ where one
+# factor is identified, 10¹⁶ where rounding alone separates the matrix from a singular one.
+SINGULAR = 1e10
 
 
 class UndefinedCoefficientError(ValueError):
@@ -73,10 +76,7 @@ def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
     omega = common / (common + float(model.uniquenesses.sum()))
     if model.at_bound or not 0.0 < omega < 1.0:
         return IntervalEstimate(round(omega, DECIMALS)), model.at_bound
-    try:
-        error = _error_of_omega(model, n) / (omega * (1.0 - omega))
-    except np.linalg.LinAlgError as singular:
-        raise UndefinedCoefficientError("one factor is not identified") from singular
+    error = _error_of_omega(model, n) / (omega * (1.0 - omega))
     logits = scipy.special.logit(omega) + np.array([-Z, Z]) * error
     low, high = np.round(scipy.special.expit(logits), DECIMALS).tolist()
     return IntervalEstimate(round(omega, DECIMALS), low, high), ()
@@ -137,7 +137,7 @@ def _factored(uniquenesses: Floats, correlations: Floats) -> tuple[Floats, Float
 
 def _error_of_omega(model: OneFactor, n: int) -> float:
     """Return the standard error of omega by the delta method, with the expected information on (λ,
-    ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ).
+    ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ). Raises UndefinedCoefficientError if that is singular.
     """
     loadings, k = model.loadings, len(model.loadings)
     common, own = float(loadings.sum()), float(model.uniquenesses.sum())
@@ -146,5 +146,8 @@ def _error_of_omega(model: OneFactor, n: int) -> float:
     of_loadings = 2.0 * (np.outer(side, side) + float(loadings @ side) * inverse)
     crossed = 2.0 * inverse * side[:, None]
     information = n / 2.0 * np.block([[of_loadings, crossed.T], [crossed, inverse**2]])
+    size = np.sqrt(np.diag(information))
+    if np.linalg.cond(information / np.outer(size, size)) > SINGULAR:  # solve may find a number
+        raise UndefinedCoefficientError("one factor is not identified")
     slope = np.repeat([2.0 * common * own, -(common**2)], k) / (common**2 + own) ** 2
     return math.sqrt(float(slope @ np.linalg.solve(information, slope)))
