@@ -22,7 +22,14 @@ from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
-from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
+from robots.forms import (
+    FloorPlanForm,
+    RobotElsewhereForm,
+    RobotForm,
+    adapter_select,
+    offered,
+    profile_select,
+)
 from robots.models import (
     FloorPlan,
     Robot,
@@ -124,7 +131,18 @@ class RobotAdmin(DoorPage, KeyPages):
         ),
         (
             _("Connection"),
-            {"fields": ("adapter", "adapter_here", "key", "control", "seen", "driver", "sessions")},
+            {
+                "fields": (
+                    "adapter",
+                    "adapter_here",
+                    "profile",
+                    "key",
+                    "control",
+                    "seen",
+                    "driver",
+                    "sessions",
+                )
+            },
         ),
         (
             _("Reported by the robot"),
@@ -183,7 +201,9 @@ class RobotAdmin(DoorPage, KeyPages):
         self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
     ) -> Any:
         if db_field.name == "adapter":
-            options["widget"] = AdapterInput(attrs={"class": "vTextField"})
+            options["widget"] = adapter_select()
+        if db_field.name == "profile":
+            options["widget"] = profile_select()
         if db_field.name == "translations":
             # For a field with a callable default, Django would compare with a hidden copy of the
             # value; RobotForm compares with the row.

@@ -1,15 +1,15 @@
 """The administration's forms of robots and floor plans."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from django import forms
 from django.core.files.uploadedfile import UploadedFile
 from django.template.defaultfilters import filesizeformat
-from django.utils.html import format_html, format_html_join
-from django.utils.safestring import SafeString
 from django.utils.translation import gettext, gettext_lazy as _
 
-from robots.api.adapter_names import AmbiguousAdapterError, known_names
+from robots.api.adapter_names import AmbiguousAdapterError, known_names, profile_names
+from robots.enrol.connect_command import ASKED, Asked
 from robots.models import FloorPlan, Robot, RobotElsewhere
 from robots.plans.floorplans import (
     MAX_IMAGE,
@@ -19,17 +19,104 @@ from robots.plans.floorplans import (
     read_upload,
 )
 
+OTHER = "other"
+TITLES = {
+    "simulator": _("Simulated robot"),
+    "moos": _("OpenMORA over MOOS"),
+    "openmora_mqtt": _("OpenMORA over MQTT"),
+    "ros1": _("ROS 1"),
+    "ros2": _("ROS 2"),
+    "rosbridge": _("ROS over rosbridge"),
+    "giraff": "Giraff",
+    "rhodon": "Rhodon",
+}
 
-class AdapterInput(forms.TextInput):
-    """A text field that suggests the adapters that are installed on the server. It accepts others,
-    which may be installed on the robot's computer.
+
+class SelectOrOther(forms.MultiWidget):
+    """A drop-down of names, and a field for another one, which is that of the drop-down with
+    `_other`. static/js/pages/admin/kind.js shows the field when it is needed.
     """
 
-    def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
-        known = f"{name}-known"
-        field = super().render(name, value, {**(attrs or {}), "list": known}, renderer)
-        options = format_html_join("", '<option value="{}"></option>', ((n,) for n in offered()))
-        return format_html('{}<datalist id="{}">{}</datalist>', field, known, options)
+    template_name = "admin/robots/robot/_select_or_other.html"
+    use_fieldset = False
+
+    def __init__(self, names: Sequence[str], other: str) -> None:
+        choices = [("", _("Choose…"))] + [(name, TITLES.get(name, name)) for name in names]
+        select = forms.Select(choices=[*choices, (OTHER, other)])
+        self.names = names
+        super().__init__({"": select, OTHER: forms.TextInput(attrs={"aria-label": other})})
+
+    def id_for_label(self, id_: str) -> str:
+        return f"{id_}_0" if id_ else id_
+
+    def use_required_attribute(self, _initial: Any) -> bool:
+        return False  # one of the two is empty
+
+    def decompress(self, value: Any) -> list[str]:
+        is_other = value and value not in self.names
+        return [OTHER, value] if is_other else [value or "", ""]
+
+    def value_from_datadict(self, data: Any, files: Any, name: str) -> str:
+        chosen, other = super().value_from_datadict(data, files, name)
+        return (other or "") if chosen == OTHER else (chosen or "")
+
+
+def adapter_select() -> SelectOrOther:
+    return SelectOrOther(offered(), gettext("Another, by its name or .py file"))
+
+
+def profile_select() -> SelectOrOther:
+    return SelectOrOther(profile_names(), gettext("Another, by its name or .toml file"))
+
+
+class KindForm(forms.ModelForm):
+    """What the command for a robot's computer needs to know about the robot."""
+
+    class Meta:
+        model = Robot
+        fields = ("adapter", "profile")
+        labels: ClassVar = {"adapter": _("Robot's software"), "profile": _("Robot's model")}
+
+    def __init__(self, *args: Any, instance: Robot, **options: Any) -> None:
+        known = reported_kind(instance) if not instance.adapter else {}
+        super().__init__(*args, instance=instance, initial=known, auto_id="connect_%s", **options)
+        self.fields["adapter"].widget = adapter_select()
+        self.fields["profile"].widget = profile_select()
+        for name in ("adapter", "profile"):
+            self.fields[name].required = True
+            self.fields[name].help_text = ""
+        for adapter, asked in ASKED.items():
+            for option in asked:
+                self.fields[f"{adapter}-{option.name}"] = _field_of(adapter, option, instance)
+
+    def save(self, commit: bool = True) -> Robot:
+        words, asked = self.cleaned_data, ASKED.get(self.cleaned_data["adapter"], ())
+        given = {option.name: words[f"{words['adapter']}-{option.name}"] for option in asked}
+        self.instance.options = {name: value for name, value in given.items() if value}
+        if commit:
+            self.instance.save(update_fields=["adapter", "profile", "options"])
+        return self.instance
+
+
+def _field_of(adapter: str, option: Asked, robot: Robot) -> forms.Field:
+    """Return an input for an option; static/js/pages/admin/kind.js shows those of the adapter."""
+    given = robot.options.get(option.name, "") if robot.adapter == adapter else ""
+    what: dict[str, Any] = {"label": option.label, "required": False, "initial": given}
+    attrs = {"data-adapter": adapter, "placeholder": option.default}
+    if option.choices:
+        widget = forms.Select(attrs={"data-adapter": adapter})
+        return forms.ChoiceField(choices=option.choices, widget=widget, **what)
+    return forms.CharField(max_length=200, widget=forms.TextInput(attrs=attrs), **what)
+
+
+def reported_kind(robot: Robot) -> dict[str, str]:
+    """Return the adapter and the profile with which the robot connected, if they are known here."""
+    sheet = robot.presence.factsheet if isinstance(robot.presence.factsheet, dict) else {}
+    adapter = str(sheet.get("adapter", "")).partition(" ")[0]
+    profile = str(sheet.get("series", ""))
+    if adapter not in offered() or profile not in profile_names():
+        return {}
+    return {"adapter": adapter, "profile": profile}
 
 
 DECIMALS = ("turn_minutes", "charge_limit", "max_linear", "max_angular")

@@ -236,6 +236,7 @@ def shown_credentials(text):
 
 def test_credentials_are_created_by_post_and_shown_once(client, researcher, giraff):
     address = f"{LIST}{giraff.pk}/credentials/"
+    update_robots(adapter="ros1", profile="giraff", options={"ip": "10.0.0.3"})
     asked = page(client, address)
     giraff.refresh_from_db()
     assert not giraff.credentials.credential_hash  # a GET creates nothing
@@ -248,11 +249,13 @@ def test_credentials_are_created_by_post_and_shown_once(client, researcher, gira
     credentials = shown_credentials(text)
     assert credentials["robot"] == "giraff"
     assert credentials["server"] == "http://localhost:8000"
+    assert (credentials["adapter"], credentials["profile"]) == ("ros1", "giraff")
+    assert credentials["options"] == {"ip": "10.0.0.3"}
     assert robot_of("giraff", credentials["token"]) == giraff
     command = unescape(re.search(r'<pre id="command">(.*?)</pre>', text, re.DOTALL)[1])
     assert (
         command == ".venv/bin/python manage.py run_robot giraff --server http://localhost:8000"
-        " --credentials giraff.toml --adapter ADAPTER --profile PROFILE"
+        " --credentials giraff.toml --adapter ros1 --profile giraff --option ip=10.0.0.3"
     )
     download = re.search(r'href="data:application/toml,([^"]*)" download="giraff\.toml"', text)[1]
     assert tomllib.loads(unquote(unescape(download))) == credentials
@@ -270,7 +273,7 @@ def test_installed_adapters_are_offered_and_others_are_accepted(
     address = change_page(giraff)
     text = page(client, address)
     for name in ("simulator", "ros2", "stranger"):
-        assert f'<option value="{name}"></option>' in text
+        assert f'<option value="{name}">' in text
     assert_clean(text)
 
     giraff.adapter = "stranger"
@@ -283,8 +286,9 @@ def test_installed_adapters_are_offered_and_others_are_accepted(
 
     made = posted(client, f"{LIST}{giraff.pk}/credentials/", HTTP_HOST="localhost:8000")
     assert shown_credentials(made)["adapter"] == "acme"
-    assert "--adapter" not in made
-    enrolled = posted(client, f"{LIST}{giraff.pk}/enrol/", HTTP_HOST="localhost:8000")
+    assert "Choose them on its page" in made
+    kind = {"adapter": "other", "adapter_other": "acme", "profile": "giraff"}
+    enrolled = posted(client, f"{LIST}{giraff.pk}/enrol/", kind, HTTP_HOST="localhost:8000")
     assert "--adapter acme" in enrolled
 
 
