@@ -2,7 +2,7 @@
 
 import datetime
 import json
-from typing import Any
+from typing import Any, ClassVar
 
 from django.contrib import admin, messages
 from django.db.models import Count, Field, Model, Q, QuerySet
@@ -23,6 +23,7 @@ from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
 from robots.forms import (
+    TRANSLATED,
     FloorPlanForm,
     RobotElsewhereForm,
     RobotForm,
@@ -112,41 +113,45 @@ class RobotAdmin(DoorPage, KeyPages):
     save_on_top = True
     readonly_fields = ("adapter_here", "key", "screen", "between", "control", "driver", "seen")
     readonly_fields += ("sessions", "reported_factsheet", "reported_state")
-    _site = ("shown_to_visitors", "title", "name", "description", "translations")
-    fieldsets = (
-        (None, {"fields": (*_site, "owner", "floor_plan", "enabled")}),
+    _access = ("access", "for_experienced", "observers_allowed", "turn_minutes")
+    _limits = ("max_linear", "max_angular")
+    _blank = _("Leave blank to use the robot's limits; cannot exceed them.")
+    _kind = ("adapter", "adapter_here", "profile")
+    _later: ClassVar = {"classes": ("collapse",)}
+    # A new robot needs only the first part.
+    add_fieldsets = (
         (
-            _("Driving access"),
-            {"fields": ("access", "for_experienced", "observers_allowed", "turn_minutes")},
+            None,
+            {
+                "fields": ("title", "name", "adapter", "profile"),
+                "description": _(
+                    "After you save, the robot's page shows the command that connects it. Visitors "
+                    "don't see the robot until it has connected and you show it to them."
+                ),
+            },
         ),
+        (_("Description and place"), {"fields": ("description", "owner", "floor_plan"), **_later}),
+        (_("Other languages"), {"fields": TRANSLATED, **_later}),
+        (_("Who may drive"), {"fields": _access, **_later}),
+        (_("Driving"), {"fields": ("assist", *_limits), "description": _blank, **_later}),
+        (_("Between visits"), {"fields": ("returns_home", "charge_limit"), **_later}),
+        (_("Robot's screen"), {"fields": ("calls",), **_later}),
+    )
+    _site = ("shown_to_visitors", "title", "name", "description", "owner", "floor_plan", "enabled")
+    fieldsets = (
+        (None, {"fields": _site}),
+        (_("Other languages"), {"fields": TRANSLATED, **_later}),
+        (_("Who may drive"), {"fields": _access}),
         (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between")}),
-        (_("Driving"), {"fields": ("assist",)}),
+        (_("Driving"), {"fields": ("assist", *_limits), "description": _blank}),
         (_("Robot's screen"), {"fields": ("calls", "screen")}),
         (
-            _("Limits"),
-            {
-                "fields": ("max_linear", "max_angular"),
-                "description": _("Leave blank to use the robot's limits; cannot exceed them."),
-            },
-        ),
-        (
             _("Connection"),
-            {
-                "fields": (
-                    "adapter",
-                    "adapter_here",
-                    "profile",
-                    "key",
-                    "control",
-                    "seen",
-                    "driver",
-                    "sessions",
-                )
-            },
+            {"fields": (*_kind, "key", "control", "seen", "driver", "sessions")},
         ),
         (
             _("Reported by the robot"),
-            {"fields": ("reported_factsheet", "reported_state"), "classes": ("collapse",)},
+            {"fields": ("reported_factsheet", "reported_state"), **_later},
         ),
     )
 
@@ -162,15 +167,24 @@ class RobotAdmin(DoorPage, KeyPages):
         sites = () if may_place else ("owner", "floor_plan")
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
 
-    def get_fieldsets(self, request: HttpRequest, obj: Robot | None = None) -> Any:
-        if obj is not None:
-            return self.fieldsets
-        later = {*self.readonly_fields, "shown_to_visitors"}
-        parts = [
-            (name, {**part, "fields": [field for field in part["fields"] if field not in later]})
-            for name, part in self.fieldsets
-        ]
-        return [(name, part) for name, part in parts if part["fields"]]
+    def get_fieldsets(self, _request: HttpRequest, obj: Robot | None = None) -> Any:
+        return self.add_fieldsets if obj is None else self.fieldsets
+
+    def add_view(
+        self, request: HttpRequest, form_url: str = "", extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Offer *Save* alone, which leads to the command that connects the robot."""
+        only = {"show_save_and_add_another": False, "show_save_and_continue": False}
+        return super().add_view(request, form_url, only | (extra_context or {}))
+
+    def get_prepopulated_fields(
+        self, _request: HttpRequest, obj: Robot | None = None
+    ) -> dict[str, tuple[str, ...]]:
+        return {"name": ("title",)} if obj is None else {}
+
+    def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
+        stops = {"assist": Robot.DriveAssist.SLOW}
+        return stops | super().get_changeform_initial_data(request)
 
     def save_model(self, request: HttpRequest, obj: Robot, form: Any, change: bool) -> None:
         """Hide a new robot from visitors until its owner shows it."""
@@ -204,10 +218,6 @@ class RobotAdmin(DoorPage, KeyPages):
             options["widget"] = adapter_select()
         if db_field.name == "profile":
             options["widget"] = profile_select()
-        if db_field.name == "translations":
-            # For a field with a callable default, Django would compare with a hidden copy of the
-            # value; RobotForm compares with the row.
-            options["show_hidden_initial"] = False
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
@@ -226,8 +236,10 @@ class RobotAdmin(DoorPage, KeyPages):
         shown = related.filter(practice=False).defer("floor_plan__image")
         return shown.annotate(online=Robot.online_at(timezone.now()))
 
-    def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
+    def get_inlines(self, request: HttpRequest, obj: Robot | None = None) -> list[Any]:
         """Owners enter user names; only the site's staff can look people up."""
+        if obj is None:
+            return []
         return [PermitInline if self.sees_all(request) else OwnersPermits]
 
     def get_list_filter(self, request: HttpRequest) -> tuple[Any, ...]:

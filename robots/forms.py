@@ -4,13 +4,16 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from django import forms
+from django.conf import settings
 from django.core.files.uploadedfile import UploadedFile
 from django.template.defaultfilters import filesizeformat
+from django.utils.functional import cached_property
+from django.utils.text import format_lazy
 from django.utils.translation import gettext, gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names, profile_names
 from robots.enrol.connect_command import ASKED, Asked
-from robots.models import FloorPlan, Robot, RobotElsewhere
+from robots.models import TITLE_LENGTH, FloorPlan, Robot, RobotElsewhere
 from robots.plans.floorplans import (
     MAX_IMAGE,
     MAX_PLAN,
@@ -121,14 +124,68 @@ def reported_kind(robot: Robot) -> dict[str, str]:
 
 DECIMALS = ("turn_minutes", "charge_limit", "max_linear", "max_angular")
 NO_DECIMAL = _("This is not a number. Use a decimal point: write 0.6, not 0,6.")
+LANGUAGES = [code for code, _name in settings.LANGUAGES if code != settings.LANGUAGE_CODE]
+WORDS = ("title", "description")  # of a robot, in each language
+TRANSLATED = tuple(f"{word}_{language}" for language in LANGUAGES for word in WORDS)
 
 
-class RobotForm(forms.ModelForm):
+class PercentField(forms.FloatField):
+    """A share from 0 to 1 that people read and write in percent."""
+
+    def prepare_value(self, value: Any) -> Any:
+        return round(100.0 * value, 6) if isinstance(value, float) else value
+
+    def clean(self, value: Any) -> float | None:
+        percent = super().clean(value)
+        return None if percent is None else percent / 100.0
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return super().has_changed(self.prepare_value(initial), data)
+
+
+def _translated() -> dict[str, forms.Field]:
+    """Return the fields of TRANSLATED."""
+    fields: dict[str, forms.Field] = {}
+    for code in LANGUAGES:
+        name = dict(settings.LANGUAGES)[code]
+        title, description = (
+            format_lazy("{} ({})", w, name) for w in (_("Name"), _("Description"))
+        )
+        fields[f"title_{code}"] = forms.CharField(
+            label=title, max_length=TITLE_LENGTH, required=False
+        )
+        lines = forms.Textarea(attrs={"rows": 3})
+        fields[f"description_{code}"] = forms.CharField(
+            label=description, widget=lines, required=False
+        )
+    return fields
+
+
+Translated: Any = type(forms.Form)("Translated", (forms.Form,), _translated())
+
+
+class RobotForm(forms.ModelForm, Translated):
     """A robot that never connected cannot be shown to visitors; one that is shown can be hidden."""
+
+    charge_limit = PercentField(
+        label=_("Minimum charge for a visit (%)"),
+        initial=0.2,
+        min_value=0.0,
+        max_value=100.0,
+        localize=True,
+        error_messages={"invalid": NO_DECIMAL},
+    )
 
     class Meta:
         model = Robot
         fields = ("shown_to_visitors",)  # the administration names the others
+        labels: ClassVar = {
+            "title": _("Name"),
+            "name": _("Name in links and commands"),
+            "adapter": _("Robot's software"),
+            "profile": _("Robot's model"),
+        }
+        help_texts: ClassVar = {"name": _("Lower-case letters, digits and hyphens.")}
         # accepts a decimal comma in languages that have it
         localized_fields = DECIMALS
         error_messages: ClassVar = {name: {"invalid": NO_DECIMAL} for name in DECIMALS}
@@ -141,9 +198,15 @@ class RobotForm(forms.ModelForm):
         # a robot that is being added has no switch and no presence
         if switch is not None and not (robot.shown_to_visitors or robot.presence.last_seen_at):
             switch.widget.attrs["disabled"] = True  # the page enables it when the robot connects
+        for name in {*TRANSLATED} & self.fields.keys():
+            word, _separator, language = name.rpartition("_")
+            self.initial.setdefault(name, robot.translations.get(language, {}).get(word, ""))
 
-    def clean_translations(self) -> dict[str, Any]:
-        return self.cleaned_data["translations"] or {}
+    @cached_property
+    def changed_data(self) -> list[str]:
+        """The names of changed fields; the administration saves these columns alone."""
+        names: list[str] = super().changed_data
+        return [*names, "translations"] if {*TRANSLATED} & {*names} else names
 
     def clean_shown_to_visitors(self) -> bool:
         shown = bool(self.cleaned_data["shown_to_visitors"])
@@ -153,6 +216,21 @@ class RobotForm(forms.ModelForm):
                 gettext("This robot hasn't connected yet. Connect it, then show it to visitors.")
             )
         return shown
+
+    def save(self, commit: bool = True) -> Any:
+        self.instance.translations = self._translations()
+        return super().save(commit)
+
+    def _translations(self) -> dict[str, Any]:
+        """Return the robot's translations with those of the form; other languages stay."""
+        found = {code: dict(words) for code, words in self.instance.translations.items()}
+        for name in {*TRANSLATED} & self.cleaned_data.keys():
+            word, _separator, language = name.rpartition("_")
+            found.setdefault(language, {})[word] = self.cleaned_data[name]
+        kept = {
+            code: {w: text for w, text in words.items() if text} for code, words in found.items()
+        }
+        return {code: words for code, words in kept.items() if words}
 
 
 def offered() -> tuple[str, ...]:

@@ -201,7 +201,7 @@ def test_new_robot_needs_a_valid_name(client, researcher):
     assert Robot.objects.get().name == "giraff-2"
 
 
-@pytest.mark.parametrize("field", ["turn_minutes", "charge_limit", "max_linear", "max_angular"])
+@pytest.mark.parametrize("field", ["turn_minutes", "max_linear", "max_angular"])
 def test_decimal_comma_is_accepted_in_spanish_only(client, researcher, giraff, field):
     address = change_page(giraff)
     assert "write 0.6, not 0,6" in posted(client, address, FORM | {field: "0,6"})
@@ -218,15 +218,50 @@ def test_decimal_comma_is_accepted_in_spanish_only(client, researcher, giraff, f
 
 def test_translations_of_a_robot_are_edited_and_deleted_on_its_page(client, researcher):
     form = FORM | {"name": "giraff-2"}
-    wrong = posted(client, ADD, form | {"translations": '{"es": "Jirafa"}'})
-    assert "Enter translations like this" in wrong
-    spanish = {"es": {"title": "Jirafa"}}
-    assert client.post(ADD, form | {"translations": json.dumps(spanish)}).status_code == 302
+    spanish = {"title_es": "Jirafa", "description_es": "En el pasillo"}
+    assert client.post(ADD, form | spanish).status_code == 302
     robot = Robot.objects.get()
-    assert robot.translations == spanish
-    assert client.post(change_page(robot), form | {"translations": ""}).status_code == 302
+    assert robot.translations == {"es": {"title": "Jirafa", "description": "En el pasillo"}}
+    assert 'value="Jirafa"' in page(client, change_page(robot))
+    robot.translations["fr"] = {"title": "Girafe"}
+    robot.save()
+    assert client.post(change_page(robot), form | {"title_es": "J"}).status_code == 302
     robot.refresh_from_db()
-    assert robot.translations == {}
+    assert robot.translations == {"es": {"title": "J"}, "fr": {"title": "Girafe"}}
+    assert client.post(change_page(robot), form).status_code == 302
+    robot.refresh_from_db()
+    assert robot.translations == {"fr": {"title": "Girafe"}}
+
+
+def test_new_robot_needs_a_name_and_its_kind_only(client, researcher):
+    text = page(client, ADD)
+    first = re.search(r'<fieldset class="module aligned[^"]*".*?</fieldset>', text, re.DOTALL)[0]
+    assert re.findall(r'<(?:input|select|textarea)[^>]*\sname="(\w+)"', first) == [
+        "title", "name", "adapter", "adapter_other", "profile", "profile_other"
+    ]  # fmt: skip
+    assert text.count("<details") == text.count("<fieldset") - 1
+    assert "(0-1)" not in text
+    assert "{}" not in text
+    values = dict(re.findall(r'<input[^>]*name="(\w+)"[^>]*value="([^"]*)"', text))
+    chosen = re.findall(r'<option value="(\w+)" selected>', text)
+    assert values["charge_limit"] == "20.0"
+    assert "slow" in chosen
+    form = {"title": "Lab robot", "name": "lab", "adapter": "ros2", "profile": "giraff"}
+    unfolded = {"assist": "slow", "access": "open", "calls": "accept", "charge_limit": "20"}
+    assert client.post(ADD, form | unfolded).status_code == 302
+    robot = Robot.objects.get()
+    assert (robot.adapter, robot.profile) == ("ros2", "giraff")
+    assert (robot.enabled, robot.shown_to_visitors) == (True, False)
+    assert (robot.assist, robot.charge_limit) == ("slow", 0.2)
+
+
+def test_minimum_charge_is_in_percent(client, researcher, giraff):
+    form = FORM | {"name": "giraff"}
+    for wrong in ("101", "-1"):
+        assert "errorlist" in posted(client, change_page(giraff), form | {"charge_limit": wrong})
+    assert client.post(change_page(giraff), form | {"charge_limit": "35"}).status_code == 302
+    assert Robot.objects.get().charge_limit == 0.35
+    assert 'value="35.0"' in page(client, change_page(giraff))
 
 
 def shown_credentials(text):
