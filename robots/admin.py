@@ -12,6 +12,7 @@ from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.text import capfirst
+from django.utils.timesince import timesince
 from django.utils.translation import gettext, gettext_lazy as _, ngettext, pgettext
 from django.views.decorators.cache import never_cache
 
@@ -22,6 +23,7 @@ from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
+from robots.admin_pages.robot_list import RobotList
 from robots.forms import (
     TRANSLATED,
     FloorPlanForm,
@@ -101,8 +103,7 @@ class RobotAdmin(DoorPage, KeyPages):
     """Owners see their own robots, and may change all but owner and floor plan."""
 
     form = RobotForm
-    list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who")
-    list_display += ("driver", "seen")
+    list_display = ("title", "status", "driver", "battery", "seen_ago", "who", "drive")
     list_filter = (NowFilter, "enabled", "access", "presence__connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_per_page = 50
@@ -248,11 +249,31 @@ class RobotAdmin(DoorPage, KeyPages):
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
         return self.search_fields if self.sees_all(request) else ("title", "name", "description")
 
+    # --- list ---------------------------------------------------------------------------------
+
+    def get_changelist(self, _request: HttpRequest, **_options: Any) -> type[RobotList]:
+        return RobotList
+
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        title = {"title": capfirst(gettext("robots"))}
+        return super().changelist_view(request, title | (extra_context or {}))
+
+    def get_actions(self, request: HttpRequest) -> dict[str, Any]:
+        """Put the deletion at the end."""
+        actions: dict[str, Any] = super().get_actions(request)
+        return dict(sorted(actions.items(), key=lambda named: named[0] == "delete_selected"))
+
     # --- columns ----------------------------------------------------------------------------------
 
-    @admin.display(description=_("online"), boolean=True, ordering="online")
-    def online_now(self, robot: Robot) -> bool:
-        return robot.is_online(timezone.now())
+    @admin.display(description=_("status"), ordering="online")
+    def status(self, robot: Robot) -> SafeString:
+        """The label of the robot's page, and why a connected robot is not ready."""
+        now = status_of(robot)
+        pill = format_html('<span class="state" data-tone="{}">{}</span>', now.tone, now.label)
+        why = self._why(robot)
+        return format_html("{} {}", pill, in_words(why)) if why else pill
 
     @admin.display(description=_("control system"))
     def control(self, robot: Robot) -> str:
@@ -269,11 +290,6 @@ class RobotAdmin(DoorPage, KeyPages):
         if battery.get("charging"):
             return gettext("%(charge)s, charging") % {"charge": charge}
         return charge
-
-    @admin.display(description=_("docking"))
-    def docked(self, robot: Robot) -> str:
-        """Not a boolean column: being undocked is not a fault, and has no red cross."""
-        return gettext("docked") if (robot.presence.report or {}).get("docked") else NOTHING
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
@@ -292,18 +308,35 @@ class RobotAdmin(DoorPage, KeyPages):
         seen_at = robot.presence.last_seen_at
         return NOTHING if seen_at is None else _moment(seen_at)
 
+    @admin.display(description=_("last seen"), ordering="presence__last_seen_at")
+    def seen_ago(self, robot: Robot) -> str | SafeString:
+        seen_at, now = robot.presence.last_seen_at, timezone.now()
+        if seen_at is None:
+            return NOTHING
+        if robot.is_online(now):
+            return gettext("now")
+        ago = gettext("%(time)s ago") % {"time": timesince(seen_at, now, depth=1)}
+        exact = timezone.localtime(seen_at).isoformat(timespec="seconds")
+        return format_html('<time datetime="{}" title="{}">{}</time>', exact, _moment(seen_at), ago)
+
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """The status at the top of the page, and why and since when it is not ready for a visit."""
-        label, why, since = status_of(robot).label, "", None
-        if robot.enabled and robot.is_online(timezone.now()):
-            why = standstill_of(robot.presence.report) or robot.presence.turnaround_reason
+        label, why, since = status_of(robot).label, self._why(robot), None
+        if robot.is_online(timezone.now()):
             waits = robot.presence.turnaround != Robot.Turnaround.READY
             since = robot.presence.turnaround_at if waits else None
         shown = f"{label}: {in_words(why)}" if why else label
         if since is None:
             return shown
         return gettext("%(state)s (since %(when)s)") % {"state": shown, "when": _moment(since)}
+
+    @staticmethod
+    def _why(robot: Robot) -> str:
+        """Return the code of why a connected robot is not ready, or an empty text."""
+        if not robot.is_online(timezone.now()):
+            return ""
+        return standstill_of(robot.presence.report) or robot.presence.turnaround_reason
 
     @admin.display(description=_("driver"))
     def driver(self, robot: Robot) -> str | SafeString:
@@ -402,7 +435,9 @@ class RobotAdmin(DoorPage, KeyPages):
             for address, view in pages.items()
         ] + super().get_urls()
 
-    @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
+    @admin.action(
+        description=_("Open to visitors now (even if not docked)"), permissions=["change"]
+    )
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         away = RobotPresence.objects.exclude(turnaround=Robot.Turnaround.READY)
         changed = list(theirs_to_change(request, robots).filter(presence__in=away))

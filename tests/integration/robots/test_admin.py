@@ -105,9 +105,36 @@ def test_list_shows_the_state_of_each_robot(client, researcher, giraff):
     assert "81%, charging" in text
     assert "Ada" in text
     assert 'href="/robots/giraff/"' in text
-    assert text.count('alt="True"') == 1  # one robot is online
-    assert ">docked<" in text
+    assert "giraff<" not in text  # the name in links, beside the title
+    states = re.findall(r'<span class="state" data-tone="(\w+)">(.*?)</span>', text)
+    assert states == [("busy", "In use"), ("off", "New")]
+    assert 'alt="False"' not in text
     assert_clean(text)
+
+
+def test_list_begins_with_robots_that_need_somebody(client, researcher, giraff):
+    seen = timezone.now()
+    here = {"connection": "ONLINE", "last_seen_at": seen + datetime.timedelta(hours=1)}
+    create_robot(name="a-new", shown_to_visitors=False)
+    create_robot(name="z-stopped", report={"safety": {"estop": True}}, **here)
+    create_robot(name="y-stuck", turnaround="paused", turnaround_reason="not_docked", **here)
+    create_robot(name="x-off", enabled=False)
+    create_robot(name="w-away", last_seen_at=seen - datetime.timedelta(hours=30))
+    answer = client.get(LIST)
+    names = [robot.name for robot in answer.context["cl"].result_list]
+    assert names == ["w-away", "z-stopped", "y-stuck", "giraff", "a-new", "x-off"]
+    text = answer.content.decode()
+    assert unescape(text).count(">1\xa0day ago<") == 1
+    assert "it is not docked" in text
+    by_title = client.get(LIST, {"o": "1"}).context["cl"].result_list
+    assert by_title[0].name == "a-new"
+
+
+def test_first_action_is_not_the_deletion(client, researcher, giraff):
+    actions = re.search(r'<select name="action".*?</select>', page(client, LIST), re.DOTALL)[0]
+    names = re.findall(r'value="(\w+)"', actions)
+    assert names[-1] == "delete_selected"
+    assert len(names) > 3
 
 
 def test_deletion_page_does_not_list_presence_and_credentials(client, researcher, giraff):
@@ -154,16 +181,16 @@ def test_robots_are_found_and_filtered(client, researcher, giraff):
 
 def test_robot_whose_last_message_is_old_is_not_online(client, researcher, giraff):
     RobotPresence.objects.update(last_seen_at=timezone.now() - datetime.timedelta(minutes=1))
-    assert 'alt="True"' not in page(client, LIST)
+    assert ">Offline</span>" in page(client, LIST)
 
 
-def test_list_of_robots_is_sorted_and_filtered_by_the_online_column(client, researcher, giraff):
+def test_list_of_robots_is_sorted_by_status_and_filtered_by_online(client, researcher, giraff):
     now = timezone.now()
     old = now - datetime.timedelta(minutes=1)
     create_robot(name="silent", connection="ONLINE", last_seen_at=old)
     create_robot(name="off", connection="ONLINE", last_seen_at=now, enabled=False)
     create_robot(name="new")
-    column = RobotAdmin.list_display.index("online_now") + 1
+    column = RobotAdmin.list_display.index("status") + 1
     for order, place in ((column, -1), (f"-{column}", 0)):
         listed = list(client.get(LIST, {"o": order}).context["cl"].result_list)
         assert len(listed) == 4

@@ -317,7 +317,6 @@ def administration() -> list[tuple]:
 MODELS = {
     "auth_group": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
     "account_emailaddress": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
-    "account_emailconfirmation": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
     "accounts_user": ("people.visitor", ADMIN, ADMIN, ADMIN, ADMIN, ADMIN),
     "accounts_auditentry": (None, ADMIN, NOBODY, NOBODY, NOBODY, NOBODY),
     "robots_robot": ("robot", WITH_A_ROBOT, ADMIN, ROBOT_OWNER, ROBOT_OWNER, ADMIN),
