@@ -484,8 +484,8 @@ class FloorPlanAdmin(FinishingPage):
     form = FloorPlanForm
     list_display = ("title", "name", "size", "robot_count")
     search_fields = ("title", "name")
-    geometry = ("size", "resolution", "origin_x", "origin_y", "origin_theta", "places", "sha256")
-    readonly_fields = ("preview", "finishing", *geometry)
+    geometry = ("resolution", "origin_x", "origin_y", "origin_theta", "sha256")
+    readonly_fields = ("preview", "finishing", "size", "places", *geometry)
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
         """A floor plan belongs to all owners of robots there."""
@@ -509,10 +509,13 @@ class FloorPlanAdmin(FinishingPage):
             hint = _("If you add a plan.json, the map id and title are taken from it.")
             return [(None, {"fields": (*files, "name", "title"), "description": hint})]
         finishing = ("finishing",) if self.has_change_permission(request, obj) else ()
+        details = {"fields": self.geometry, "classes": ("collapse",)}
+        technical = [(_("Technical details"), details)] if self.sees_all(request) else []
         return [
             (None, {"fields": ("title", "name", "preview", *finishing)}),
-            (_("Map"), {"fields": self.geometry}),
+            (_("Map"), {"fields": ("size", "places")}),
             (_("Replace the files"), {"fields": files, "classes": ("collapse",)}),
+            *technical,
         ]
 
     def get_readonly_fields(

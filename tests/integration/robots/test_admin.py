@@ -436,6 +436,21 @@ def test_floor_plan_is_created_from_three_files(client, researcher):
     assert_clean(page(client, ADD_PLAN))
 
 
+def test_technical_details_of_a_floor_plan_are_folded_and_not_for_owners(client, researcher):
+    client.post(ADD_PLAN, files())
+    plan = FloorPlan.objects.get()
+    address = f"/admin/robots/floorplan/{plan.pk}/change/"
+    details = re.findall(r"<details>.*?</details>", page(client, address), re.DOTALL)
+    assert "field-sha256" in details[-1]
+    owner = person("owner", is_staff=True)
+    create_robot(owner=owner, floor_plan=plan)
+    client.force_login(owner)
+    text = page(client, address)
+    assert "2 doors" in text
+    assert plan.sha256 not in text
+    assert "origin" not in text.lower()
+
+
 def test_map_without_a_plan_is_named_in_the_form(client, researcher):
     assert "needs a map id and a title" in posted(client, ADD_PLAN, files(plan=False))
     assert client.post(ADD_PLAN, files(plan=False) | LAB).status_code == 302
