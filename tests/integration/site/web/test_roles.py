@@ -151,6 +151,7 @@ def own_pages() -> list[tuple]:
     return [
         ("profile", [], LOGGED_IN, None),
         ("own_data", [], LOGGED_IN, None),
+        ("my_visits", [], LOGGED_IN, None),
         ("own_data_download", [], LOGGED_IN, None),
         ("own_data_delete", [], LOGGED_IN, {"username": ""}),
         ("own_data_code", [], NOBODY, {}),
