@@ -18,6 +18,7 @@ from robots.api.disk_space import MIB, DiskSpace
 from sessions.models import ManagerBeat
 from sessions.shards.rows import NAME
 from telepresence_site.checks import SETTINGS
+from telepresence_site.ops.fresh_site import is_fresh, setup_code
 from telepresence_site.ops.health import WELL, managers_state
 
 State = Literal["ok", "warning", "error"]
@@ -65,6 +66,17 @@ def database() -> Iterator[Finding]:
         return
     kind = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}.get(connection.vendor, "MongoDB")
     yield Finding(part, "ok", _("%(kind)s answers.") % {"kind": kind})
+
+
+def administrator() -> Iterator[Finding]:
+    """That a fresh site has no administrator, and how to create one."""
+    try:
+        if not is_fresh():
+            return
+    except (DatabaseError, InterfaceError):
+        return  # the finding about the database says so
+    advice = _("Open the site, and enter the code %(code)s.") % {"code": setup_code()}
+    yield Finding(_("Administrator"), "warning", _("There is no account yet."), advice)
 
 
 def session_manager() -> Iterator[Finding]:

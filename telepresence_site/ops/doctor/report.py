@@ -16,6 +16,7 @@ from django.utils import timezone
 from sessions.models import SystemLog
 from telepresence_site.environment import READ
 from telepresence_site.ops.doctor.findings import Finding
+from telepresence_site.ops.fresh_site import setup_code
 from telepresence_site.ops.log_lines import MIN_SECRET_LENGTH, known_secrets, without_secrets
 
 LINES = 300  # of each log
@@ -44,7 +45,7 @@ def support_report(found: Sequence[Finding], logs: Iterable[Path] = ()) -> str:
     text = f"Telepresence support report of {timezone.now():%Y-%m-%d %H:%M} UTC\n"
     for title, lines in parts.items():
         text += f"\n== {title} ==\n" + "".join(f"{line}\n" for line in lines)
-    return without_secrets(text, (*known_secrets(), *_stored_secrets()))
+    return without_secrets(text, (*known_secrets(), setup_code(), *_stored_secrets()))
 
 
 def as_line(finding: Finding) -> str:

@@ -20,6 +20,7 @@ from robots.ice import relays_by_region, turn_credentials
 from telepresence_site.checks import LOOPBACK_NAMES
 from telepresence_site.ops.doctor.findings import (
     Finding,
+    administrator,
     clock,
     configuration,
     database,
@@ -36,7 +37,7 @@ HTTPS = 443
 
 def examine_site() -> list[Finding]:
     """Return the findings of all checks. It takes at most some seconds."""
-    here = (database, session_manager, storage, clock, configuration)
+    here = (database, administrator, session_manager, storage, clock, configuration)
     return examine(here, (broker, mail_server, public_address, turn_servers))
 
 
