@@ -147,7 +147,7 @@ def turn_servers() -> Iterator[Finding]:
     for url in [url for urls in relays_by_region(settings.TURN_URLS).values() for url in urls]:
         try:
             asyncio.run(_allocate(url))
-        except Exception as error:  # noqa: BLE001 -- aioice raises many kinds
+        except (OSError, TimeoutError, ValueError) as error:
             words = {"url": url, "why": str(error) or _("no answer")}
             detail = _("%(url)s gives no relay: %(why)s") % words
             advice = _("Check that coturn runs, its ports are open, and TURN_SECRET is its secret.")
@@ -157,8 +157,14 @@ def turn_servers() -> Iterator[Finding]:
 
 
 async def _allocate(url: str) -> None:
-    """Get a relay address from a `turn:` or `turns:` server and give it back."""
-    from aioice import turn  # noqa: PLC0415 -- needed here alone
+    """Get a relay address from a `turn:` or `turns:` server and give it back.
+
+    Raises:
+        OSError: it gives none.
+        TimeoutError: it does not answer.
+        ValueError: its port is not a number.
+    """
+    from aioice import stun, turn  # noqa: PLC0415 -- needed here alone
 
     scheme, _colon, rest = url.partition(":")
     place, _mark, query = rest.partition("?")
@@ -166,13 +172,16 @@ async def _allocate(url: str) -> None:
     is_encrypted = scheme == "turns"
     kind = parse_qs(query).get("transport", ["tcp" if is_encrypted else "udp"])[0]
     user, password = turn_credentials("doctor", settings.TURN_SECRET, time.time())
-    async with asyncio.timeout(PATIENCE_SECONDS):
-        transport, _protocol = await turn.create_turn_endpoint(
-            asyncio.DatagramProtocol,
-            server_addr=(host, int(port or (5349 if is_encrypted else 3478))),
-            username=user,
-            password=password,
-            ssl=is_encrypted,
-            transport=kind,
-        )
-        transport.close()
+    try:
+        async with asyncio.timeout(PATIENCE_SECONDS):
+            transport, _protocol = await turn.create_turn_endpoint(
+                asyncio.DatagramProtocol,
+                server_addr=(host, int(port or (5349 if is_encrypted else 3478))),
+                username=user,
+                password=password,
+                ssl=is_encrypted,
+                transport=kind,
+            )
+            transport.close()
+    except stun.TransactionError as error:
+        raise OSError(str(error)) from error
