@@ -4,6 +4,7 @@ import uuid
 from typing import Any
 
 from allauth.account.admin import EmailAddressAdmin
+from allauth.account.models import EmailConfirmation
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.db.models import Q, QuerySet
@@ -17,6 +18,9 @@ RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
 
 # allauth offers it to everyone who may view addresses.
 EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
+
+# Links that people get by e-mail; nobody else needs them.
+admin.site.unregister(EmailConfirmation)
 
 
 @admin.register(User)

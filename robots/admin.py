@@ -2,7 +2,7 @@
 
 import datetime
 import json
-from typing import Any
+from typing import Any, ClassVar
 
 from django.contrib import admin, messages
 from django.db.models import Count, Field, Model, Q, QuerySet
@@ -12,6 +12,7 @@ from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.text import capfirst
+from django.utils.timesince import timesince
 from django.utils.translation import gettext, gettext_lazy as _, ngettext, pgettext
 from django.views.decorators.cache import never_cache
 
@@ -22,7 +23,16 @@ from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
-from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
+from robots.admin_pages.robot_list import RobotList
+from robots.forms import (
+    TRANSLATED,
+    FloorPlanForm,
+    RobotElsewhereForm,
+    RobotForm,
+    adapter_select,
+    offered,
+    profile_select,
+)
 from robots.models import (
     FloorPlan,
     Robot,
@@ -93,8 +103,7 @@ class RobotAdmin(DoorPage, KeyPages):
     """Owners see their own robots, and may change all but owner and floor plan."""
 
     form = RobotForm
-    list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who")
-    list_display += ("driver", "seen")
+    list_display = ("title", "status", "driver", "battery", "seen_ago", "who", "drive")
     list_filter = (NowFilter, "enabled", "access", "presence__connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_per_page = 50
@@ -105,30 +114,45 @@ class RobotAdmin(DoorPage, KeyPages):
     save_on_top = True
     readonly_fields = ("adapter_here", "key", "screen", "between", "control", "driver", "seen")
     readonly_fields += ("sessions", "reported_factsheet", "reported_state")
-    _site = ("shown_to_visitors", "title", "name", "description", "translations")
-    fieldsets = (
-        (None, {"fields": (*_site, "owner", "floor_plan", "enabled")}),
+    _access = ("access", "for_experienced", "observers_allowed", "turn_minutes")
+    _limits = ("max_linear", "max_angular")
+    _blank = _("Leave blank to use the robot's limits; cannot exceed them.")
+    _kind = ("adapter", "adapter_here", "profile")
+    _later: ClassVar = {"classes": ("collapse",)}
+    # A new robot needs only the first part.
+    add_fieldsets = (
         (
-            _("Driving access"),
-            {"fields": ("access", "for_experienced", "observers_allowed", "turn_minutes")},
-        ),
-        (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between")}),
-        (_("Driving"), {"fields": ("assist",)}),
-        (_("Robot's screen"), {"fields": ("calls", "screen")}),
-        (
-            _("Limits"),
+            None,
             {
-                "fields": ("max_linear", "max_angular"),
-                "description": _("Leave blank to use the robot's limits; cannot exceed them."),
+                "fields": ("title", "name", "adapter", "profile"),
+                "description": _(
+                    "After you save, the robot's page shows the command that connects it. Visitors "
+                    "don't see the robot until it has connected and you show it to them."
+                ),
             },
         ),
+        (_("Description and place"), {"fields": ("description", "owner", "floor_plan"), **_later}),
+        (_("Other languages"), {"fields": TRANSLATED, **_later}),
+        (_("Who may drive"), {"fields": _access, **_later}),
+        (_("Driving"), {"fields": ("assist", *_limits), "description": _blank, **_later}),
+        (_("Between visits"), {"fields": ("returns_home", "charge_limit"), **_later}),
+        (_("Robot's screen"), {"fields": ("calls",), **_later}),
+    )
+    _site = ("shown_to_visitors", "title", "name", "description", "owner", "floor_plan", "enabled")
+    fieldsets = (
+        (None, {"fields": _site}),
+        (_("Other languages"), {"fields": TRANSLATED, **_later}),
+        (_("Who may drive"), {"fields": _access}),
+        (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between")}),
+        (_("Driving"), {"fields": ("assist", *_limits), "description": _blank}),
+        (_("Robot's screen"), {"fields": ("calls", "screen")}),
         (
             _("Connection"),
-            {"fields": ("adapter", "adapter_here", "key", "control", "seen", "driver", "sessions")},
+            {"fields": (*_kind, "key", "control", "seen", "driver", "sessions")},
         ),
         (
             _("Reported by the robot"),
-            {"fields": ("reported_factsheet", "reported_state"), "classes": ("collapse",)},
+            {"fields": ("reported_factsheet", "reported_state"), **_later},
         ),
     )
 
@@ -144,15 +168,24 @@ class RobotAdmin(DoorPage, KeyPages):
         sites = () if may_place else ("owner", "floor_plan")
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
 
-    def get_fieldsets(self, request: HttpRequest, obj: Robot | None = None) -> Any:
-        if obj is not None:
-            return self.fieldsets
-        later = {*self.readonly_fields, "shown_to_visitors"}
-        parts = [
-            (name, {**part, "fields": [field for field in part["fields"] if field not in later]})
-            for name, part in self.fieldsets
-        ]
-        return [(name, part) for name, part in parts if part["fields"]]
+    def get_fieldsets(self, _request: HttpRequest, obj: Robot | None = None) -> Any:
+        return self.add_fieldsets if obj is None else self.fieldsets
+
+    def add_view(
+        self, request: HttpRequest, form_url: str = "", extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Offer *Save* alone, which leads to the command that connects the robot."""
+        only = {"show_save_and_add_another": False, "show_save_and_continue": False}
+        return super().add_view(request, form_url, only | (extra_context or {}))
+
+    def get_prepopulated_fields(
+        self, _request: HttpRequest, obj: Robot | None = None
+    ) -> dict[str, tuple[str, ...]]:
+        return {"name": ("title",)} if obj is None else {}
+
+    def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
+        stops = {"assist": Robot.DriveAssist.SLOW}
+        return stops | super().get_changeform_initial_data(request)
 
     def save_model(self, request: HttpRequest, obj: Robot, form: Any, change: bool) -> None:
         """Hide a new robot from visitors until its owner shows it."""
@@ -183,11 +216,9 @@ class RobotAdmin(DoorPage, KeyPages):
         self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
     ) -> Any:
         if db_field.name == "adapter":
-            options["widget"] = AdapterInput(attrs={"class": "vTextField"})
-        if db_field.name == "translations":
-            # For a field with a callable default, Django would compare with a hidden copy of the
-            # value; RobotForm compares with the row.
-            options["show_hidden_initial"] = False
+            options["widget"] = adapter_select()
+        if db_field.name == "profile":
+            options["widget"] = profile_select()
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
@@ -206,8 +237,10 @@ class RobotAdmin(DoorPage, KeyPages):
         shown = related.filter(practice=False).defer("floor_plan__image")
         return shown.annotate(online=Robot.online_at(timezone.now()))
 
-    def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
+    def get_inlines(self, request: HttpRequest, obj: Robot | None = None) -> list[Any]:
         """Owners enter user names; only the site's staff can look people up."""
+        if obj is None:
+            return []
         return [PermitInline if self.sees_all(request) else OwnersPermits]
 
     def get_list_filter(self, request: HttpRequest) -> tuple[Any, ...]:
@@ -216,11 +249,31 @@ class RobotAdmin(DoorPage, KeyPages):
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
         return self.search_fields if self.sees_all(request) else ("title", "name", "description")
 
+    # --- list ---------------------------------------------------------------------------------
+
+    def get_changelist(self, _request: HttpRequest, **_options: Any) -> type[RobotList]:
+        return RobotList
+
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        title = {"title": capfirst(gettext("robots"))}
+        return super().changelist_view(request, title | (extra_context or {}))
+
+    def get_actions(self, request: HttpRequest) -> dict[str, Any]:
+        """Put the deletion at the end."""
+        actions: dict[str, Any] = super().get_actions(request)
+        return dict(sorted(actions.items(), key=lambda named: named[0] == "delete_selected"))
+
     # --- columns ----------------------------------------------------------------------------------
 
-    @admin.display(description=_("online"), boolean=True, ordering="online")
-    def online_now(self, robot: Robot) -> bool:
-        return robot.is_online(timezone.now())
+    @admin.display(description=_("status"), ordering="online")
+    def status(self, robot: Robot) -> SafeString:
+        """The label of the robot's page, and why a connected robot is not ready."""
+        now = status_of(robot)
+        pill = format_html('<span class="state" data-tone="{}">{}</span>', now.tone, now.label)
+        why = self._why(robot)
+        return format_html("{} {}", pill, in_words(why)) if why else pill
 
     @admin.display(description=_("control system"))
     def control(self, robot: Robot) -> str:
@@ -237,11 +290,6 @@ class RobotAdmin(DoorPage, KeyPages):
         if battery.get("charging"):
             return gettext("%(charge)s, charging") % {"charge": charge}
         return charge
-
-    @admin.display(description=_("docking"))
-    def docked(self, robot: Robot) -> str:
-        """Not a boolean column: being undocked is not a fault, and has no red cross."""
-        return gettext("docked") if (robot.presence.report or {}).get("docked") else NOTHING
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
@@ -260,18 +308,35 @@ class RobotAdmin(DoorPage, KeyPages):
         seen_at = robot.presence.last_seen_at
         return NOTHING if seen_at is None else _moment(seen_at)
 
+    @admin.display(description=_("last seen"), ordering="presence__last_seen_at")
+    def seen_ago(self, robot: Robot) -> str | SafeString:
+        seen_at, now = robot.presence.last_seen_at, timezone.now()
+        if seen_at is None:
+            return NOTHING
+        if robot.is_online(now):
+            return gettext("now")
+        ago = gettext("%(time)s ago") % {"time": timesince(seen_at, now, depth=1)}
+        exact = timezone.localtime(seen_at).isoformat(timespec="seconds")
+        return format_html('<time datetime="{}" title="{}">{}</time>', exact, _moment(seen_at), ago)
+
     @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """The status at the top of the page, and why and since when it is not ready for a visit."""
-        label, why, since = status_of(robot).label, "", None
-        if robot.enabled and robot.is_online(timezone.now()):
-            why = standstill_of(robot.presence.report) or robot.presence.turnaround_reason
+        label, why, since = status_of(robot).label, self._why(robot), None
+        if robot.is_online(timezone.now()):
             waits = robot.presence.turnaround != Robot.Turnaround.READY
             since = robot.presence.turnaround_at if waits else None
         shown = f"{label}: {in_words(why)}" if why else label
         if since is None:
             return shown
         return gettext("%(state)s (since %(when)s)") % {"state": shown, "when": _moment(since)}
+
+    @staticmethod
+    def _why(robot: Robot) -> str:
+        """Return the code of why a connected robot is not ready, or an empty text."""
+        if not robot.is_online(timezone.now()):
+            return ""
+        return standstill_of(robot.presence.report) or robot.presence.turnaround_reason
 
     @admin.display(description=_("driver"))
     def driver(self, robot: Robot) -> str | SafeString:
@@ -370,7 +435,9 @@ class RobotAdmin(DoorPage, KeyPages):
             for address, view in pages.items()
         ] + super().get_urls()
 
-    @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
+    @admin.action(
+        description=_("Open to visitors now (even if not docked)"), permissions=["change"]
+    )
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         away = RobotPresence.objects.exclude(turnaround=Robot.Turnaround.READY)
         changed = list(theirs_to_change(request, robots).filter(presence__in=away))
@@ -417,8 +484,8 @@ class FloorPlanAdmin(FinishingPage):
     form = FloorPlanForm
     list_display = ("title", "name", "size", "robot_count")
     search_fields = ("title", "name")
-    geometry = ("size", "resolution", "origin_x", "origin_y", "origin_theta", "places", "sha256")
-    readonly_fields = ("preview", "finishing", *geometry)
+    geometry = ("resolution", "origin_x", "origin_y", "origin_theta", "sha256")
+    readonly_fields = ("preview", "finishing", "size", "places", *geometry)
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
         """A floor plan belongs to all owners of robots there."""
@@ -442,10 +509,13 @@ class FloorPlanAdmin(FinishingPage):
             hint = _("If you add a plan.json, the map id and title are taken from it.")
             return [(None, {"fields": (*files, "name", "title"), "description": hint})]
         finishing = ("finishing",) if self.has_change_permission(request, obj) else ()
+        details = {"fields": self.geometry, "classes": ("collapse",)}
+        technical = [(_("Technical details"), details)] if self.sees_all(request) else []
         return [
             (None, {"fields": ("title", "name", "preview", *finishing)}),
-            (_("Map"), {"fields": self.geometry}),
+            (_("Map"), {"fields": ("size", "places")}),
             (_("Replace the files"), {"fields": files, "classes": ("collapse",)}),
+            *technical,
         ]
 
     def get_readonly_fields(

@@ -1,16 +1,19 @@
 """The administration's forms of robots and floor plans."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from django import forms
+from django.conf import settings
 from django.core.files.uploadedfile import UploadedFile
 from django.template.defaultfilters import filesizeformat
-from django.utils.html import format_html, format_html_join
-from django.utils.safestring import SafeString
+from django.utils.functional import cached_property
+from django.utils.text import format_lazy
 from django.utils.translation import gettext, gettext_lazy as _
 
-from robots.api.adapter_names import AmbiguousAdapterError, known_names
-from robots.models import FloorPlan, Robot, RobotElsewhere
+from robots.api.adapter_names import AmbiguousAdapterError, known_names, profile_names
+from robots.enrol.connect_command import ASKED, Asked
+from robots.models import TITLE_LENGTH, FloorPlan, Robot, RobotElsewhere
 from robots.plans.floorplans import (
     MAX_IMAGE,
     MAX_PLAN,
@@ -19,29 +22,170 @@ from robots.plans.floorplans import (
     read_upload,
 )
 
+OTHER = "other"
+TITLES = {
+    "simulator": _("Simulated robot"),
+    "moos": _("OpenMORA over MOOS"),
+    "openmora_mqtt": _("OpenMORA over MQTT"),
+    "ros1": _("ROS 1"),
+    "ros2": _("ROS 2"),
+    "rosbridge": _("ROS over rosbridge"),
+    "giraff": "Giraff",
+    "rhodon": "Rhodon",
+}
 
-class AdapterInput(forms.TextInput):
-    """A text field that suggests the adapters that are installed on the server. It accepts others,
-    which may be installed on the robot's computer.
+
+class SelectOrOther(forms.MultiWidget):
+    """A drop-down of names, and a field for another one, which is that of the drop-down with
+    `_other`. static/js/pages/admin/kind.js shows the field when it is needed.
     """
 
-    def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
-        known = f"{name}-known"
-        field = super().render(name, value, {**(attrs or {}), "list": known}, renderer)
-        options = format_html_join("", '<option value="{}"></option>', ((n,) for n in offered()))
-        return format_html('{}<datalist id="{}">{}</datalist>', field, known, options)
+    template_name = "admin/robots/robot/_select_or_other.html"
+    use_fieldset = False
+
+    def __init__(self, names: Sequence[str], other: str) -> None:
+        choices = [("", _("Choose…"))] + [(name, TITLES.get(name, name)) for name in names]
+        select = forms.Select(choices=[*choices, (OTHER, other)])
+        self.names = names
+        super().__init__({"": select, OTHER: forms.TextInput(attrs={"aria-label": other})})
+
+    def id_for_label(self, id_: str) -> str:
+        return f"{id_}_0" if id_ else id_
+
+    def use_required_attribute(self, _initial: Any) -> bool:
+        return False  # one of the two is empty
+
+    def decompress(self, value: Any) -> list[str]:
+        is_other = value and value not in self.names
+        return [OTHER, value] if is_other else [value or "", ""]
+
+    def value_from_datadict(self, data: Any, files: Any, name: str) -> str:
+        chosen, other = super().value_from_datadict(data, files, name)
+        return (other or "") if chosen == OTHER else (chosen or "")
+
+
+def adapter_select() -> SelectOrOther:
+    return SelectOrOther(offered(), gettext("Another, by its name or .py file"))
+
+
+def profile_select() -> SelectOrOther:
+    return SelectOrOther(profile_names(), gettext("Another, by its name or .toml file"))
+
+
+class KindForm(forms.ModelForm):
+    """What the command for a robot's computer needs to know about the robot."""
+
+    class Meta:
+        model = Robot
+        fields = ("adapter", "profile")
+        labels: ClassVar = {"adapter": _("Robot's software"), "profile": _("Robot's model")}
+
+    def __init__(self, *args: Any, instance: Robot, **options: Any) -> None:
+        known = reported_kind(instance) if not instance.adapter else {}
+        super().__init__(*args, instance=instance, initial=known, auto_id="connect_%s", **options)
+        self.fields["adapter"].widget = adapter_select()
+        self.fields["profile"].widget = profile_select()
+        for name in ("adapter", "profile"):
+            self.fields[name].required = True
+            self.fields[name].help_text = ""
+        for adapter, asked in ASKED.items():
+            for option in asked:
+                self.fields[f"{adapter}-{option.name}"] = _field_of(adapter, option, instance)
+
+    def save(self, commit: bool = True) -> Robot:
+        words, asked = self.cleaned_data, ASKED.get(self.cleaned_data["adapter"], ())
+        given = {option.name: words[f"{words['adapter']}-{option.name}"] for option in asked}
+        self.instance.options = {name: value for name, value in given.items() if value}
+        if commit:
+            self.instance.save(update_fields=["adapter", "profile", "options"])
+        return self.instance
+
+
+def _field_of(adapter: str, option: Asked, robot: Robot) -> forms.Field:
+    """Return an input for an option; static/js/pages/admin/kind.js shows those of the adapter."""
+    given = robot.options.get(option.name, "") if robot.adapter == adapter else ""
+    what: dict[str, Any] = {"label": option.label, "required": False, "initial": given}
+    attrs = {"data-adapter": adapter, "placeholder": option.default}
+    if option.choices:
+        widget = forms.Select(attrs={"data-adapter": adapter})
+        return forms.ChoiceField(choices=option.choices, widget=widget, **what)
+    return forms.CharField(max_length=200, widget=forms.TextInput(attrs=attrs), **what)
+
+
+def reported_kind(robot: Robot) -> dict[str, str]:
+    """Return the adapter and the profile with which the robot connected, if they are known here."""
+    sheet = robot.presence.factsheet if isinstance(robot.presence.factsheet, dict) else {}
+    adapter = str(sheet.get("adapter", "")).partition(" ")[0]
+    profile = str(sheet.get("series", ""))
+    if adapter not in offered() or profile not in profile_names():
+        return {}
+    return {"adapter": adapter, "profile": profile}
 
 
 DECIMALS = ("turn_minutes", "charge_limit", "max_linear", "max_angular")
 NO_DECIMAL = _("This is not a number. Use a decimal point: write 0.6, not 0,6.")
+LANGUAGES = [code for code, _name in settings.LANGUAGES if code != settings.LANGUAGE_CODE]
+WORDS = ("title", "description")  # of a robot, in each language
+TRANSLATED = tuple(f"{word}_{language}" for language in LANGUAGES for word in WORDS)
 
 
-class RobotForm(forms.ModelForm):
+class PercentField(forms.FloatField):
+    """A share from 0 to 1 that people read and write in percent."""
+
+    def prepare_value(self, value: Any) -> Any:
+        return round(100.0 * value, 6) if isinstance(value, float) else value
+
+    def clean(self, value: Any) -> float | None:
+        percent = super().clean(value)
+        return None if percent is None else percent / 100.0
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return super().has_changed(self.prepare_value(initial), data)
+
+
+def _translated() -> dict[str, forms.Field]:
+    """Return the fields of TRANSLATED."""
+    fields: dict[str, forms.Field] = {}
+    for code in LANGUAGES:
+        name = dict(settings.LANGUAGES)[code]
+        title, description = (
+            format_lazy("{} ({})", w, name) for w in (_("Name"), _("Description"))
+        )
+        fields[f"title_{code}"] = forms.CharField(
+            label=title, max_length=TITLE_LENGTH, required=False
+        )
+        lines = forms.Textarea(attrs={"rows": 3})
+        fields[f"description_{code}"] = forms.CharField(
+            label=description, widget=lines, required=False
+        )
+    return fields
+
+
+Translated: Any = type(forms.Form)("Translated", (forms.Form,), _translated())
+
+
+class RobotForm(forms.ModelForm, Translated):
     """A robot that never connected cannot be shown to visitors; one that is shown can be hidden."""
+
+    charge_limit = PercentField(
+        label=_("Minimum charge for a visit (%)"),
+        initial=0.2,
+        min_value=0.0,
+        max_value=100.0,
+        localize=True,
+        error_messages={"invalid": NO_DECIMAL},
+    )
 
     class Meta:
         model = Robot
         fields = ("shown_to_visitors",)  # the administration names the others
+        labels: ClassVar = {
+            "title": _("Name"),
+            "name": _("Name in links and commands"),
+            "adapter": _("Robot's software"),
+            "profile": _("Robot's model"),
+        }
+        help_texts: ClassVar = {"name": _("Lower-case letters, digits and hyphens.")}
         # accepts a decimal comma in languages that have it
         localized_fields = DECIMALS
         error_messages: ClassVar = {name: {"invalid": NO_DECIMAL} for name in DECIMALS}
@@ -54,9 +198,15 @@ class RobotForm(forms.ModelForm):
         # a robot that is being added has no switch and no presence
         if switch is not None and not (robot.shown_to_visitors or robot.presence.last_seen_at):
             switch.widget.attrs["disabled"] = True  # the page enables it when the robot connects
+        for name in {*TRANSLATED} & self.fields.keys():
+            word, _separator, language = name.rpartition("_")
+            self.initial.setdefault(name, robot.translations.get(language, {}).get(word, ""))
 
-    def clean_translations(self) -> dict[str, Any]:
-        return self.cleaned_data["translations"] or {}
+    @cached_property
+    def changed_data(self) -> list[str]:
+        """The names of changed fields; the administration saves these columns alone."""
+        names: list[str] = super().changed_data
+        return [*names, "translations"] if {*TRANSLATED} & {*names} else names
 
     def clean_shown_to_visitors(self) -> bool:
         shown = bool(self.cleaned_data["shown_to_visitors"])
@@ -66,6 +216,21 @@ class RobotForm(forms.ModelForm):
                 gettext("This robot hasn't connected yet. Connect it, then show it to visitors.")
             )
         return shown
+
+    def save(self, commit: bool = True) -> Any:
+        self.instance.translations = self._translations()
+        return super().save(commit)
+
+    def _translations(self) -> dict[str, Any]:
+        """Return the robot's translations with those of the form; other languages stay."""
+        found = {code: dict(words) for code, words in self.instance.translations.items()}
+        for name in {*TRANSLATED} & self.cleaned_data.keys():
+            word, _separator, language = name.rpartition("_")
+            found.setdefault(language, {})[word] = self.cleaned_data[name]
+        kept = {
+            code: {w: text for w, text in words.items() if text} for code, words in found.items()
+        }
+        return {code: words for code, words in kept.items() if words}
 
 
 def offered() -> tuple[str, ...]:

@@ -49,10 +49,7 @@ def check_translations(value: Any) -> None:
     )
     if not is_right:
         raise ValidationError(
-            _(
-                "Enter translations like this: "
-                "{“es”: {“title”: “…”, “description”: “…”}}, with straight quotes."
-            )
+            _('Enter translations like this: {"es": {"title": "…", "description": "…"}}.')
         )
 
 
@@ -213,7 +210,7 @@ class Robot(models.Model):
     for_experienced = models.BooleanField(
         _("for experienced drivers"),
         default=False,
-        help_text=_("The start page says so, and offers other robots first."),
+        help_text=_("Shown on the home page; other robots are listed before it."),
     )
     access = models.CharField(_("access"), max_length=12, choices=Access, default=Access.OPEN)
     observers_allowed = models.BooleanField(_("viewers allowed"), default=True)
@@ -240,11 +237,19 @@ class Robot(models.Model):
         validators=[
             RegexValidator(r"^[\w./][\w./-]*\Z", _("Enter a name or the path of a .py file."))
         ],
-        help_text=_(
-            "The software that connects the agent to the robot. New credentials "
-            "files include its name."
-        ),
+        help_text=_("The software that connects the agent to the robot."),
     )
+    profile = models.CharField(
+        _("profile"),
+        max_length=200,
+        blank=True,
+        validators=[
+            RegexValidator(r"^[\w./][\w./-]*\Z", _("Enter a name or the path of a .toml file."))
+        ],
+        help_text=_("The model of the robot: its size, speed and sensors."),
+    )
+    # Options of the adapter that robots/enrol/connect_command.py asks, by name; texts.
+    options = models.JSONField(default=dict, blank=True, editable=False)
     assist = models.CharField(
         _("assistance"),
         max_length=5,
@@ -275,7 +280,7 @@ class Robot(models.Model):
     # When a page last requested any practice robot; the same for all of them.
     wanted_at = models.DateTimeField(null=True, editable=False)
     charge_limit = models.FloatField(
-        _("minimum charge for a visit (0-1)"),
+        _("minimum charge for a visit"),
         default=0.2,
         validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
     )

@@ -477,10 +477,8 @@ register_section("visits", last_sessions)
 
 
 def _minutes_of(session: Session) -> str:
-    if session.driving_at is None:
-        return NOTHING
-    duration = (session.ended_at or timezone.now()) - session.driving_at
-    return f"{duration.total_seconds() / 60.0:.1f}"
+    minutes = session.minutes
+    return NOTHING if minutes is None else f"{minutes:.1f}"
 
 
 def _moment(stamp: float) -> datetime.datetime:

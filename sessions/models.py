@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 from django.conf import settings
 from django.db import models
+from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from robots.models import Robot
@@ -86,6 +87,13 @@ class Session(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot} · {self.queued_at:%Y-%m-%d %H:%M}"
+
+    @property
+    def minutes(self) -> float | None:
+        """How long the visitor has driven; None if they never did."""
+        if self.driving_at is None:
+            return None
+        return ((self.ended_at or timezone.now()) - self.driving_at).total_seconds() / 60.0
 
 
 # States of a session that has the robot, connected or not.

@@ -16,6 +16,7 @@ urlpatterns: list[URLPattern] = [
     path("try/", practice.try_robot, name="try_robot"),
     path("try/now/", practice.try_now, name="try_now"),
     path("practice/<slug:robot>/", views.practice_drive, name="practice_drive"),
+    path("profile/visits/", views.my_visits, name="my_visits"),
     path("robots/<slug:robot>/", views.drive, name="drive"),
     path("robots/<slug:robot>/snapshots/", views.snapshots, name="snapshots"),
     path("robots/<slug:robot>/snapshots/<uuid:snapshot>.jpg", views.snapshot, name="snapshot"),

@@ -10,6 +10,7 @@ from csp.decorators import csp_replace
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
+from django.db.models import Prefetch
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
@@ -29,9 +30,10 @@ from robots.enrol.elsewhere import redirect_to_home_site
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
-from sessions.models import Snapshot
+from sessions.models import Session, Snapshot
 
 MAX_SNAPSHOTS = 200
+MAX_VISITS = 50
 LISTS = Attempts("snapshots", limit=240)
 
 
@@ -155,6 +157,24 @@ def snapshot(request: HttpRequest, robot: str, snapshot: UUID) -> HttpResponse:
         "Content-Disposition": f'inline; filename="{robot}-{row.pk}.jpg"',
     }
     return HttpResponse(bytes(row.jpeg), content_type="image/jpeg", headers=headers)
+
+
+@login_required
+@never_cache
+@require_safe
+def my_visits(request: HttpRequest) -> HttpResponse:
+    """List the visitor's last drives, newest first, with the photos that are still stored."""
+    photos = Prefetch("snapshots", Snapshot.objects.defer("jpeg").order_by("stamp"))
+    rows = (
+        Session.objects.filter(
+            visitor=request.user.pk, driving_at__isnull=False, robot__practice=False
+        )
+        .select_related("robot")
+        .prefetch_related(photos)
+        .order_by("-driving_at")[:MAX_VISITS]
+    )
+    days = settings.RETENTION_DAYS["photos"]
+    return render(request, "sessions/my_visits.html", {"visits": rows, "photo_days": days})
 
 
 def _own_snapshots(user: Any, robot: str) -> Any:

@@ -7,14 +7,18 @@ from pathlib import Path
 
 from robots.api.private_files import write_private
 
+READ: set[str] = set()  # the names of all variables that the settings have read
+
 
 def text(name: str, default: str = "") -> str:
     """Return an environment variable, or the default when it is unset or empty."""
+    READ.add(name)
     return os.environ.get(name) or default
 
 
 def flag(name: str, *, default: bool = False) -> bool:
     """Tell whether an environment variable is 1, true, yes or on."""
+    READ.add(name)
     value = os.environ.get(name)
     return default if not value else value.strip().lower() in {"1", "true", "yes", "on"}
 

@@ -6,7 +6,7 @@ from django.contrib import admin
 from django.urls import include, path
 
 from experiments.wizard.views import console
-from telepresence_site.ops import health, metrics
+from telepresence_site.ops import first_run, health, metrics
 from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
@@ -14,7 +14,9 @@ admin.autodiscover()
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [
-    path("", pages.home, name="home"),
+    path("", first_run.or_setup(pages.home), name="home"),
+    path("setup/", first_run.setup, name="setup"),
+    path("setup/checks/", first_run.site_checks, name="site_checks"),
     path("robots.json", pages.robots_json, name="robots_json"),
     path("about/", pages.about, name="about"),
     path("reference/<slug:name>/", reference_pages.reference, name="reference"),

@@ -107,6 +107,7 @@ class FinishingPage(OfRobots):
             "series": series_titles(),
             "problems": problems,
             "changed": changed,
+            "added": request.POST.get("action", ""),
         }
         return render(request, "admin/robots/floorplan/finish.html", context)
 

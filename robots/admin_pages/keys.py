@@ -14,9 +14,10 @@ from django.utils.translation import gettext as _, gettext_lazy, ngettext
 
 from robots.admin_pages.access import theirs_to_change
 from robots.admin_pages.overview import RobotPage
+from robots.enrol.connect_command import connect_command, credentials_file, unreachable
 from robots.enrol.credentials import ask_for_renewal, make_credentials, revoke
 from robots.enrol.tokens import make_token
-from robots.forms import offered
+from robots.forms import KindForm
 from robots.models import Robot
 from robots.screens import make_screen_key, revoke_screen_key, screen_address
 
@@ -27,10 +28,16 @@ def _server(request: HttpRequest) -> str:
 
 class KeyPages(RobotPage):
     def enrol_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to create a one-time token, and show it once, on the robot's page."""
+        """Ask what kind of robot it is, and show the command with a one-time token once, on the
+        robot's page.
+        """
         robot = self.managed(request, pk)
-        if request.method != "POST":
-            return self.robot_page(request, robot, "enrol", _("Enrolment of %(robot)s"))
+        form = KindForm(request.POST or None, instance=robot)
+        if request.method != "POST" or not form.is_valid():
+            title = _("Connect %(robot)s")
+            shown = {"form": form, "unreachable": unreachable(_server(request))}
+            return self.robot_page(request, robot, "enrol", title, **shown)
+        form.save()
         token = make_token(robot, timezone.now())
         self.log(request, robot, _("New one-time token."), "enrolment_made")
         page = reverse("admin:robots_robot_change", args=[robot.pk])
@@ -62,13 +69,13 @@ class KeyPages(RobotPage):
         if request.method == "POST":
             made, server = make_credentials(robot, timezone.now()), _server(request)
             self.log(request, robot, _("New credentials created."), "credentials_made")
-            toml = made.toml(server=server, **({"adapter": robot.adapter} if robot.adapter else {}))
+            toml, file = credentials_file(robot, made, server), f"{robot.name}.toml"
             shown = {
                 "token": made.token,
-                "server": server,
                 "toml": toml,
-                "adapters": ", ".join(offered()),
-                "file": f"{robot.name}.toml",
+                "command": connect_command(robot, server, file=file),
+                "unreachable": unreachable(server),
+                "file": file,
                 # in the page itself, so that the token need not be stored for a second request
                 "download": f"data:application/toml,{quote(toml)}",
             }

@@ -19,8 +19,9 @@ from robots.admin_pages.access import WithDriver
 from robots.admin_pages.owner_status import OwnerStatus, owner_status
 from robots.api.messages import VERSION
 from robots.cards import picture_of
+from robots.enrol.connect_command import connect_command, unreachable
 from robots.enrol.tokens import open_enrolment
-from robots.forms import offered
+from robots.forms import KindForm
 from robots.models import Robot
 
 Place = Literal["visits", "mail"]
@@ -113,14 +114,17 @@ class RobotPage(WithDriver):
         raise NotImplementedError
 
     def _overview(self, request: HttpRequest, robot: Robot, token: str) -> dict[str, Any]:
+        server = request.build_absolute_uri("/").rstrip("/")
+        has_key = bool(token or robot.credentials.credential_hash)
         return {
             "robot": robot,
             "status": status_of(robot),
             "status_url": reverse("admin:robots_robot_status", args=[robot.pk]),
-            "server": request.build_absolute_uri("/").rstrip("/"),
+            "command": connect_command(robot, server) if has_key else "",
+            "unreachable": unreachable(server),
+            "kind": KindForm(instance=robot),
             "token": token,
             "enrolment": open_enrolment(robot, timezone.now()) if token else "",
-            "adapters": ", ".join(offered()),
             "may_enrol": self.has_change_permission(request, robot),
             "agent": _agent_version(robot),
             "api": VERSION,

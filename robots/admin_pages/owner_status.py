@@ -91,8 +91,8 @@ def _standstill(report: Any) -> str:
         )
         return sentence % {"why": trouble_of(report)}
     if why == "fault":
-        fault = fault_of(report) or _("it does not say which")
-        return _("Has a fault: %(why)s. Nobody can drive it until it is solved.") % {"why": fault}
+        fault = fault_of(report) or _("fault not specified")
+        return _("Has a fault: %(why)s. Nobody can drive it until it is fixed.") % {"why": fault}
     if is_stopped_there(report):
         return _("Stopped by someone next to it. Release it at the robot or on its drive page.")
     return _("The emergency stop is on. Release it at the robot or on its drive page.")

@@ -15,12 +15,14 @@ where the agent runs, other adapters may be installed than on the server.
 
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 import structlog
 
 log = structlog.stdlib.get_logger(__name__)
 
 GROUP = "telepresence.adapters"
+PROFILES = Path(__file__).parents[1] / "agent" / "adapters" / "profiles"  # ours, as .toml files
 OURS: Mapping[str, str] = {
     "simulator": "robots.agent.adapters.simulator.adapter",
     "moos": "robots.agent.adapters.moos.adapter",
@@ -68,3 +70,8 @@ def known_names() -> tuple[str, ...]:
         AmbiguousAdapterError: two packages use one name.
     """
     return tuple(sorted({*OURS, *installed()}))
+
+
+def profile_names() -> tuple[str, ...]:
+    """Return the names of our robot profiles."""
+    return tuple(sorted(path.stem for path in PROFILES.glob("*.toml")))

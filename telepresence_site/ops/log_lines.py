@@ -10,7 +10,7 @@ links, are replaced by the route that they match.
 import functools
 import logging
 import re
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Iterable, Mapping, MutableMapping
 from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -85,12 +85,16 @@ class Redaction:
             return value
         if isinstance(value, Mapping):
             return {str(key): self._clean(str(key), inner) for key, inner in value.items()}
-        text = str(value)
-        for secret in self._known:
-            text = text.replace(secret, STRUCK)
-        for pattern, instead in _SECRETS:
-            text = pattern.sub(instead, text)
-        return text
+        return without_secrets(str(value), self._known)
+
+
+def without_secrets(text: str, known: Iterable[str]) -> str:
+    """Return a text without these secrets and without what has the form of one."""
+    for secret in known:
+        text = text.replace(secret, STRUCK)
+    for pattern, instead in _SECRETS:
+        text = pattern.sub(instead, text)
+    return text
 
 
 def key_value(_logger: Any, _name: str, event: Fields) -> str:
@@ -123,6 +127,7 @@ def known_secrets() -> tuple[str, ...]:
     values = {
         settings.SECRET_KEY,
         settings.TURN_SECRET,
+        settings.JANUS_SECRET,
         settings.EMAIL_HOST_PASSWORD,
         settings.METRICS_TOKEN,
         settings.DEMO_TOKEN,

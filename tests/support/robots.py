@@ -49,7 +49,7 @@ def floor_plan(name: str, **fields: Any) -> FloorPlan:
 def robot_form(**fields: str) -> dict[str, str]:
     """Return what the form of a robot in the administration sends; it has no permits."""
     values = {"title": "Lab robot", "enabled": "on", "access": "open", "assist": "off"}
-    values |= {"charge_limit": "0.2", "calls": "accept"}
+    values |= {"charge_limit": "20", "calls": "accept"}
     return values | {"permits-TOTAL_FORMS": "0", "permits-INITIAL_FORMS": "0"} | fields
 
 

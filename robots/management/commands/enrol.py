@@ -7,8 +7,13 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from accounts import audit
+from robots.enrol.connect_command import connect_command
 from robots.enrol.tokens import HOURS, make_token
 from robots.models import Robot
+
+MISSING = (
+    ", with the ADAPTER of its control architecture and its PROFILE (docs/howto/connect-a-robot.md)"
+)
 
 
 class Command(BaseCommand):
@@ -18,6 +23,10 @@ class Command(BaseCommand):
         parser.add_argument("robot", help="the robot's name")
         server = "the address at which the robot reaches the site"
         parser.add_argument("--server", metavar="URL", required=True, help=server)
+        adapter = "the robot control architecture (default: the one that the site has stored)"
+        parser.add_argument("--adapter", default="", help=adapter)
+        profile = "the robot's profile (default: the one that the site has stored)"
+        parser.add_argument("--profile", default="", help=profile)
         hours = "how many hours the token is valid (default: %(default)s)"
         parser.add_argument("--hours", type=float, default=HOURS, help=hours)
 
@@ -29,12 +38,9 @@ class Command(BaseCommand):
             raise CommandError("--hours must be positive.")
         token = make_token(robot, timezone.now(), options["hours"])
         audit.note("enrolment_made", robot=robot)
-        self.stdout.write(
-            "Run this on the robot's computer, with the ADAPTER of its control "
-            "architecture and its PROFILE (docs/howto/connect-a-robot.md):"
-        )
-        server, adapter = options["server"].rstrip("/"), robot.adapter or "ADAPTER"
-        where = f"--server {server} --adapter {adapter} --profile PROFILE"
-        self.stdout.write(
-            f".venv/bin/python manage.py run_robot {robot.name} {where} --enrol {token}"
-        )
+        robot.adapter = options["adapter"] or robot.adapter or "ADAPTER"
+        robot.profile = options["profile"] or robot.profile or "PROFILE"
+        hint = "" if robot.adapter != "ADAPTER" and robot.profile != "PROFILE" else MISSING
+        self.stdout.write(f"Run this on the robot's computer{hint}:")
+        command = connect_command(robot, options["server"].rstrip("/"))
+        self.stdout.write(f"{command} --enrol {token}")

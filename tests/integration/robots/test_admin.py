@@ -105,9 +105,36 @@ def test_list_shows_the_state_of_each_robot(client, researcher, giraff):
     assert "81%, charging" in text
     assert "Ada" in text
     assert 'href="/robots/giraff/"' in text
-    assert text.count('alt="True"') == 1  # one robot is online
-    assert ">docked<" in text
+    assert "giraff<" not in text  # the name in links, beside the title
+    states = re.findall(r'<span class="state" data-tone="(\w+)">(.*?)</span>', text)
+    assert states == [("busy", "In use"), ("off", "New")]
+    assert 'alt="False"' not in text
     assert_clean(text)
+
+
+def test_list_begins_with_robots_that_need_somebody(client, researcher, giraff):
+    seen = timezone.now()
+    here = {"connection": "ONLINE", "last_seen_at": seen + datetime.timedelta(hours=1)}
+    create_robot(name="a-new", shown_to_visitors=False)
+    create_robot(name="z-stopped", report={"safety": {"estop": True}}, **here)
+    create_robot(name="y-stuck", turnaround="paused", turnaround_reason="not_docked", **here)
+    create_robot(name="x-off", enabled=False)
+    create_robot(name="w-away", last_seen_at=seen - datetime.timedelta(hours=30))
+    answer = client.get(LIST)
+    names = [robot.name for robot in answer.context["cl"].result_list]
+    assert names == ["w-away", "z-stopped", "y-stuck", "giraff", "a-new", "x-off"]
+    text = answer.content.decode()
+    assert unescape(text).count(">1\xa0day ago<") == 1
+    assert "it is not docked" in text
+    by_title = client.get(LIST, {"o": "1"}).context["cl"].result_list
+    assert by_title[0].name == "a-new"
+
+
+def test_first_action_is_not_the_deletion(client, researcher, giraff):
+    actions = re.search(r'<select name="action".*?</select>', page(client, LIST), re.DOTALL)[0]
+    names = re.findall(r'value="(\w+)"', actions)
+    assert names[-1] == "delete_selected"
+    assert len(names) > 3
 
 
 def test_deletion_page_does_not_list_presence_and_credentials(client, researcher, giraff):
@@ -154,16 +181,16 @@ def test_robots_are_found_and_filtered(client, researcher, giraff):
 
 def test_robot_whose_last_message_is_old_is_not_online(client, researcher, giraff):
     RobotPresence.objects.update(last_seen_at=timezone.now() - datetime.timedelta(minutes=1))
-    assert 'alt="True"' not in page(client, LIST)
+    assert ">Offline</span>" in page(client, LIST)
 
 
-def test_list_of_robots_is_sorted_and_filtered_by_the_online_column(client, researcher, giraff):
+def test_list_of_robots_is_sorted_by_status_and_filtered_by_online(client, researcher, giraff):
     now = timezone.now()
     old = now - datetime.timedelta(minutes=1)
     create_robot(name="silent", connection="ONLINE", last_seen_at=old)
     create_robot(name="off", connection="ONLINE", last_seen_at=now, enabled=False)
     create_robot(name="new")
-    column = RobotAdmin.list_display.index("online_now") + 1
+    column = RobotAdmin.list_display.index("status") + 1
     for order, place in ((column, -1), (f"-{column}", 0)):
         listed = list(client.get(LIST, {"o": order}).context["cl"].result_list)
         assert len(listed) == 4
@@ -201,7 +228,7 @@ def test_new_robot_needs_a_valid_name(client, researcher):
     assert Robot.objects.get().name == "giraff-2"
 
 
-@pytest.mark.parametrize("field", ["turn_minutes", "charge_limit", "max_linear", "max_angular"])
+@pytest.mark.parametrize("field", ["turn_minutes", "max_linear", "max_angular"])
 def test_decimal_comma_is_accepted_in_spanish_only(client, researcher, giraff, field):
     address = change_page(giraff)
     assert "write 0.6, not 0,6" in posted(client, address, FORM | {field: "0,6"})
@@ -218,15 +245,50 @@ def test_decimal_comma_is_accepted_in_spanish_only(client, researcher, giraff, f
 
 def test_translations_of_a_robot_are_edited_and_deleted_on_its_page(client, researcher):
     form = FORM | {"name": "giraff-2"}
-    wrong = posted(client, ADD, form | {"translations": '{"es": "Jirafa"}'})
-    assert "Enter translations like this" in wrong
-    spanish = {"es": {"title": "Jirafa"}}
-    assert client.post(ADD, form | {"translations": json.dumps(spanish)}).status_code == 302
+    spanish = {"title_es": "Jirafa", "description_es": "En el pasillo"}
+    assert client.post(ADD, form | spanish).status_code == 302
     robot = Robot.objects.get()
-    assert robot.translations == spanish
-    assert client.post(change_page(robot), form | {"translations": ""}).status_code == 302
+    assert robot.translations == {"es": {"title": "Jirafa", "description": "En el pasillo"}}
+    assert 'value="Jirafa"' in page(client, change_page(robot))
+    robot.translations["fr"] = {"title": "Girafe"}
+    robot.save()
+    assert client.post(change_page(robot), form | {"title_es": "J"}).status_code == 302
     robot.refresh_from_db()
-    assert robot.translations == {}
+    assert robot.translations == {"es": {"title": "J"}, "fr": {"title": "Girafe"}}
+    assert client.post(change_page(robot), form).status_code == 302
+    robot.refresh_from_db()
+    assert robot.translations == {"fr": {"title": "Girafe"}}
+
+
+def test_new_robot_needs_a_name_and_its_kind_only(client, researcher):
+    text = page(client, ADD)
+    first = re.search(r'<fieldset class="module aligned[^"]*".*?</fieldset>', text, re.DOTALL)[0]
+    assert re.findall(r'<(?:input|select|textarea)[^>]*\sname="(\w+)"', first) == [
+        "title", "name", "adapter", "adapter_other", "profile", "profile_other"
+    ]  # fmt: skip
+    assert text.count("<details") == text.count("<fieldset") - 1
+    assert "(0-1)" not in text
+    assert "{}" not in text
+    values = dict(re.findall(r'<input[^>]*name="(\w+)"[^>]*value="([^"]*)"', text))
+    chosen = re.findall(r'<option value="(\w+)" selected>', text)
+    assert values["charge_limit"] == "20.0"
+    assert "slow" in chosen
+    form = {"title": "Lab robot", "name": "lab", "adapter": "ros2", "profile": "giraff"}
+    unfolded = {"assist": "slow", "access": "open", "calls": "accept", "charge_limit": "20"}
+    assert client.post(ADD, form | unfolded).status_code == 302
+    robot = Robot.objects.get()
+    assert (robot.adapter, robot.profile) == ("ros2", "giraff")
+    assert (robot.enabled, robot.shown_to_visitors) == (True, False)
+    assert (robot.assist, robot.charge_limit) == ("slow", 0.2)
+
+
+def test_minimum_charge_is_in_percent(client, researcher, giraff):
+    form = FORM | {"name": "giraff"}
+    for wrong in ("101", "-1"):
+        assert "errorlist" in posted(client, change_page(giraff), form | {"charge_limit": wrong})
+    assert client.post(change_page(giraff), form | {"charge_limit": "35"}).status_code == 302
+    assert Robot.objects.get().charge_limit == 0.35
+    assert 'value="35.0"' in page(client, change_page(giraff))
 
 
 def shown_credentials(text):
@@ -236,6 +298,7 @@ def shown_credentials(text):
 
 def test_credentials_are_created_by_post_and_shown_once(client, researcher, giraff):
     address = f"{LIST}{giraff.pk}/credentials/"
+    update_robots(adapter="ros1", profile="giraff", options={"ip": "10.0.0.3"})
     asked = page(client, address)
     giraff.refresh_from_db()
     assert not giraff.credentials.credential_hash  # a GET creates nothing
@@ -248,11 +311,13 @@ def test_credentials_are_created_by_post_and_shown_once(client, researcher, gira
     credentials = shown_credentials(text)
     assert credentials["robot"] == "giraff"
     assert credentials["server"] == "http://localhost:8000"
+    assert (credentials["adapter"], credentials["profile"]) == ("ros1", "giraff")
+    assert credentials["options"] == {"ip": "10.0.0.3"}
     assert robot_of("giraff", credentials["token"]) == giraff
     command = unescape(re.search(r'<pre id="command">(.*?)</pre>', text, re.DOTALL)[1])
     assert (
         command == ".venv/bin/python manage.py run_robot giraff --server http://localhost:8000"
-        " --credentials giraff.toml --adapter ADAPTER --profile PROFILE"
+        " --credentials giraff.toml --adapter ros1 --profile giraff --option ip=10.0.0.3"
     )
     download = re.search(r'href="data:application/toml,([^"]*)" download="giraff\.toml"', text)[1]
     assert tomllib.loads(unquote(unescape(download))) == credentials
@@ -270,7 +335,7 @@ def test_installed_adapters_are_offered_and_others_are_accepted(
     address = change_page(giraff)
     text = page(client, address)
     for name in ("simulator", "ros2", "stranger"):
-        assert f'<option value="{name}"></option>' in text
+        assert f'<option value="{name}">' in text
     assert_clean(text)
 
     giraff.adapter = "stranger"
@@ -283,8 +348,9 @@ def test_installed_adapters_are_offered_and_others_are_accepted(
 
     made = posted(client, f"{LIST}{giraff.pk}/credentials/", HTTP_HOST="localhost:8000")
     assert shown_credentials(made)["adapter"] == "acme"
-    assert "--adapter" not in made
-    enrolled = posted(client, f"{LIST}{giraff.pk}/enrol/", HTTP_HOST="localhost:8000")
+    assert "Choose them on its page" in made
+    kind = {"adapter": "other", "adapter_other": "acme", "profile": "giraff"}
+    enrolled = posted(client, f"{LIST}{giraff.pk}/enrol/", kind, HTTP_HOST="localhost:8000")
     assert "--adapter acme" in enrolled
 
 
@@ -368,6 +434,21 @@ def test_floor_plan_is_created_from_three_files(client, researcher):
     assert_clean(text)
     assert_clean(page(client, "/admin/robots/floorplan/"))
     assert_clean(page(client, ADD_PLAN))
+
+
+def test_technical_details_of_a_floor_plan_are_folded_and_not_for_owners(client, researcher):
+    client.post(ADD_PLAN, files())
+    plan = FloorPlan.objects.get()
+    address = f"/admin/robots/floorplan/{plan.pk}/change/"
+    details = re.findall(r"<details>.*?</details>", page(client, address), re.DOTALL)
+    assert "field-sha256" in details[-1]
+    owner = person("owner", is_staff=True)
+    create_robot(owner=owner, floor_plan=plan)
+    client.force_login(owner)
+    text = page(client, address)
+    assert "2 doors" in text
+    assert plan.sha256 not in text
+    assert "origin" not in text.lower()
 
 
 def test_map_without_a_plan_is_named_in_the_form(client, researcher):

@@ -1,5 +1,6 @@
 """The drive page, and a visitor's snapshots."""
 
+import datetime
 import json
 import re
 from html import unescape
@@ -7,11 +8,13 @@ from html import unescape
 import pytest
 from django.contrib.auth import get_user_model
 from django.urls import reverse
+from django.utils import timezone
 
 from robots.api.reasons import ReasonCode
 from robots.models import Robot, RobotPermit
 from sessions.models import Snapshot
 from tests.support.robots import create_robot, floor_plan
+from tests.support.sessions import replays
 from tests.support.sessions.rows import session_row
 
 pytestmark = pytest.mark.django_db
@@ -126,3 +129,41 @@ def test_snapshots_need_a_login(client, robot, ada):
 def test_pages_refuse_post_requests(client, robot, ada, address):
     client.force_login(ada)
     assert client.post(address).status_code == 405
+
+
+def test_visitor_reads_own_visits_with_their_photos_newest_first(client, robot, ada):
+    zaphod = get_user_model().objects.create_user("zaphod")
+    at = replays.GRANTED
+    first = replays.session(robot, ada, seconds=90)
+    newest = replays.session(robot, ada, granted=at + datetime.timedelta(days=1), seconds=30)
+    session_row(robot, ada, driving_at=None, live_key="queued only")
+    others = replays.session(robot, zaphod, seconds=60)
+    image = {"stamp": 5.0, "sha256": "b" * 64, "jpeg": b"\xff\xd8jpeg"}
+    mine, theirs = (
+        Snapshot.objects.create(session=session, action_id="p", **image)
+        for session in (first, others)
+    )
+    practice = create_robot("practice-1", practice=True)
+    replays.session(practice, ada, granted=at + datetime.timedelta(days=2), seconds=60)
+    assert client.get(reverse("my_visits")).status_code == 302
+    client.force_login(ada)
+    text = unescape(client.get(reverse("my_visits")).content.decode())
+    assert re.findall(r'id="visit-(.*?)"', text) == [str(newest.pk), str(first.pk)]
+    assert "1.5 min" in text
+    photo = re.search(r'<img src="(/robots/giraff/[^"]*)"', text)[1]
+    assert str(mine.pk) in photo
+    assert str(theirs.pk) not in text
+    assert client.get(photo).status_code == 200
+    mine.delete()  # `manage.py forget`
+    assert str(mine.pk) not in client.get(reverse("my_visits")).content.decode()
+
+
+def test_home_page_of_a_user_begins_with_the_robots(client, ada):
+    create_robot(connection="ONLINE", last_seen_at=timezone.now())
+    assert "Be there," in client.get("/").content.decode()
+    client.force_login(ada)
+    text = client.get("/").content.decode()
+    assert "Be there," not in text.split("<main", 1)[1]
+    button = re.search(r"data-invitation>(.*?)</p>", text, re.DOTALL)[1]
+    assert "Drive Giraff" in button
+    assert 'href="/robots/giraff/?go=1"' in button

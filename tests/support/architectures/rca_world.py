@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.common.robot_profile import SHIPPED
+from robots.api.adapter_names import PROFILES
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.simulator.physics.realtime import Playback
 from robots.simulator.physics.simulation import Simulation
@@ -201,7 +201,7 @@ class RcaRig:
     def profile(self):
         """The robot's profile, which allows its RCA to navigate without a guard."""
         path = Path(self._directory.name) / f"{self.world.series}.toml"
-        shipped = (SHIPPED / f"{self.world.series}.toml").read_text()
+        shipped = (PROFILES / f"{self.world.series}.toml").read_text()
         path.write_text(f"unguarded_navigation = true\n{shipped}")
         return str(path)
 

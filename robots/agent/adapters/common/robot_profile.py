@@ -33,10 +33,9 @@ from robots.agent.adapters.common.profile_errors import (
 )
 from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
-from robots.api.adapter_names import known_names
+from robots.api.adapter_names import PROFILES, known_names
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
-SHIPPED = Path(__file__).parents[1] / "profiles"
 FASTEST = {"linear": 5.0, "reverse": 5.0, "angular": 12.0}  # m/s and rad/s, of anything on wheels
 WITHOUT_PROFILE = frozenset({"simulator"})  # its robots are data of robots/world
 PLACE = re.compile(r"at `\$\.(\w+)")  # of what msgspec complains of
@@ -113,7 +112,7 @@ def nearest(word: str, known: Collection[str]) -> str:
     return f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known))}"
 
 
-def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
+def load_profile(name: str, folder: Path = PROFILES) -> RobotProfile:
     """Return a robot by its shipped name, such as `giraff`, or by a path that ends in `.toml`.
 
     `folder` is where an adapter of another package keeps its profiles. Raises AdapterError.

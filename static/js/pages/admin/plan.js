@@ -12,6 +12,7 @@ import { handlesOf } from "./plan_handles.js";
 /** @typedef {import("./plan_handles.js").Part} Part */
 
 const TOOL = "plan-tool";
+const NAMED_WIDTH = 600; // CSS px of a map that shows names
 /** @type {Record<string, [string, number]>} class and radius, CSS px */
 const LOOKS = {
   opening: ["course__point", 7],
@@ -38,6 +39,25 @@ const lines = (handles, pixel) =>
     return [element("line", { class: kind, x1, y1, x2, y2, "stroke-width": 4 * pixel })];
   });
 
+/**
+ * A line along each route, from checkpoint to checkpoint.
+ * @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]}
+ */
+const routes = (handles, pixel) => {
+  /** @type {Map<string, string[]>} */
+  const points = new Map();
+  for (const { route, at } of handles) {
+    if (route) {
+      points.set(route, [...(points.get(route) ?? []), toUnits(at).join(",")]);
+    }
+  }
+  const dashes = `${6 * pixel} ${6 * pixel}`;
+  const looks = { class: "plan__route", "stroke-width": 2 * pixel, "stroke-dasharray": dashes };
+  return [...points.values()].map((route) =>
+    element("polyline", { ...looks, points: route.join(" ") }),
+  );
+};
+
 /** @extends {MapEditor<Handle>} */
 class PlanMap extends MapEditor {
   /** @param {HTMLFormElement} form */
@@ -56,7 +76,7 @@ class PlanMap extends MapEditor {
     this.svg.append(...Object.values(this.layers));
     form.addEventListener("input", (event) => this.#changed(event));
     form.addEventListener("focusin", (event) =>
-      this.mark(/** @type {Element} */ (event.target).closest("[data-part]")),
+      super.mark(/** @type {Element} */ (event.target).closest("[data-part]")),
     );
     this.showTool();
     this.#drawGround();
@@ -67,12 +87,54 @@ class PlanMap extends MapEditor {
   #parts() {
     return [
       .../** @type {NodeListOf<HTMLElement>} */ (this.form.querySelectorAll("[data-part]")),
-    ].map(({ dataset }) => ({
-      part: dataset.part ?? "",
-      kind: dataset.kind ?? "",
-      label: this.fields.read(`${dataset.part}.title`) || `${dataset.kind} ${dataset.number ?? ""}`,
-      number: dataset.number,
-    }));
+    ].map(({ dataset }) => {
+      const { part = "", kind = "", number } = dataset;
+      const title = this.fields.read(`${part}.title`) ?? "";
+      const series = this.#series(part);
+      const isStop = kind === "checkpoint";
+      return {
+        part,
+        kind,
+        number,
+        label: title || `${kind} ${number ?? ""}`,
+        name: isStop ? series : title,
+        route: isStop ? series : undefined,
+      };
+    });
+  }
+
+  /** The robots that a part is for. @param {string} part */
+  #series(part) {
+    const select = /** @type {HTMLSelectElement | null} */ (
+      this.form.elements.namedItem(`${part}.type`)
+    );
+    return select?.selectedOptions[0]?.text ?? "";
+  }
+
+  /** Shows the fields of the marked part. @param {Element | null} part */
+  mark(part) {
+    super.mark(part);
+    const list = /** @type {HTMLElement | null | undefined} */ (part?.closest(".plan__parts"));
+    if (list && part) {
+      /** @type {HTMLDetailsElement} */ (part.closest("details")).open = true;
+      list.scrollTop += part.getBoundingClientRect().top - list.getBoundingClientRect().top;
+    }
+  }
+
+  /**
+   * A mark with its name below, where the map is large enough for names.
+   * @param {string | undefined} name @param {number} size radius of the mark, CSS px
+   * @param {SVGElement[]} marks
+   */
+  #named(name, size, marks) {
+    const { pixel } = this;
+    if (!name || this.svg.clientWidth < NAMED_WIDTH) {
+      return marks;
+    }
+    const place = { y: (size + 12) * pixel, "font-size": 12 * pixel, "stroke-width": 3 * pixel };
+    const text = element("text", { class: "plan__name", ...place });
+    text.textContent = name;
+    return [text, ...marks];
   }
 
   /** The fixed parts of the plan, with the present titles of rooms. */
@@ -90,12 +152,13 @@ class PlanMap extends MapEditor {
     const { wordsEnd: end = "", wordsHeading: heading = "" } = form.dataset;
     const words = { end, heading };
     const handles = this.#parts().flatMap((part) => handlesOf(part, this.fields, words));
-    layers.lines.replaceChildren(...lines(handles, pixel));
+    layers.lines.replaceChildren(...routes(handles, pixel), ...lines(handles, pixel));
     this.drawHandles(
       handles,
-      ({ kind, number }) => {
+      ({ kind, number, name }) => {
         const isSmall = kind !== "dock" && kind !== "checkpoint";
-        return element("g", {}, this.marks(...LOOKS[kind], number, isSmall));
+        const marks = this.marks(...LOOKS[kind], number, isSmall);
+        return element("g", {}, this.#named(name, LOOKS[kind][1], marks));
       },
       () => layers.handles,
     );

@@ -13,12 +13,14 @@ import { rounded } from "./course_points.js";
  * @property {(at: Point) => void} move
  * @property {(() => void) | null} remove
  * @property {string} [number]
+ * @property {string} [name] shown beside it on the map
+ * @property {string} [route] of checkpoints that are visited one after the other
  */
 /**
  * @typedef {{read: (name: string) => string | null, write: (name: string, value: string) => void}}
  *   Fields
- * @typedef {{part: string, kind: string, label: string, number?: string}} Part a fieldset of the
- *   page
+ * @typedef {{part: string, kind: string, label: string} & Partial<
+ *   Record<"number" | "name" | "route", string>>} Part a fieldset of the page
  */
 
 export const AHEAD = 0.6; // m from a dock to the handle of its direction
@@ -86,10 +88,11 @@ export const handlesOf = (part, fields, words) => {
   if (fields.read(`${part.part}.remove`)) {
     return [];
   }
-  const first = spot(part, fields, ["x", "y"], part.label);
-  if (!first) {
+  const point = spot(part, fields, ["x", "y"], part.label);
+  if (!point) {
     return [];
   }
+  const first = { ...point, name: part.name, route: part.route };
   if (part.kind === "dock") {
     return [first, ...heading(part, fields, first, words.heading)];
   }

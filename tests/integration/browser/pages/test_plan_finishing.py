@@ -71,6 +71,11 @@ def middle(page, label: str) -> tuple[float, float]:
 @pytest.mark.nightly
 def test_mouse_and_keys_finish_a_plan(plan, site):
     page = plan("pia", viewport={"width": 1366, "height": 768})
+    box = page.locator("#plan-map").bounding_box()
+    assert box["width"] > 850  # more than two thirds of the content
+    assert box["y"] + box["height"] <= 768
+    expect(page.get_by_role("button", name="Save the plan")).to_be_in_viewport()
+    expect(page.locator(".plan__parts input[inputmode=decimal]:visible")).to_have_count(0)
     page.locator('[name="rooms.0.title"]').fill("Laboratory")
     expect(page.locator("#plan-map .course__name").first).to_have_text("Laboratory")
     before = value(page, "places.0.x"), value(page, "places.0.y")
@@ -88,12 +93,15 @@ def test_mouse_and_keys_finish_a_plan(plan, site):
     page.keyboard.press("ArrowLeft")
     page.keyboard.press("Shift+ArrowRight")
     assert value(page, "places.0.x") == pytest.approx(dragged - 0.08)
+    places = page.locator("details", has=page.locator('[data-part="places.0"]'))
+    expect(places).to_have_attribute("open", "")  # its fields are shown since it was pressed
+    expect(page.locator("#plan-map .plan__name", has_text=title)).to_be_visible()
     page.get_by_label("Add a place", exact=True).check()
     box = page.locator("#plan-map").bounding_box()
     page.mouse.click(box["x"] + box["width"] * 0.5, box["y"] + box["height"] * 0.75)
     expect(page.locator('[data-kind="place"]')).to_have_count(4)
     expect(page.get_by_text("Not saved yet.")).to_be_visible()
-    page.get_by_role("button", name="Save", exact=True).click()
+    page.get_by_role("button", name="Save the plan").click()
     expect(page.get_by_text("Saved. To simulate a robot here")).to_be_visible()
     assert stored(site)["rooms"][0]["title"] == "Laboratory"
     assert len(stored(site)["places"]) == 4

@@ -23,6 +23,7 @@ from tests.support.sessions import replays
 pytestmark = pytest.mark.django_db
 ADD = "/admin/robots/robot/add/"
 NEW = robot_form(name="lab")
+KIND = {"adapter": "ros1", "profile": "giraff"}
 
 
 def address(robot, page="change"):
@@ -139,6 +140,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
     client, robot, owner
 ):
     make_credentials(robot, timezone.now())
+    update_robots(**KIND)
     seen(robot)
     RobotPresence.objects.update(
         report={"battery": {"charge": 0.5}},
@@ -165,7 +167,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
 
 def test_command_with_a_token_is_shown_once(client, robot, owner):
     assert "--enrol" not in client.get(address(robot, "enrol")).content.decode()
-    answer = client.post(address(robot, "enrol"))
+    answer = client.post(address(robot, "enrol"), KIND)
     text = unescape(answer.content.decode())
     command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
     token = re.search(r"--enrol ([\w-]+)", command)[1]
@@ -175,9 +177,69 @@ def test_command_with_a_token_is_shown_once(client, robot, owner):
     assert token not in client.get(address(robot)).content.decode()
     assert AuditEntry.objects.get(act="enrolment_made").actor == owner.pk
     assert token not in str(list(AuditEntry.objects.values()))
+    assert command.startswith(".venv/bin/python manage.py run_robot giraff --server http://")
+    assert "--adapter ros1 --profile giraff" in command
     assert redeem("giraff", token, timezone.now()) is not None
     assert "--enrol" not in overview(client, robot)
     assert "run_robot giraff" in overview(client, robot)
+
+
+def enrolled(client, robot, **kind):
+    text = unescape(client.post(address(robot, "enrol"), KIND | kind).content.decode())
+    found = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)
+    return text if found is None else re.sub("<.*?>", "", found[1]).partition(" --enrol")[0]
+
+
+def test_command_has_the_options_of_the_chosen_software_only(client, robot):
+    chosen = {"ros1-master": "http://10.0.0.2:11311", "moos-host": "10.0.0.9", "ros1-ip": ""}
+    assert enrolled(client, robot, **chosen).endswith(
+        "--adapter ros1 --profile giraff --option master=http://10.0.0.2:11311"
+    )
+    again = client.get(address(robot, "enrol")).content.decode()
+    assert 'value="http://10.0.0.2:11311"' in again
+    assert enrolled(client, robot, adapter="moos").endswith("--adapter moos --profile giraff")
+
+
+def test_command_quotes_what_a_shell_would_read(client, robot):
+    command = enrolled(client, robot, **{"ros1-master": "http://a;reboot $(id)"})
+    assert "--option 'master=http://a;reboot $(id)'" in command
+
+
+def test_command_needs_software_and_model(client, robot):
+    for missing in ("adapter", "profile"):
+        assert "This field is required." in enrolled(client, robot, **{missing: ""})
+    assert not Robot.objects.get().enrolments.exists()
+    command = enrolled(
+        client,
+        robot,
+        adapter="other",
+        adapter_other="acme",
+        profile="other",
+        profile_other="a.toml",
+    )
+    assert command.endswith("--adapter acme --profile a.toml")
+
+
+def test_form_proposes_what_the_robot_connected_with(client, robot):
+    RobotPresence.objects.update(factsheet={"series": "rhodon", "adapter": "ros2 0.9"})
+    text = overview(client, robot)
+    assert '<option value="ros2" selected>' in text
+    assert '<option value="rhodon" selected>' in text
+
+
+@pytest.mark.parametrize(
+    ("host", "warning"),
+    [
+        ("127.0.0.1:8000", "This address works on this computer only."),
+        ("localhost", "This address works on this computer only."),
+        ("testserver", "The robot's computer refuses this address."),
+    ],
+)
+def test_page_warns_of_an_address_that_the_robots_computer_cannot_use(client, robot, host, warning):
+    text = unescape(client.get(address(robot), HTTP_HOST=host).content.decode())
+    assert warning in text
+    secure = client.get(address(robot), HTTP_HOST="testserver", secure=True).content.decode()
+    assert "overview__warning" not in secure
 
 
 def test_owner_rotates_the_credentials(client, robot, owner):
@@ -268,7 +330,7 @@ def test_settings_show_since_when_a_robot_is_not_ready_and_why(client, robot):
 
 def test_status_reports_that_the_pages_token_was_used(client, robot):
     def made():
-        text = client.post(address(robot, "enrol")).content.decode()
+        text = client.post(address(robot, "enrol"), KIND).content.decode()
         token = re.search(r"--enrol ([\w-]+)", text)[1]
         return token, re.search(r'data-enrolment="([^"]+)"', text)[1]
 

@@ -50,7 +50,16 @@ OWNERS = "app_label=robots&model_name=robot&field_name=owner"
 
 # Addresses that are the same for all users, or use other credentials; each has its own tests.
 FOR_ALL = {
-    *("home", "robots_json", "about", "reference", "manifest", "set_language", "admin:login"),
+    *(
+        "home",
+        "setup",
+        "robots_json",
+        "about",
+        "reference",
+        "manifest",
+        "set_language",
+        "admin:login",
+    ),
     *("screen", "screen_key", "agent_configuration", "agent_enrol", "agent_renew"),
     *("study_link", "study_invitation", "study_media", "study_code", "study_reminders_stop"),
     *("check", "practice", "practice_drive", "try_now", "try_robot", "demo-enter"),
@@ -151,6 +160,8 @@ def own_pages() -> list[tuple]:
     return [
         ("profile", [], LOGGED_IN, None),
         ("own_data", [], LOGGED_IN, None),
+        ("my_visits", [], LOGGED_IN, None),
+        ("site_checks", [], ADMIN, None),
         ("own_data_download", [], LOGGED_IN, None),
         ("own_data_delete", [], LOGGED_IN, {"username": ""}),
         ("own_data_code", [], NOBODY, {}),
@@ -317,7 +328,6 @@ def administration() -> list[tuple]:
 MODELS = {
     "auth_group": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
     "account_emailaddress": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
-    "account_emailconfirmation": (None, ADMIN, ADMIN, NOBODY, NOBODY, NOBODY),
     "accounts_user": ("people.visitor", ADMIN, ADMIN, ADMIN, ADMIN, ADMIN),
     "accounts_auditentry": (None, ADMIN, NOBODY, NOBODY, NOBODY, NOBODY),
     "robots_robot": ("robot", WITH_A_ROBOT, ADMIN, ROBOT_OWNER, ROBOT_OWNER, ADMIN),

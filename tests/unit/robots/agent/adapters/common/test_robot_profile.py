@@ -11,12 +11,13 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common.remote_adapter import profile_of
-from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
+from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.adapters.simulator import adapter as simulator
 from robots.agent.config import load
 from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
 from robots.agent.safety.obstacle_sources import sources_of
+from robots.api.adapter_names import PROFILES
 from robots.world.robot_models import GIRAFF
 from tests.support.paths import ROOT
 
@@ -35,7 +36,7 @@ def arguments(robot, **given):
 
 
 @pytest.mark.parametrize("adapter", REAL)
-@pytest.mark.parametrize("robot", sorted(path.stem for path in SHIPPED.glob("*.toml")))
+@pytest.mark.parametrize("robot", sorted(path.stem for path in PROFILES.glob("*.toml")))
 def test_each_of_the_papers_robots_works_with_each_architecture(robot, adapter):
     profile = registry.create(adapter, robot, SAFE.get(adapter)).profile
     assert profile.series == robot

@@ -8,13 +8,14 @@ import time
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
+from robots.agent.adapters.common.robot_profile import load_profile
 from robots.agent.adapters.ros import base, docking
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
 from robots.agent.adapters.ros.bus import UnansweredError
 from robots.agent.adapters.ros.docking import TriggerDocking
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.api.adapter_names import PROFILES
 from robots.api.messages import Dock, Goto, Velocity
 from tests.support.architectures.fake_ros_bus import FakeBus
 
@@ -55,7 +56,7 @@ def test_unguarded_navigation_is_refused(guards, options):
 
 def test_an_owner_may_allow_unguarded_navigation(tmp_path):
     file = tmp_path / "mine.toml"
-    shipped = (SHIPPED / "rhodon.toml").read_text()
+    shipped = (PROFILES / "rhodon.toml").read_text()
     file.write_text(f"unguarded_navigation = true\n{shipped}")
     assert registry.create("rosbridge", str(file)).profile.navigation_control == "unguarded"
 
