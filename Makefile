@@ -9,6 +9,7 @@
 # make screenshots    pictures of all pages, to be looked at, in var/screenshots
 # make pictures    the pictures of README and documentation, in docs/img
 # make docs    write the generated reference again
+# make docs-site    the documentation as pages with search, in var/docs-site
 # make messages    bring texts into the Spanish catalogue, and compile it
 # make lock    resolve the dependencies again
 PYTHON ?= python3
@@ -17,7 +18,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots pictures
+.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots pictures docs-site
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -78,6 +79,10 @@ pictures: setup-dev test-packages
 
 docs: setup-dev
 	$(BIN)/python -m docs.robot_api
+
+docs-site: setup-dev
+	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs . var/docs-site
+	@echo "Open var/docs-site/index.html."
 
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python
