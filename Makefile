@@ -7,7 +7,9 @@
 # make format  write Python and JavaScript in the style that make lint checks
 # make bench   the benchmarks; results in benchmarks/results
 # make screenshots    pictures of all pages, to be looked at, in var/screenshots
+# make pictures    the pictures of README and documentation, in docs/img
 # make docs    write the generated reference again
+# make docs-site    the documentation as pages with search, in var/docs-site
 # make messages    bring texts into the Spanish catalogue, and compile it
 # make lock    resolve the dependencies again
 PYTHON ?= python3
@@ -16,7 +18,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots
+.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots pictures docs-site
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -72,8 +74,15 @@ screenshots: setup-dev test-packages
 	SCREENSHOTS=var/screenshots $(BIN)/python -m pytest -q $(PHOTOGRAPHED)
 	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/pages/test_accessibility.py -k "strangers or visitors or step"
 
+pictures: setup-dev test-packages
+	DJANGO_SETTINGS_MODULE=tests.settings $(BIN)/python -m tests.support.browsers.pictures
+
 docs: setup-dev
 	$(BIN)/python -m docs.robot_api
+
+docs-site: setup-dev
+	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs . var/docs-site
+	@echo "Open var/docs-site/index.html."
 
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python

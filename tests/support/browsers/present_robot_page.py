@@ -29,6 +29,7 @@ from tests.support.browsers.fake_robot_page import HTML, ROBOT, FakeRobotPage, _
 from tests.support.media.synthetic_camera import SyntheticMicrophone
 
 CAPABILITIES = ("velocity", "video", "audio", "say", "call", "point", "photo", "tilt")
+ABLE = (*CAPABILITIES, "goto", "dock", "undock", "relocalize", "scan", "assist")
 SCREEN = "/screen-socket"
 PERMITTED = (m.Call, m.AnswerCall, m.Knock, m.Say, m.ConfirmWords, m.Tilt, m.ClearEStop, m.Photo)
 

@@ -2,16 +2,14 @@
 as PNG files in var/screenshots.
 
 `make screenshots` also keeps pictures of the pages that tests visit
-(tests/support/media/photographs.py). The pictures that browsers show when the page is installed
-(static/img/screens) are made here too; those of the README in
-tests/support/browsers/readme_pictures.py.
+(tests/support/media/photographs.py). Those of README and documentation are made by
+tests/support/browsers/pictures.py.
 """
 
 import shutil
 import tempfile
 from pathlib import Path
 
-from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
 from tests.support.agents.truth import Onlooker
@@ -29,7 +27,6 @@ WITH_A_MOUSE = {
 }
 WITH_FINGERS = {"phone": (390, 844), "tablet": (820, 1180), "landscape": (844, 390)}
 PROFILES = ("standard", "novice", "expert", "technical")
-INSTALLED = {"desktop": "wide", "phone": "narrow"}  # form factor in the manifest, by size
 PAGES = {
     "home": "/",
     "log-in": "/accounts/login/",
@@ -141,10 +138,6 @@ def main() -> None:
             pages(browser, site, "phone", "es")
     finally:
         shutil.rmtree(var, ignore_errors=True)
-    for size, form in INSTALLED.items():
-        target = ROOT / "static" / "img" / "screens" / f"drive-{form}.webp"
-        with Image.open(FOLDER / f"driving-{size}.png") as screen:
-            screen.convert("RGB").save(target, quality=80)
 
 
 if __name__ == "__main__":

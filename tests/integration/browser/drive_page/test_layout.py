@@ -12,11 +12,10 @@ from playwright.async_api import Browser, Page
 
 from tests.support.agents.told_task import guide
 from tests.support.browsers import drive_page_scenes as scenes
-from tests.support.browsers.present_robot_page import CAPABILITIES, PresentRobotPage
+from tests.support.browsers.present_robot_page import ABLE, PresentRobotPage
 from tests.support.patience import patient
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
-ABLE = (*CAPABILITIES, "goto", "dock", "undock", "relocalize", "scan", "assist")
 SIZES = {
     "phone": (390, 844),
     "phone-bars": (390, 664),
