@@ -10,6 +10,7 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models import User
 from robots.models import Robot
 
 
@@ -86,6 +87,20 @@ class Session(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot} · {self.queued_at:%Y-%m-%d %H:%M}"
+
+    @classmethod
+    def assistance_to_begin_with(cls, robot: Robot, visitor: User) -> str:
+        """Return the assistance of a visitor who has not chosen any in their session, on a robot
+        whose own level is off although it can assist: the visitor's last level, and in a first
+        drive one that stops at obstacles. Empty for the robot's own level.
+        """
+        can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
+        if robot.assist != Robot.DriveAssist.OFF or not can_assist:
+            return ""
+        drives = cls.objects.filter(visitor=visitor, first_motion_at__isnull=False)
+        of_drives = drives.exclude(assist="").order_by("first_motion_at")
+        last = of_drives.values_list("assist", flat=True).last()
+        return last or ("" if drives.exists() else Robot.DriveAssist.SLOW)
 
 
 # States of a session that has the robot, connected or not.

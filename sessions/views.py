@@ -29,7 +29,7 @@ from robots.enrol.elsewhere import redirect_to_home_site
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
-from sessions.models import Snapshot
+from sessions.models import Session, Snapshot
 
 MAX_SNAPSHOTS = 200
 LISTS = Attempts("snapshots", limit=240)
@@ -94,6 +94,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
+        "assist": Session.assistance_to_begin_with(robot, user) or robot.assist,
         "operates": bool(may_operate(user, robot)),
     }
 

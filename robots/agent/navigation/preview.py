@@ -22,6 +22,8 @@ class PreviewParams:
     """Which place is offered instead of a point that cannot be reached."""
 
     beside: float = 1.0  # m from the point, at most
+    at: float = 0.25  # m from a point that can be reached, for a place with more room
+    turns: float = 0.05  # m beyond the circumscribed radius: there the robot can turn
     nearer: float = 0.1  # m from the point that a metre less from the robot is worth
     spacing: float = 0.1  # m between two points of the line
     points: int = 300  # at most
@@ -48,7 +50,7 @@ def preview(
         return NO_ROUTE, ReasonCode.BOXED_IN
     end = _reachable_near(planner, clearance, begin, goal)
     path = None if end is None else planner.plan(start, end, clearance)
-    if path is not None and end == goal:
+    if path is not None and math.dist(path.end, goal) <= PREVIEW.at:
         return _thinned(path.points, path.length), ""
     if float(costmap.sample(costmap.clearance, np.array([goal]))[0]) < costmap.least:
         reason: str = ReasonCode.IN_WALL
@@ -60,20 +62,28 @@ def preview(
 def _reachable_near(
     planner: Planner, clearance: Floats, begin: tuple[float, float], goal: tuple[float, float]
 ) -> tuple[float, float] | None:
-    """Return the goal when the robot can get there from `begin`, else the best place beside it."""
+    """Return the goal or the best place beside it that the robot can get to from `begin`: one where
+    it can turn, if there is one.
+    """
     costmap = planner.costmap
     parts, _ = label(clearance >= costmap.least, structure=KING)
     rows, columns, _ = costmap.cells(np.array([begin, goal]))
     here = parts[rows[0], columns[0]]
-    if here == parts[rows[1], columns[1]]:
+    is_reachable = here == parts[rows[1], columns[1]]
+    roomy = clearance >= costmap.circumscribed + PREVIEW.turns
+    if is_reachable and roomy[rows[1], columns[1]]:
         return goal
-    places = costmap.centres(*np.nonzero(parts == here))
-    away = np.hypot(*(places - goal).T)
-    places, away = places[away <= PREVIEW.beside], away[away <= PREVIEW.beside]
-    if len(places) == 0:
-        return None
-    x, y = places[int(np.argmin(away + PREVIEW.nearer * np.hypot(*(places - begin).T)))]
-    return float(x), float(y)
+    reach = PREVIEW.at if is_reachable else PREVIEW.beside
+    for enough in (roomy, clearance >= costmap.least):
+        places = costmap.centres(*np.nonzero((parts == here) & enough))
+        places = places[np.hypot(*(places - goal).T) <= reach]
+        if len(places):
+            away = np.hypot(*(places - goal).T) + PREVIEW.nearer * np.hypot(*(places - begin).T)
+            x, y = places[int(np.argmin(away))]
+            return float(x), float(y)
+        if is_reachable:
+            return goal
+    return None
 
 
 def _thinned(line: Floats, length: float) -> Floats:
