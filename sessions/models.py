@@ -11,6 +11,7 @@ from django.db import models
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models import User
 from robots.models import Robot
 
 
@@ -94,6 +95,20 @@ class Session(models.Model):
         if self.driving_at is None:
             return None
         return ((self.ended_at or timezone.now()) - self.driving_at).total_seconds() / 60.0
+
+    @classmethod
+    def assistance_to_begin_with(cls, robot: Robot, visitor: User) -> str:
+        """Return the assistance of a visitor who has not chosen any in their session, on a robot
+        whose own level is off although it can assist: the visitor's last level, and in a first
+        drive one that stops at obstacles. Empty for the robot's own level.
+        """
+        can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
+        if robot.assist != Robot.DriveAssist.OFF or not can_assist:
+            return ""
+        drives = cls.objects.filter(visitor=visitor, first_motion_at__isnull=False)
+        of_drives = drives.exclude(assist="").order_by("first_motion_at")
+        last = of_drives.values_list("assist", flat=True).last()
+        return last or ("" if drives.exists() else Robot.DriveAssist.SLOW)
 
 
 # States of a session that has the robot, connected or not.

@@ -2,10 +2,10 @@
 
 A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of
 the Robot API mean the same here as on MQTT: the page sends `command/velocity`, `command/heartbeat`,
-`command/action`, `command/picture`, `command/point`; the server relays `state`, `pose`, `path`,
-`scan`, `event`, `action`, `heartbeat`, and to the page concerned `words` and `pointer`. This file
-has the rest. Role, session, epoch and peer that a page sends are never used: the server sets those
-of the lease.
+`command/action`, `command/picture`, `command/point`, `command/route`; the server relays `state`,
+`pose`, `path`, `scan`, `route`, `event`, `action`, `heartbeat`, and to the page concerned `words`
+and `pointer`. This file has the rest. Role, session, epoch and peer that a page sends are never
+used: the server sets those of the lease.
 """
 
 from typing import Annotated, Any, Literal

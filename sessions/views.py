@@ -96,6 +96,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
+        "assist": Session.assistance_to_begin_with(robot, user) or robot.assist,
         "operates": bool(may_operate(user, robot)),
     }
 

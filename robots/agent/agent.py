@@ -32,7 +32,7 @@ from robots.agent.control.publisher import Media
 from robots.agent.control.robot_check import check_robot, say_line
 from robots.agent.devices.equipment import Equipment, equipment_of
 from robots.agent.media import MediaSide
-from robots.agent.robot_interface import Adapter, AdapterError
+from robots.agent.robot_interface import Adapter, AdapterError, PreviewsRoutes
 from robots.agent.safety.obstacle_sources import sources_of
 from robots.agent.store import Store
 from robots.agent.thread_priority import SECOND, set_nice
@@ -232,6 +232,7 @@ def factsheet_of(
         map_id=profile.map_id,
         watchdog=profile.watchdog,
         viewers=config.viewers,
+        previews_routes=isinstance(adapter, PreviewsRoutes),
         navigation_control=profile.navigation_control or "",
         adapter=registry.version_of(config.adapter, VERSION),
         driver=profile.driver,

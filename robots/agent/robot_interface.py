@@ -383,6 +383,16 @@ class Navigating(Protocol):
 
 
 @runtime_checkable
+class PreviewsRoutes(Protocol):
+    """Optional: the navigation plans a route before it is asked to drive it."""
+
+    async def preview(self, x: float, y: float) -> tuple[tuple[Point, ...], str]:
+        """Return the points and the reason of `messages.RoutePreview` for a `goto` to that point of
+        the map. Raises AdapterError.
+        """
+
+
+@runtime_checkable
 class WithOutputs(Protocol):
     """Optional: a loudspeaker or a display that the agent may use."""
 

@@ -313,7 +313,8 @@ class Factsheet(Message, frozen=True, kw_only=True):
     """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when
     the agent is dead. `navigation_control` states what stops the robot's own navigation then:
     `agent` (its velocities pass through the agent), `guarded` (a process on its side) or
-    `unguarded` (nothing); empty when the robot does not move by itself. `adapter` names the agent's
+    `unguarded` (nothing); empty when the robot does not move by itself. A robot with
+    `previews_routes` answers `command/route`. `adapter` names the agent's
     adapter to the RCA, and `driver` the software of the base, both with their versions; empty when
     unknown.
     """
@@ -332,6 +333,7 @@ class Factsheet(Message, frozen=True, kw_only=True):
     map_id: Name = ""
     watchdog: Positive
     viewers: Annotated[int, Meta(ge=0, le=64)] = 8
+    previews_routes: bool = False
     navigation_control: Name = ""
     adapter: Name = ""
     driver: Name = ""
@@ -529,6 +531,20 @@ class Pointer(Message, frozen=True, kw_only=True):
     at: Spot | None = None
 
 
+class RoutePreview(Message, frozen=True, kw_only=True):
+    """`route`: the answer to `command/route`: where a `goto` to that point would lead now, in map
+    metres from the robot on; empty when there is no route.
+
+    `reason` (see Reasons) is why there is none, or why it ends beside the point: at the nearest
+    place that the robot can reach, at most a metre away. It is not recorded.
+    """
+
+    stamp: Stamp
+    request_id: Id
+    points: Annotated[tuple[Point, ...], Meta(max_length=500)]
+    reason: Reason = ""
+
+
 class Echo(Message, frozen=True, kw_only=True):
     """The last heartbeat from a peer: its own n and stamp, and its time of arrival by the clock of
     the echoing side.
@@ -670,6 +686,22 @@ class PointCommand(Message, frozen=True, kw_only=True):
     at: Spot | None = None
     role: Literal["driver", "screen"] = "driver"
     peer: Id = "page"
+    session: Id | None = None
+    epoch: Count = 0
+
+
+class RouteRequest(Message, frozen=True, kw_only=True):
+    """`command/route`: a driver asks, before requesting it, where a `goto` to a point of the map
+    would lead; nothing moves. Robots whose factsheet has `previewsRoutes` answer with `route`.
+
+    Ask at most five times a second, and again after 0.7 s without an answer: of several requests
+    that wait, the robot answers the newest. The server sets `session` and `epoch`.
+    """
+
+    request_id: Id
+    stamp: Stamp
+    x: Metres
+    y: Metres
     session: Id | None = None
     epoch: Count = 0
 

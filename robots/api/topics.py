@@ -53,6 +53,7 @@ TABLE: tuple[Topic, ...] = (
     ),
     _from_robot("scan", m.Scan, 32 * KIB, "laser ranges"),
     _from_robot("path", m.Path, 64 * KIB, "the path being followed"),
+    _from_robot("route", m.RoutePreview, 16 * KIB, "where a goto would lead, for the driver"),
     _from_robot("event", m.Event, 4 * KIB, "what happened once", qos=1),
     _from_robot("action", m.ActionStatus, 4 * KIB, "the progress of an action", qos=1),
     _from_robot(
@@ -119,6 +120,7 @@ TABLE: tuple[Topic, ...] = (
     _to_robot(
         "command/point", m.PointCommand, KIB, "where a hand is on the screen that the driver shares"
     ),
+    _to_robot("command/route", m.RouteRequest, KIB, "where a goto would lead"),
     _to_robot(
         "signal/+",
         m.Signal,
@@ -139,9 +141,10 @@ FROM_PAGE = (
     "command/action",
     "command/picture",
     "command/point",
+    "command/route",
 )
 # To every page; `pointer` goes to one side alone, and is none of these.
-TO_PAGE = ("state", "pose", "path", "scan", "event", "action", "heartbeat", "media")
+TO_PAGE = ("state", "pose", "path", "scan", "route", "event", "action", "heartbeat", "media")
 
 
 _PLAIN = {topic.suffix: topic for topic in (*TABLE, *DATA_CHANNEL_ONLY) if "+" not in topic.suffix}

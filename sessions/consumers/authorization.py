@@ -34,6 +34,7 @@ from robots.api.messages import (
     PointCommand,
     Relocalize,
     ResendStates,
+    RouteRequest,
     Say,
     SdpAnswer,
     SdpOffer,
@@ -331,8 +332,8 @@ class Authorization(PageAuthorization):
                 return self._action(suffix, message, lease)
             case PictureRequest():
                 return self._picture(message, lease)
-            case PointCommand():
-                return self._point(suffix, message, lease)
+            case PointCommand() | RouteRequest():
+                return self._of_driver(suffix, message, lease)
             case protocol.WantOffer() | SdpAnswer() | SdpOffer() | Candidate() | Bye():
                 return self._signal(message, lease)
             case protocol.PageEvent() | protocol.PageNetwork():
@@ -380,12 +381,14 @@ class Authorization(PageAuthorization):
             "command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False
         )
 
-    def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
+    def _of_driver(
+        self, suffix: str, message: PointCommand | RouteRequest, lease: Lease | None
+    ) -> Publish:
         if not self.holds(lease):
             raise self._not_driving()
-        stamped = msgspec.structs.replace(
-            command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
-        )
+        stamped = msgspec.structs.replace(message, session=self.session, epoch=self.epoch)
+        if isinstance(stamped, PointCommand):
+            stamped = msgspec.structs.replace(stamped, role="driver", peer=self.peer)
         return Publish(suffix, stamped, wanted=False)
 
     def _stamp_stop(self, action: Stop | EStop, lease: Lease | None) -> Stop | EStop:

@@ -16,7 +16,7 @@ from sessions import protocol
 
 # Messages that a newer one replaces: they may be dropped for a slow page.
 TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
-KEPT = frozenset({"event", "action"})
+KEPT = frozenset({"event", "action", "route"})
 # Not sent to a page that receives the robot's messages directly. It still gets every eighth state,
 # in case the direct connection fails.
 SKIPPED_IF_DIRECT = frozenset({"pose", "scan", "pointer"})

@@ -266,24 +266,11 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
     changes: dict[str, Any] = {}
     if fixed != FREE:
         changes["terms"] = terms.stored(fixed)
-    if fixed.assist is None and not fixed.study and (level := _assistance_to_begin_with(row)):
-        changes["assist"] = level
+    if fixed.assist is None and not fixed.study and not row.assist:
+        level = Session.assistance_to_begin_with(row.robot, row.visitor)
+        changes |= {"assist": level} if level else {}
     if changes:
         Session.objects.filter(pk=session).update(**changes)
-
-
-def _assistance_to_begin_with(row: Session) -> str:
-    """Return the assistance of a visitor who has not chosen any in this session, on a robot whose
-    own level is off although it can assist: the visitor's last level, and in a first drive one that
-    stops at obstacles. Empty for the robot's own level.
-    """
-    robot = row.robot
-    can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
-    if row.assist or robot.assist != Robot.DriveAssist.OFF or not can_assist:
-        return ""
-    drives = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
-    levels = drives.exclude(assist="").order_by("first_motion_at").values_list("assist", flat=True)
-    return levels.last() or ("" if drives.exists() else Robot.DriveAssist.SLOW)
 
 
 def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeGranted:

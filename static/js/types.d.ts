@@ -134,6 +134,7 @@ interface Page {
     standStill: () => void;
     sendAction: (action: RobotAction) => void;
     sendPointer: (pointer: { stamp: number; at: Point | null }) => unknown;
+    askRoute: (request: { requestId: string; x: number; y: number }) => unknown;
   };
   waiting: {
     lazyPanels: (
@@ -149,6 +150,7 @@ interface Page {
   autonomy: {
     assist: (level: string) => void;
     mayAim: () => boolean;
+    goTo: (point: Point) => void;
     forgetAim: () => void;
   };
 }

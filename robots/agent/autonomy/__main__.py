@@ -57,6 +57,8 @@ class Conversation:
                 self._send(wire.OrderReply(number, self._begin(message)))
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
+            case wire.FindRoute(number, x, y) if self._node is not None:
+                self._send(wire.FoundRoute(number, *self._node.preview(x, y)))
             case _:
                 log.warning("message_too_early", message=type(message).__name__)
 

@@ -122,6 +122,13 @@ class NavigationNode:
         if self._searching is not None and self._searching.action_id == action_id:
             self._end_searching("CANCELLED", ReasonCode.CANCELLED)
 
+    def preview(self, x: float, y: float) -> tuple[tuple[Point, ...], str]:
+        """Return the points and the reason of `messages.RoutePreview`."""
+        if self.estimate is None or not self.estimate.localized:
+            return (), ReasonCode.LOST
+        points, reason = self.navigator.preview(x, y)
+        return tuple((x, y) for x, y in np.round(points, 3).tolist()), reason
+
     def _go(self, action: Action) -> None:
         match action:
             case Goto():

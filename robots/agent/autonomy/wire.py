@@ -10,6 +10,7 @@ from robots.api.messages import (
     FloorPlanUpdate,
     Follow,
     Goto,
+    Point,
     Pose,
     Relocalize,
     Undock,
@@ -50,6 +51,14 @@ class CancelAction(NodeMessage, frozen=True):
     action_id: str
 
 
+class FindRoute(NodeMessage, frozen=True):
+    """Plan a route to a point of the map; the answer has the same number."""
+
+    number: int
+    x: float
+    y: float
+
+
 class ScanMessage(Struct, frozen=True, array_like=True):
     """A laser sweep; `ranges` are float32 in native byte order, `inf` where nothing came back."""
 
@@ -86,14 +95,22 @@ class OrderReply(NodeMessage, frozen=True):
     problem: str = ""
 
 
+class FoundRoute(NodeMessage, frozen=True):
+    """The points and the reason of `messages.RoutePreview`."""
+
+    number: int
+    points: tuple[Point, ...]
+    reason: str = ""
+
+
 class NodeOutput(NodeMessage, frozen=True):
     """The output for the newest snapshot."""
 
     output: NavigationOutput
 
 
-ToNode = Settle | KnownPlace | BeginAction | CancelAction | Perceive
-FromNode = Settled | OrderReply | NodeOutput
+ToNode = Settle | KnownPlace | BeginAction | CancelAction | FindRoute | Perceive
+FromNode = Settled | OrderReply | FoundRoute | NodeOutput
 
 _to_node: msgpack.Decoder[ToNode] = msgpack.Decoder(ToNode)
 _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)

@@ -20,6 +20,7 @@ from robots.agent.control.calls import NOTHING, CallControl
 from robots.agent.control.publisher import AgentLink, Media, Publisher
 from robots.agent.control.remote_pointer import Pointing
 from robots.agent.control.reports import Reports
+from robots.agent.control.route_previews import RoutePreviews
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
@@ -50,6 +51,7 @@ from robots.api.messages import (
     PointCommand,
     Pointer,
     Role,
+    RouteRequest,
     SdpOffer,
     Signal,
     Stay,
@@ -62,6 +64,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 HEARTBEAT_PERIOD = 0.2
 DISK_PERIOD = 5.0
+DriversMessage = VelocityCommand | Action | RouteRequest
 
 
 class CommandDispatcher:
@@ -110,6 +113,7 @@ class CommandDispatcher:
             calls=self._calls,
             media=media,
         )
+        self._routes = RoutePreviews(adapter, self.out.send, times, spawn)
         self._heartbeat_due, self._disk_due = Cadence(HEARTBEAT_PERIOD), Cadence(DISK_PERIOD)
         self._unreported: AppliedCommand | None = None  # its velocity has not been sent yet
         self._is_checking_disk = False
@@ -133,7 +137,7 @@ class CommandDispatcher:
     def _arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         sender = CommandSender("mqtt", retained=retained)
         match message:
-            case VelocityCommand() | Action():
+            case VelocityCommand() | Action() | RouteRequest():
                 self._deliver(message, sender)
             case CommandHeartbeat(peer=peer) if not retained and peer != WATCHER:
                 self._heartbeat(peer, message, sender)
@@ -143,8 +147,8 @@ class CommandDispatcher:
                 self._signal(suffix, message, retained=retained)
             case PictureRequest() if not retained:
                 self._media.picture_wanted(message)
-            case PointCommand() if not retained:
-                self._point(message.peer, message, sender)
+            case PointCommand(peer=peer) if not retained:
+                self._point(peer, message, sender)
             case Config():
                 self._configure(message)
             case FloorPlanUpdate():
@@ -325,7 +329,7 @@ class CommandDispatcher:
 
     # --- handlers ---------------------------------------------------------------------------------
 
-    def _deliver(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+    def _deliver(self, message: DriversMessage, sender: CommandSender) -> None:
         """Handle a command at once, or after the delay of the network that a study emulates."""
         if self._line is not None and is_held(message, sender, self._driver()):
             command = functools.partial(self._delayed, message, sender)
@@ -333,13 +337,16 @@ class CommandDispatcher:
         else:
             self._command(message, sender)
 
-    def _delayed(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+    def _delayed(self, message: DriversMessage, sender: CommandSender) -> None:
         with self._brake_on_error("network lab"):
             self._command(message, sender)
 
-    def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
+    def _command(self, message: DriversMessage, sender: CommandSender) -> None:
         if isinstance(message, VelocityCommand):
             self._velocity(message, sender)
+        elif isinstance(message, RouteRequest):
+            if not sender.retained:
+                self._routes.take(message, sender, self._driver())
         else:
             self.actions.take(message, sender)
 

@@ -18,6 +18,7 @@ from robots.api.messages import (
     EStop,
     PointCommand,
     Role,
+    RouteRequest,
     Stop,
     Velocity,
     VelocityCommand,
@@ -25,7 +26,7 @@ from robots.api.messages import (
 
 Slots = dict[type | str, tuple[Role, Command]]
 ACTIONS_WAITING = 16  # of one page
-NEWEST_COUNTS = (Stop, EStop, VelocityCommand, CommandHeartbeat, PointCommand)
+NEWEST_COUNTS = (Stop, EStop, VelocityCommand, CommandHeartbeat, PointCommand, RouteRequest)
 
 
 class Ingress:

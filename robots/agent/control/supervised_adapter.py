@@ -28,12 +28,13 @@ from robots.agent.robot_interface import (
     LimitsSpeed,
     Navigating,
     PassesVelocities,
+    PreviewsRoutes,
     RcaState,
     WithLock,
 )
 from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
-from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
+from robots.api.messages import Action, Config, FloorPlanUpdate, Point, Velocity
 from robots.api.reasons import ReasonCode
 from robots.process.cancellation import until_one_ends
 from robots.process.logs import reason_of
@@ -47,6 +48,7 @@ FIRST_READING = 10.0  # after the connection: an architecture may need seconds t
 SILENCE = 2.0  # between two readings
 START_TIME = 10.0
 CANCEL_TIME = 2.0
+PREVIEW_TIME = 2.0
 CLOSE_TIME = 5.0
 
 
@@ -185,6 +187,18 @@ class AdapterLink:
         self._cancelling.add(cancelling)
         cancelling.add_done_callback(self._cancelling.discard)
         return await cancelling
+
+    async def preview(self, x: float, y: float) -> tuple[tuple[Point, ...], str]:
+        """Return the points and the reason of `messages.RoutePreview`. Raises AdapterError."""
+        adapter = self.adapter
+        if not self.up or not isinstance(adapter, PreviewsRoutes):
+            raise AdapterError(ReasonCode.NOT_CONNECTED if not self.up else ReasonCode.UNSUPPORTED)
+        try:
+            async with asyncio.timeout(PREVIEW_TIME):
+                with adapter_errors():
+                    return await adapter.preview(x, y)
+        except TimeoutError as error:
+            raise AdapterError(ReasonCode.NAVIGATION_LOST.of("silent")) from error
 
     async def close(self) -> None:
         """Leave the robot at rest and disconnect."""

@@ -14,6 +14,7 @@ from robots.api.messages import (
     Config,
     Lease,
     NetworkLab,
+    RouteRequest,
     VelocityCommand,
 )
 
@@ -44,9 +45,11 @@ def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Netwo
     return CLEAN if found.control is None and found.video is None else found
 
 
-def is_held(message: VelocityCommand | Action, sender: CommandSender, lease: Lease | None) -> bool:
-    """Tell whether the driver's network carries a message: their velocities and actions, but never
-    a stop. Messages of others are not held, and draw no random numbers.
+def is_held(
+    message: VelocityCommand | Action | RouteRequest, sender: CommandSender, lease: Lease | None
+) -> bool:
+    """Tell whether the driver's network carries a message: their velocities, actions and route
+    requests, but never a stop. Messages of others are not held, and draw no random numbers.
     """
     if lease is None or sender.retained or isinstance(message, NEVER_HELD):
         return False

@@ -21,6 +21,7 @@ from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
 from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed
 from robots.agent.navigation.pose_buffer import PoseBuffer
+from robots.agent.navigation.preview import NO_ROUTE, preview
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision.braking import BrakeCheck, Hazards
 from robots.agent.safety.collision.memory import sees
@@ -110,6 +111,16 @@ class Navigator:
         if theta is not None and not math.isfinite(theta):
             raise NoWayError(ReasonCode.NO_GOAL)
         self._begin(self._journey([self._planner.goal(x, y)], theta))
+
+    def preview(self, x: float, y: float) -> tuple[Floats, str]:
+        """Return the route (n, 2) that `goto` would take now, and why it does not lead there; see
+        `navigation.preview`.
+        """
+        if self._pose_buffer.now is None:
+            return NO_ROUTE, ReasonCode.LOST
+        pose = self._pose_buffer.pose()
+        ends = (pose.x, pose.y), (x, y)
+        return preview(self._obstacle_map, self._planner, self.plan, ends, self._pose_buffer.now)
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
         """Drive along a drawn line to its end, around obstacles on it. Raises NoWayError for an

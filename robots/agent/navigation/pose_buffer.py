@@ -27,6 +27,11 @@ class PoseBuffer:
                 self.odometry_at(estimate.stamp).inverse()
             )
 
+    @property
+    def now(self) -> float | None:
+        """The time of the newest reading, None before the first."""
+        return self._readings[-1][0] if self._readings else None
+
     def pose(self) -> Pose2D:
         """Return the pose on the map at the newest reading."""
         return self._map_from_odometry.compose(self._readings[-1][1])

@@ -66,14 +66,15 @@ export const wordOf = ({ why, side }) =>
   why && (why === "blind" || side === "" ? `assist.${why}` : `assist.${why}.${side}`);
 
 /**
- * The level of assistance in force, as the robot reports it. A robot without its driver reports its
- * owner's level; the driver then sees the last one of the session.
+ * The level of assistance in force, as the robot reports it while somebody drives. Without its
+ * driver it reports its owner's level: the page then shows that of the visitor's last session, and
+ * before it that of the next.
  * @param {State} state
  * @returns {string} empty while unknown
  */
-export const assistIn = ({ visit, robot, assistKnown }) => {
+export const assistIn = ({ visit, robot, assistKnown, assistUsual }) => {
   if (visit.phase !== "driving") {
-    return visit.online ? (robot?.assist ?? "") : "";
+    return robot?.session && visit.online ? robot.assist : assistUsual;
   }
   if (robot && (robot.session ?? null) === visit.session) {
     return robot.assist;

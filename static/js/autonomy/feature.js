@@ -6,6 +6,7 @@ import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { roleOf } from "../protocol/session.js";
 import { maySend, can } from "../protocol/capabilities.js";
+import { RoutePreview, mayPreview } from "../protocol/route_preview.js";
 import { wrap } from "../lib/transforms.js";
 import { leavesByItself } from "./arrival.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
@@ -26,14 +27,11 @@ const mayAim = (state) =>
 
 /** @type {Feature["setUp"]} */
 const setUp = (page) => {
-  const { store, words, element, keys, act, config } = page;
-  store.update({ hasAimed: recallAimed(config.who ?? "") });
+  const { store, words, element, act, config, driving } = page;
+  store.update({ hasAimed: recallAimed(config.who ?? ""), assistUsual: config.assist ?? "" });
   const held = new HeldHelp();
-  const renders = [
-    createOfferPanel(element, words, act),
-    createMapBar(element, words, act, keys),
-    createMarks(page),
-  ];
+  const preview = new RoutePreview((request) => driving.askRoute(request));
+  const renders = [createOfferPanel(element, words, act), createMapBar(page), createMarks(page)];
   const aiming = newAiming(page);
 
   /** @param {ReturnType<typeof helpFrom>} help */
@@ -46,10 +44,14 @@ const setUp = (page) => {
     page.connection.send("session/assist", { level });
   };
 
+  const start = starterOf(page);
+  const goTo = (/** @type {Point} */ [x, y]) => start({ type: "goto", x: round(x), y: round(y) });
+
   return {
     api: {
       assist,
       mayAim: () => mayAim(store.get()),
+      goTo,
       forgetAim: () => {
         aiming.letGo();
         store.update({ aim: null });
@@ -64,14 +66,20 @@ const setUp = (page) => {
           store.update({ task: heard(task, message, unixNow()) });
         }
       },
+      route: (message) =>
+        preview.heard(message) && store.update({ aimRoute: preview.asked?.found ?? null }),
       denied: ({ suffix }) => suffix === "session/assist" && store.update({ assistAsked: null }),
     },
-    actions: { ...newActions(page), assist },
+    actions: { ...newActions(page, goTo), assist },
     on: {
       ...newListeners(page),
-      changed: (state) => (mayAim(state) ? aiming.enable() : aiming.disable()),
+      changed: (state) => {
+        mayAim(state) ? aiming.enable() : aiming.disable();
+        askAimed(preview, store);
+      },
       poll: (now) => {
         arrive(page, now);
+        preview.tick(now);
         const task = pursue(store.get().task, now, page.driving.sendAction);
         if (task !== store.get().task) {
           store.update({ task });
@@ -120,6 +128,25 @@ const arrive = ({ store, act }, now) => {
   }
 };
 
+/**
+ * Asks for the route to the chosen point of the map.
+ * @param {RoutePreview} preview @param {Store} store
+ */
+const askAimed = (preview, store) => {
+  const state = store.get();
+  const { aim, aimRoute } = state;
+  const isGoal = aim?.kind === "goal" && mayPreview(state);
+  if (isGoal && aim.x !== null && aim.y !== null) {
+    preview.ask([aim.x, aim.y], unixNow());
+  } else {
+    preview.forget();
+  }
+  const found = preview.wanted ? preview.answerFor(preview.wanted) : null;
+  if (found !== aimRoute) {
+    store.update({ aimRoute: found });
+  }
+};
+
 /** The marks of goal and obstacle on the map. @param {Page} page */
 const createMarks = ({ map }) => {
   /** the goal of the last action, the same object while it is the same */
@@ -134,24 +161,34 @@ const createMarks = ({ map }) => {
   };
 
   return (/** @type {State} */ state) => {
-    const { task, aim, help } = state;
+    const { task, aim, aimRoute, help } = state;
     const hasGoal = isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined;
     const goal = hasGoal ? goalOf(task) : null;
     const shown = aim === null || aim.x === null ? goal : aim;
-    map.setMarks({ aim: shown, obstacle: help.point, laser: showsLaser(state) });
+    map.setMarks({
+      aim: shown,
+      route: aimRoute?.points,
+      obstacle: help.point,
+      laser: showsLaser(state),
+    });
   };
 };
 
-/** @param {Page} page @returns {Actions} */
-const newActions = ({ store, driving, config }) => {
-  /** @param {Parameters<typeof ask>[0]} wish */
-  const start = (wish) => {
+/** What starts an action of the robot. @param {Page} page */
+const starterOf =
+  ({ store, driving }) =>
+  (/** @type {Parameters<typeof ask>[0]} */ wish) => {
     if (roleOf(store.get().visit) === "driver") {
       const task = ask(wish, freshId("act-"), unixNow());
-      store.update({ task, aim: null, placesOpen: false });
+      store.update({ task, aim: null, placesOpen: false, pointNote: null });
       driving.sendAction(task);
     }
   };
+
+/** @param {Page} page @param {(point: Point) => void} goTo @returns {Actions} */
+const newActions = (page, goTo) => {
+  const { store, config } = page;
+  const start = starterOf(page);
 
   /** With the chosen point of the map, if any. @param {Parameters<typeof ask>[0]} wish */
   const startAimed = (wish) => {
@@ -172,12 +209,11 @@ const newActions = ({ store, driving, config }) => {
         store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
       start({ type: "goto", place, title });
     },
-    /** to the point of the video that has no straight path */
+    /** to the place that is offered beside a pressed point */
     go_around: () => {
-      const [x, y] = store.get().said?.refused?.goal ?? [null, null];
-      if (x !== null && y !== null) {
-        store.update({ said: null });
-        start({ type: "goto", x: round(x), y: round(y) });
+      const { pointNote } = store.get();
+      if (pointNote?.goal) {
+        goTo(pointNote.goal);
       }
     },
     go_here: () => startAimed({ type: "goto" }),
@@ -215,7 +251,7 @@ const newListeners = ({ store }) => ({
     const { assistAsked: asked, assistKnown: known, visit } = store.get();
     const isOurs = session !== null && session === visit.session;
     if (isOurs && (known?.session !== session || known?.level !== assist)) {
-      store.update({ assistKnown: { session, level: assist } });
+      store.update({ assistKnown: { session, level: assist }, assistUsual: assist });
     }
     if (asked && (asked.level === assist || unixNow() - asked.at > ASSIST_PATIENCE)) {
       store.update({ assistAsked: null });
@@ -223,10 +259,10 @@ const newListeners = ({ store }) => ({
   },
   /** Steering hides a failure, unless the page drives to a point; at the dock it shows a hint. */
   steered: ({ linear, angular }) => {
-    const { task, pushedAt, said, maneuver } = store.get();
+    const { task, pushedAt, said, pointNote, maneuver } = store.get();
     const moves = linear !== 0 || angular !== 0;
-    if (moves && said?.word.startsWith("point.") && maneuver === null) {
-      store.update({ said: null });
+    if (moves && maneuver === null && (said?.word.startsWith("point.") || pointNote)) {
+      store.update({ said: null, pointNote: null });
     }
     if (moves && task?.status === "FAILED") {
       store.update({ task: null });

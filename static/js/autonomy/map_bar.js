@@ -2,7 +2,9 @@
 
 import { isOffered, maySend } from "../protocol/capabilities.js";
 import { backToDriving, make, write } from "../lib/dom.js";
+import { placeBeside } from "../lib/beside.js";
 import { assistIn } from "./assistance.js";
+import { reasonFor } from "./reasons.js";
 import { profileOf } from "../view/display/profiles.js";
 
 /**
@@ -41,23 +43,53 @@ const SHOW_POSE = { action: "show_pose", word: "do.show_pose_menu", aside: true 
 export const showsLaser = (state) =>
   state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
 
+const AT_STATION = 0.4; // m from the robot's station: a press there means to dock
+const AT = 0.3; // m from the chosen point: the route leads there
+
 /**
- * The key of the sentence about a point of the map, or "". It explains the heading only until the
- * visitor has set one, as it covers part of the map. Pure.
- * @param {State} state @returns {string}
+ * The robot's own station.
+ * @param {Pick<State, "plan" | "factsheet">} state @returns {{x: number, y: number} | null}
  */
-export const hintFor = ({ aim, hasAimed }) => {
-  if (aim === null || aim.x === null) {
-    return aim?.kind === "pose" ? "aim.pose_first" : "";
-  }
-  return hasAimed ? "" : `aim.${aim.kind}`;
+export const stationOf = ({ plan, factsheet }) =>
+  plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ??
+  null;
+
+/** Whether the chosen point is the robot's station, into which it can go. @param {State} state */
+export const aimsAtStation = (state) => {
+  const { aim } = state;
+  const station = aim?.kind === "goal" && isOffered(state, "dock") ? stationOf(state) : null;
+  return (
+    station !== null &&
+    Math.hypot(station.x - Number(aim?.x), station.y - Number(aim?.y)) < AT_STATION
+  );
 };
 
 /**
- * @param {GetElement} element @param {Words} words @param {(action: string) => void} act
- * @param {KeyDispatcher} keys @returns {(state: State) => void}
+ * The sentence about a point of the map, or null. It explains the heading only until the visitor
+ * has set one, as it covers part of the map. Pure.
+ * @param {State} state @returns {{word: string, values?: Record<string, string>} | null}
  */
-export const createMapBar = (element, words, act, keys) => {
+export const hintFor = (state) => {
+  const { aim, hasAimed, aimRoute } = state;
+  if (aim === null || aim.x === null) {
+    return aim?.kind === "pose" ? { word: "aim.pose_first" } : null;
+  }
+  const end = aimRoute?.points.at(-1);
+  if (aim.kind === "goal" && aimRoute && !aimsAtStation(state)) {
+    if (!end) {
+      return reasonFor(aimRoute.reason) ?? { word: "reason.no_way" };
+    }
+    if (Math.hypot(end[0] - aim.x, end[1] - Number(aim.y)) > AT) {
+      return { word: "point.beside" };
+    }
+  }
+  return hasAimed ? null : { word: `aim.${aim.kind}` };
+};
+
+/**
+ * @param {Page} page @returns {(state: State) => void}
+ */
+export const createMapBar = ({ element, words, act, keys, map }) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
   let drawn = "";
   const close = () => {
@@ -105,26 +137,35 @@ export const createMapBar = (element, words, act, keys) => {
     toggle.hidden = entries.length === 0 || !state.mapOpen || state.aim !== null;
     toggle.setAttribute("aria-expanded", String(open));
     menu.hidden = !open;
-    renderAim(element, words, state);
+    renderAim(element, words, map, state);
   };
 };
 
 /**
- * Shows the two buttons for a point, and its sentence.
- * @param {GetElement} element @param {Words} words @param {State} state
+ * Shows the two buttons at a point, and its sentence.
+ * @param {GetElement} element @param {Words} words @param {Page["map"]} map @param {State} state
  */
-const renderAim = (element, words, state) => {
+const renderAim = (element, words, map, state) => {
   const { aim, mapOpen } = state;
   const bar = element("aim");
   bar.hidden = aim === null || !mapOpen;
   bar.dataset.kind = aim?.kind ?? "";
   const hint = hintFor(state);
-  element("aim-text").hidden = hint === "";
-  write(element("aim-text"), hint && words.say(hint));
+  element("aim-text").hidden = hint === null;
+  write(element("aim-text"), hint ? words.say(hint.word, hint.values) : "");
   const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
-  main.dataset.action = aim?.kind === "pose" ? "set_pose" : "go_here";
+  const docks = aimsAtStation(state);
+  const action = aim?.kind === "pose" ? "set_pose" : docks ? "go_home" : "go_here";
+  main.dataset.action = action;
   main.hidden = aim === null || aim.x === null;
-  write(main, words.say(aim?.kind === "pose" ? "do.set_pose" : "do.go_here"));
+  main.disabled = action === "go_here" && state.aimRoute?.points.length === 0;
+  write(main, words.say(`do.${action}`));
+  const at = aim && aim.x !== null && aim.y !== null ? map.screenAt(aim.x, aim.y) : null;
+  if (at && !bar.hidden) {
+    placeBeside(bar, element("map-panel"), at);
+  } else {
+    bar.style.transform = "";
+  }
 };
 
 /** @param {ReturnType<typeof menuFor>[number]} entry @param {Words} words */

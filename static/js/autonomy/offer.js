@@ -6,7 +6,7 @@
 import { isHeld, releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "../protocol/robot_action.js";
-import { can, controllersOf, mayAsk, maySend, maySteer } from "../protocol/capabilities.js";
+import { can, controllersOf, mayAsk, maySteer } from "../protocol/capabilities.js";
 import { reasonFor } from "./reasons.js";
 import { reports } from "../protocol/standstill.js";
 
@@ -132,29 +132,14 @@ const usualOffer = (state) => {
       other: { action: "search", word: "do.search" },
     };
   }
-  if (offersAround(state)) {
-    return {
-      word: state.said?.word ?? "",
-      values: state.said?.values,
-      tone: "busy",
-      main: { action: "go_around", word: "do.go_around" },
-    };
-  }
   return task ? ended(task) : null;
 };
 
-/** Whether the answer to the visitor's last press is still shown. @param {State} state */
+/**
+ * Whether the answer to the visitor's last input is still shown.
+ * @param {Pick<State, "said" | "now">} state
+ */
 export const isAnswered = ({ said, now }) => said !== null && now < said.until;
-
-/** Whether to offer that the robot plans a path to the pressed point. @param {State} state */
-export const offersAround = (state) =>
-  Boolean(
-    isAnswered(state) &&
-    state.said?.refused &&
-    state.robot?.pose.localized &&
-    can(state, "goto") &&
-    maySend(state, "map"),
-  );
 
 /**
  * Why the robot refused. For a point too near to a wall, which the robot could not move by half a
@@ -196,7 +181,9 @@ const underWay = (task) => {
 /** @param {RobotAction} task @returns {Offer | null} */
 const ended = (task) => {
   if (task.status === "FINISHED") {
-    return { word: `task.done.${known(task)}`, values: { place: task.title }, tone: "calm" };
+    const detail = task.reason ? reasonFor(task.reason) : null;
+    const values = { place: task.title };
+    return { word: `task.done.${known(task)}`, values, detail, tone: "calm" };
   }
   return { word: task.reason === "manual" ? "task.yours" : "task.stopped", tone: "calm" };
 };

@@ -25,6 +25,8 @@ export const newSlice = () => ({
   arrival: /** @type {Arrival | null} */ (null),
   /** the point that is being chosen on the map */
   aim: /** @type {PendingAim | null} */ (null),
+  /** the robot's route to it, null while unknown */
+  aimRoute: /** @type {import("../protocol/route_preview.js").Preview | null} */ (null),
   /** whether this person has used a point of the map before */
   hasAimed: false,
   /** whether the menu of places is open */
@@ -35,6 +37,8 @@ export const newSlice = () => ({
   help: NO_HELP,
   /** the last reported level of assistance of the session, null without one */
   assistKnown: /** @type {{session: string, level: string} | null} */ (null),
+  /** the level of this visitor's last session on this page, or of their next one */
+  assistUsual: "",
   /** the requested level of assistance that is not yet in force, and when; null without one */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
 });

@@ -114,6 +114,9 @@ const senders = ({ store, connection: { commands, router, send } }) => ({
   /** @param {{stamp: number, at: Point | null}} pointer */
   sendPointer: (pointer) =>
     commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
+  /** @param {{requestId: string, x: number, y: number}} request */
+  askRoute: (request) =>
+    commands.binding && router.askRoute(unixNow(), { ...commands.binding, ...request }),
 });
 
 /** @param {Page} page @param {Steering} steering @returns {Listeners} */

@@ -16,7 +16,8 @@ export class Pointing extends PointerController {
    * @param {object} options @param {HTMLElement} options.stage
    * @param {(press: Press) => void} options.onAim at the press and with each move
    * @param {(press: Press) => void} options.onGo
-   * @param {(press: Press) => void} options.onHold repeated by `tick` while it is held
+   * @param {(press: Press) => boolean} options.onHold repeated by `tick` while it is held; whether
+   *   the robot drives: one that does not is sent there by the release
    * @param {(wasHeld: boolean) => void} options.onEnd the press is over
    * @param {(method: string) => boolean} options.allowed
    * @param {(method: string) => void} options.barred @param {() => void} options.stop
@@ -60,8 +61,7 @@ export class Pointing extends PointerController {
   /** Detects a press that is held; call it often. */
   tick() {
     if (this.pointer !== null && (this.held || this.now() - this.steadyAt > 1000 * HOLD_SECONDS)) {
-      this.held = true;
-      this.onHold(this.press);
+      this.held = this.onHold(this.press) || this.held;
     }
   }
 

@@ -105,7 +105,10 @@ export const backOut = (robot, from, full) =>
     ? null
     : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
 
-/** @typedef {{goal: Point, sweptPath: SweptPath} | {no: "sky" | "wall" | "close"}} Reach */
+/**
+ * @typedef {{goal: Point, sweptPath: SweptPath, cut?: boolean}
+ *   | {no: "sky" | "wall" | "close" | "here"}} Reach `cut`: the goal is before an obstacle
+ */
 
 /**
  * The goal of a press on the floor: that point, or the last one before an obstacle.
@@ -116,6 +119,9 @@ export const backOut = (robot, from, full) =>
  * @returns {Reach}
  */
 export const reach = (robot, point, footprint, seen) => {
+  if (Math.hypot(...point) < 3 * ARRIVED) {
+    return { no: "here" };
+  }
   const share = Math.min(1, FARTHEST / Math.hypot(...point));
   const steps = arcTo(robot, mapFromRobot(robot, [share * point[0], share * point[1]]));
   const sweptPath = sweep(steps, footprint, seen);
@@ -124,7 +130,7 @@ export const reach = (robot, point, footprint, seen) => {
     const last = free.at(-1);
     return sweptPath.length - STAND_OFF < LEAST_DISTANCE || !last
       ? { no: "close" }
-      : { goal: [last.x, last.y], sweptPath };
+      : { goal: [last.x, last.y], sweptPath, cut: true };
   }
   return sweptPath?.slices.length
     ? { goal: [sweptPath.end.x, sweptPath.end.y], sweptPath }

@@ -5,7 +5,8 @@ export interface Factsheet { name: string; series: string; rca: string; agentVer
   "goto" | "localization" | "network_lab" | "photo" | "point" | "relocalize" | "say" | "scan" |
   "tilt" | "undock" | "velocity" | "video">; limits: Limits; footprint: Array<[number, number]>;
   camera: Camera | null; tilt: TiltRange | null; laser: Laser | null; mapId: string;
-  watchdog: number; viewers: number; navigationControl: string; adapter: string; driver: string }
+  watchdog: number; viewers: number; previewsRoutes: boolean; navigationControl: string;
+  adapter: string; driver: string }
 export interface Limits { linear: number; reverse: number; angular: number;
   linearAcceleration: number; angularAcceleration: number; linearBraking: number;
   angularBraking: number; commandAge: number; commandAgeCeiling: number; frameAge: number;
@@ -48,6 +49,8 @@ export interface PoseUpdate { stamp: number; pose: Pose; velocity: Velocity; til
 export interface Scan { stamp: number; angleMin: number; angleIncrement: number; rangeMax: number;
   ranges: Array<number | null> }
 export interface Path { stamp: number; points: Array<[number, number]> }
+export interface RoutePreview { stamp: number; requestId: string; points: Array<[number, number]>;
+  reason: string }
 export interface Event { stamp: number; boot: string; seq: number; session: string | null;
   epoch: number; type: "adapter_back" | "adapter_lost" | "charging" | "collision" | "docked" |
   "door_changed" | "estop" | "estop_cleared" | "goal_blocked" | "goal_reached" | "lease_expired" |
@@ -112,10 +115,10 @@ export interface Ended { session: string; outcome: string; reason: string }
 
 /** By suffix. */
 export interface ToPage { factsheet: Factsheet; state: State; pose: PoseUpdate; scan: Scan;
-  path: Path; event: Event; action: ActionStatus; words: Words; receipt: Receipt; pointer: Pointer;
-  heartbeat: Heartbeat; media: MediaClock; hello: Hello; "session/granted": Granted;
-  "session/observing": Observing; "session/refused": Refused; room: RoomState;
-  audience: AudienceState; robot: RobotPresence; screen: Screen; denied: Denied;
+  path: Path; route: RoutePreview; event: Event; action: ActionStatus; words: Words;
+  receipt: Receipt; pointer: Pointer; heartbeat: Heartbeat; media: MediaClock; hello: Hello;
+  "session/granted": Granted; "session/observing": Observing; "session/refused": Refused;
+  room: RoomState; audience: AudienceState; robot: RobotPresence; screen: Screen; denied: Denied;
   "server/status": ServerStatus; "signal/reply": SdpAnswer | Candidate | Bye | SdpOffer;
   "session/queued": Queued; "session/offered": Offered; "session/turn_warning": TurnWarning;
   "session/asked_there": PresenceAsked; "session/found_there": PresenceConfirmed;

@@ -28,8 +28,8 @@ const Laser = object({ x: metres, y: optional(metres, 0), theta: optional(radian
 const Factsheet = object({ name: id, series: name, rca: name, agentVersion: name, boot: id,
   capabilities: list(capability, Infinity), limits: Limits, footprint: list(point, 64, 3),
   camera: absent(Camera), tilt: absent(TiltRange), laser: absent(Laser), mapId: optional(name, ""),
-  watchdog: positive, viewers: optional(integer(0, 64), 8), navigationControl: optional(name, ""),
-  adapter: optional(name, ""), driver: optional(name, "") });
+  watchdog: positive, viewers: optional(integer(0, 64), 8), previewsRoutes: optional(flag, false),
+  navigationControl: optional(name, ""), adapter: optional(name, ""), driver: optional(name, "") });
 const stamp = number(0, 1e+11);
 const count = integer(0, 9007199254740991);
 const variance = number(-1e+10, 1e+10);
@@ -84,6 +84,8 @@ const PoseUpdate = object({ stamp, pose: Pose, velocity: Velocity, tilt: absent(
 const Scan = object({ stamp, angleMin: radians, angleIncrement: radians, rangeMax: positive,
   ranges: list(nullable(notNegative), 2000) });
 const Path = object({ stamp, points: list(point, 2000) });
+const RoutePreview = object({ stamp, requestId: id, points: list(point, 500),
+  reason: optional(reason, "") });
 const Event = object({ stamp, boot: id, seq: count, session: absent(id), epoch: optional(count, 0),
   type: oneOf("adapter_back", "adapter_lost", "charging", "collision", "docked", "door_changed",
   "estop", "estop_cleared", "goal_blocked", "goal_reached", "lease_expired", "lease_taken",
@@ -171,6 +173,7 @@ export const TO_PAGE = {
   "pose": [1024, PoseUpdate],
   "scan": [32768, Scan],
   "path": [65536, Path],
+  "route": [16384, RoutePreview],
   "event": [4096, Event],
   "action": [4096, ActionStatus],
   "words": [4096, Words],
@@ -200,7 +203,7 @@ export const TO_PAGE = {
   "session/ended": [131072, Ended],
 };
 
-export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event", "action",
+export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "route", "event", "action",
   "heartbeat", "media", "pointer"]);
 
 export const REASONS = new Set(["door_closed", "doorway", "in_the_way", "all_blocked", "boxed_in",

@@ -72,6 +72,11 @@ export class TransportRouter {
     this.#sendFast(now, "command/point", pointer);
   }
 
+  /** Asks where the robot would drive. @param {number} now @param {object} request */
+  askRoute(now, request) {
+    this.#sendFast(now, "command/route", { stamp: now, ...request });
+  }
+
   /** @param {number} now @param {"stop" | "estop"} type @param {boolean} [isAsked] */
   stop(now, type, isAsked) {
     this.#both(this.commands.stop(now, type, isAsked));

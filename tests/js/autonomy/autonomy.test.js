@@ -16,7 +16,12 @@ import {
   wordOf,
 } from "../../../static/js/autonomy/assistance.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
-import { hintFor, menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
+import {
+  aimsAtStation,
+  hintFor,
+  menuFor,
+  showsLaser,
+} from "../../../static/js/autonomy/map_bar.js";
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { mayWriteWaiting } from "../../../static/js/protocol/capabilities.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
@@ -318,22 +323,23 @@ describe("what is offered", () => {
     );
   });
 
-  test("a blocked point offers a path around, for a while and if the robot can plan", () => {
-    const refused = { goal: [1, 2], at: { x: 0, y: 0 } };
-    const said = { word: "point.wall", at: 100, until: 110, refused };
-    const offer = offerFor(driving({ said, now: 103 }));
-    assert.deepEqual([offer.word, offer.main.action], ["point.wall", "go_around"]);
-    assert.equal(alertFor(driving({ said, now: 102 })), null);
-    assert.equal(offerFor(driving({ said, now: 120 })), null);
-    assert.equal(offerFor(driving({ said, now: 103 }, ["velocity"])), null);
-    // Where it can't be, the sentence says what can be done, and is not pushed away.
+  test("the answer to an input is shown for a while, and before a slow connection", () => {
+    const said = { word: "point.short", at: 100, until: 110 };
+    assert.equal(offerFor(driving({ said, now: 103 })), null);
     const slow = { said, now: 109, roundTrip: 0.9, releasedAt: 108 };
-    assert.equal(alertFor(driving(slow, ["velocity"])).word, "point.wall");
-    assert.equal(alertFor(driving({ ...slow, now: 111 }, ["velocity"])).word, "alert.slow");
+    assert.equal(alertFor(driving(slow)).word, "point.short");
+    assert.equal(alertFor(driving({ ...slow, now: 111 })).word, "alert.slow");
     const barred = { method: "mouse", at: 99 };
-    assert.equal(alertFor(driving({ said, barred, now: 101 }, ["velocity"])).word, "point.wall");
+    assert.equal(alertFor(driving({ said, barred, now: 101 })).word, "point.short");
     barred.at = 101;
-    assert.equal(alertFor(driving({ said, barred, now: 102 }, ["velocity"])).word, "off.mouse");
+    assert.equal(alertFor(driving({ said, barred, now: 102 })).word, "off.mouse");
+  });
+
+  test("an action that ends beside its goal says why", () => {
+    const task = { ...ask({ type: "goto", x: 1, y: 2 }, "a1", 1), status: "FINISHED" };
+    assert.equal(offerFor(driving({ task })).detail, null);
+    const beside = offerFor(driving({ task: { ...task, reason: "goal_taken: 0.4 m" } }));
+    assert.deepEqual([beside.word, beside.detail.word], ["task.done.goto", "reason.goal_taken"]);
   });
 
   test("entries that are no destination are set apart in the menu", () => {
@@ -529,6 +535,17 @@ describe("the level of assistance that is shown", () => {
     assert.equal(assistIn(driving({ visit: away, robot: of(null, "off") })), "");
   });
 
+  test("is the same before, during and after a drive, whatever the owner's level is", () => {
+    const assistUsual = "slow";
+    for (const phase of ["lobby", "taking", "ended"]) {
+      const idle = { visit: visit({ phase, session: null, online: true }), assistUsual };
+      assert.equal(assistIn(driving({ ...idle, robot: of(null, "off") })), "slow", phase);
+    }
+    const watching = visit({ phase: "watching", online: true });
+    const robot = of("s2", "steer");
+    assert.equal(assistIn(driving({ visit: watching, robot, assistUsual })), "steer");
+  });
+
   test("keeps laser points as they were while the robot is offline", () => {
     const assistKnown = { session: "s1", level: "slow" };
     const lost = driving({ visit: visit({ link: "lost" }), robot: of(null, "off"), assistKnown });
@@ -541,14 +558,49 @@ describe("the hint at a point of the map", () => {
   const goal = { kind: "goal", x: 1, y: 2, theta: null };
 
   test("disappears after the first use, as it covers the map", () => {
-    assert.equal(hint(goal, false), "aim.goal");
-    assert.equal(hint({ ...goal, kind: "pose" }, false), "aim.pose");
-    assert.equal(hint(goal, true), "");
-    assert.equal(hint(null, false), "");
+    assert.equal(hint(goal, false).word, "aim.goal");
+    assert.equal(hint({ ...goal, kind: "pose" }, false).word, "aim.pose");
+    assert.equal(hint(goal, true), null);
+    assert.equal(hint(null, false), null);
   });
 
   test("stays while the page asks for the position", () => {
-    assert.equal(hint({ kind: "pose", x: null, y: null, theta: null }, true), "aim.pose_first");
+    const aim = { kind: "pose", x: null, y: null, theta: null };
+    assert.equal(hint(aim, true).word, "aim.pose_first");
+  });
+
+  test("says why the robot has no route to the point, or that it ends beside it", () => {
+    const of = (points, reason) =>
+      hintFor({ ...driving(), aim: goal, hasAimed: true, aimRoute: { points, reason } })?.word;
+    assert.equal(of([], "in_wall"), "reason.in_wall");
+    assert.equal(
+      of(
+        [
+          [0, 0],
+          [1, 1.5],
+        ],
+        "in_wall",
+      ),
+      "point.beside",
+    );
+    assert.equal(
+      of(
+        [
+          [0, 0],
+          [1, 2],
+        ],
+        "",
+      ),
+      undefined,
+    );
+  });
+
+  test("a point at the robot's own station means to dock", () => {
+    const plan = { docks: [{ type: "giraff", x: 1.2, y: 2 }] };
+    const factsheet = { ...driving().factsheet, series: "Giraff" };
+    assert.equal(aimsAtStation({ ...driving(), plan, factsheet, aim: goal }), true);
+    assert.equal(aimsAtStation({ ...driving(), plan, factsheet, aim: { ...goal, x: 2 } }), false);
+    assert.equal(aimsAtStation({ ...driving(), plan: null, factsheet, aim: goal }), false);
   });
 });
 

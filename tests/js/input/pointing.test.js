@@ -203,7 +203,7 @@ describe("a maneuver", () => {
 });
 
 describe("pressing on the video", () => {
-  const rig = (allowed = () => true) => {
+  const rig = (allowed = () => true, drives = true) => {
     const listeners = new Map();
     const stage = {
       addEventListener: (name, listener) => listeners.set(name, listener),
@@ -223,7 +223,7 @@ describe("pressing on the video", () => {
       now: () => clock.ms,
       onAim: note("aim"),
       onGo: note("go"),
-      onHold: note("hold"),
+      onHold: (press) => note("hold")(press) > 0 && drives,
       onEnd: note("end"),
       barred: note("barred"),
       stop: () => said.push(["stop"]),
@@ -272,6 +272,18 @@ describe("pressing on the video", () => {
     assert.deepEqual(said.at(-1), ["hold", 150, 200, "touch"]);
     send("pointerup", 160, 220, { pointerType: "touch" });
     assert.deepEqual(said.at(-1), ["end", true]);
+  });
+
+  test("goes at its release where the robot did not drive while it was held", () => {
+    const { pointing, said, send, clock } = rig(undefined, false);
+    send("pointerdown", 110, 220);
+    clock.ms = 1000 * HOLD_SECONDS + 50;
+    pointing.tick();
+    send("pointerup", 110, 220);
+    assert.deepEqual(
+      said.slice(-3).map(([what]) => what),
+      ["hold", "end", "go"],
+    );
   });
 
   test("stops at a lost touch or when disabled, and ignores other pointers and buttons", () => {

@@ -12,7 +12,8 @@ import {
   toFloor,
   toPicture,
 } from "../../../static/js/view/overlay/camera_model.js";
-import { hidesWall, isBehind } from "../../../static/js/view/overlay/visibility.js";
+import { answerTo } from "../../../static/js/view/overlay/press_answer.js";
+import { hidesWall, obstacleBefore } from "../../../static/js/view/overlay/visibility.js";
 import {
   arcSteps,
   heldSteps,
@@ -256,10 +257,45 @@ describe("visibility", () => {
       [2, 0.02],
       [2, 0.06],
     ];
-    assert.equal(isBehind(seen, [3, 0]), true);
-    assert.equal(isBehind(seen, [1.5, 0]), false);
-    assert.equal(isBehind(seen, [2.1, 0]), false);
-    assert.equal(isBehind(seen, [3, 1]), false);
-    assert.equal(isBehind([], [3, 0]), false);
+    assert.ok(Math.abs(obstacleBefore(seen, [3, 0]) - 2) < 0.01);
+    assert.equal(obstacleBefore(seen, [1.5, 0]), Infinity);
+    assert.equal(obstacleBefore(seen, [2.1, 0]), Infinity);
+    assert.equal(obstacleBefore(seen, [3, 1]), Infinity);
+    assert.equal(obstacleBefore([], [3, 0]), Infinity);
+  });
+});
+
+describe("a press that does not lead straight ahead", () => {
+  const close = { no: "close", point: [2, 0] };
+  const wall = { no: "wall", point: [2, 0], hidden: true };
+  const cut = { goal: [1.2, 0], point: [2, 0], cut: true, sweptPath: null };
+  const route = (...points) => ({ points: [[0, 0], ...points], reason: "" });
+
+  test("is driven to when the robot has a route to the point", () => {
+    assert.deepEqual(answerTo(close, route([1, 1], [2, 0]), ORIGIN), { go: [2, 0] });
+    assert.deepEqual(answerTo(cut, route([1, 1], [1.8, 0]), ORIGIN), { go: [1.8, 0] });
+  });
+
+  test("is only offered when the route is much longer, or ends beside the point", () => {
+    const round = answerTo(close, route([0, 4], [2, 4], [2, 0]), ORIGIN);
+    assert.deepEqual(round, { word: "point.around", goal: [2, 0] });
+    const beside = { ...route([1.4, 0]), reason: "goal_taken" };
+    assert.deepEqual(answerTo(close, beside, ORIGIN), { word: "point.beside", goal: [1.4, 0] });
+    assert.deepEqual(answerTo(wall, route([1.9, 0]), ORIGIN).goal, [1.9, 0]);
+  });
+
+  test("ends before the obstacle where no route leads to the point", () => {
+    for (const found of [null, route([1.4, 0]), { points: [], reason: "no_way" }]) {
+      assert.deepEqual(answerTo(cut, found, ORIGIN), { straight: [1.2, 0] });
+    }
+  });
+
+  test("says why, and offers nothing, where the robot can't go or is already", () => {
+    const shut = { points: [], reason: "door_closed: Laboratory door" };
+    const said = { word: "reason.door_closed", values: { what: "Laboratory door" }, goal: null };
+    assert.deepEqual(answerTo(wall, shut, ORIGIN), said);
+    const here = { ...route([0.2, 0]), reason: "goal_taken" };
+    assert.deepEqual(answerTo(close, here, ORIGIN), { word: "point.nearest", goal: null });
+    assert.deepEqual(answerTo({ no: "sky" }, null, ORIGIN), { word: "point.sky", goal: null });
   });
 });

@@ -52,6 +52,7 @@ SUFFIXES = {
     m.VelocityCommand: "command/velocity",
     m.CommandHeartbeat: "command/heartbeat",
     m.PointCommand: "command/point",
+    m.RouteRequest: "command/route",
 }
 RENEWAL, STATUS = 500, 50  # ticks
 FPS = 6.0  # of the robot's camera: what a computer without GPU can play beside other tests

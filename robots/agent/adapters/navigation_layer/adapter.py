@@ -15,7 +15,7 @@ reason, and the next process starts from the last known pose.
 import asyncio
 import math
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,7 @@ class AutonomyAdapter:
 
     set_lock: Callable[..., None]
     limit_speed: Callable[[float], None]
+    preview: Callable[[float, float], Coroutine[Any, Any, tuple[tuple[Point, ...], str]]]
 
     def __init__(
         self,
@@ -140,6 +141,8 @@ class AutonomyAdapter:
             self.set_lock = inner.set_lock
         if isinstance(inner, LimitsSpeed):
             self.limit_speed = inner.limit_speed
+        if "goto" in self._ours:
+            self.preview = self._preview
         if area is not None:
             self._settle(area)
 
@@ -202,6 +205,11 @@ class AutonomyAdapter:
                 self.node.send(wire.CancelAction(action.action_id))
         if not began:
             raise ActionRefusedError(ReasonCode.CANCELLED)
+
+    async def _preview(self, x: float, y: float) -> tuple[tuple[Point, ...], str]:
+        """See robot_interface.PreviewsRoutes."""
+        found = await self.node.route(x, y)
+        return found.points, found.reason
 
     async def cancel(self, action_id: str) -> bool:
         """End an action of ours at once; ask the RCA to end one of its own."""

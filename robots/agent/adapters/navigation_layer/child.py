@@ -55,6 +55,7 @@ class NavigationProcess:
         self._writer: asyncio.StreamWriter | None = None
         self._task: asyncio.Task[None] | None = None
         self._answers: dict[int, asyncio.Future[str]] = {}
+        self._routes: dict[int, asyncio.Future[wire.FoundRoute]] = {}
         self._orders = 0
 
     @property
@@ -105,6 +106,22 @@ class NavigationProcess:
             del self._answers[self._orders]
         if problem:
             raise AdapterError(problem)
+
+    async def route(self, x: float, y: float) -> wire.FoundRoute:
+        """Return where a goto would lead; raises AdapterError without an answer."""
+        self._orders += 1
+        number = self._orders
+        found: asyncio.Future[wire.FoundRoute] = asyncio.get_running_loop().create_future()
+        self._routes[number] = found
+        try:
+            if not self.send(wire.FindRoute(number, x, y)):
+                raise AdapterError(ReasonCode.NAVIGATION_LOST.of(self.problem))
+            async with asyncio.timeout(ANSWER_TIME):
+                return await found
+        except TimeoutError as error:
+            raise AdapterError(ReasonCode.NAVIGATION_LOST.of("silent")) from error
+        finally:
+            del self._routes[number]
 
     def give_up(self, why: str) -> None:
         """Kill the process; the next one starts by itself."""
@@ -193,6 +210,10 @@ class NavigationProcess:
                 answer = self._answers.get(number)
                 if answer is not None and not answer.done():
                     answer.set_result(problem)
+            case wire.FoundRoute(number):
+                route = self._routes.get(number)
+                if route is not None and not route.done():
+                    route.set_result(word)
             case _:
                 kind = type(word).__name__
                 raise framing.WireError(f"unexpected {kind} after navigation was set up")
@@ -203,6 +224,10 @@ class NavigationProcess:
         for answer in self._answers.values():
             if not answer.done():
                 answer.set_result(ReasonCode.NAVIGATION_LOST.of(why))
+        for number, route in self._routes.items():
+            if not route.done():
+                reason = ReasonCode.NAVIGATION_LOST.of(why)
+                route.set_result(wire.FoundRoute(number, (), reason))
 
 
 async def _read(reader: asyncio.StreamReader) -> wire.FromNode:

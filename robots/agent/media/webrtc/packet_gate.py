@@ -6,12 +6,20 @@ from typing import Literal
 from robots.api.bucket import Bucket
 from robots.api.codec import decode_frame
 from robots.api.errors import Rejection
-from robots.api.messages import Action, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand
+from robots.api.messages import (
+    Action,
+    CommandHeartbeat,
+    EStop,
+    PointCommand,
+    RouteRequest,
+    Stop,
+    VelocityCommand,
+)
 
-Command = VelocityCommand | Action | CommandHeartbeat | PointCommand
+Command = VelocityCommand | Action | CommandHeartbeat | PointCommand | RouteRequest
 ReceivedPacket = Command | Rejection
 Verdict = Literal["accepted", "oversized", "too_fast"]
-Kind = Literal["velocity", "stop", "heartbeat", "point", "action", "nonsense"]
+Kind = Literal["velocity", "stop", "heartbeat", "point", "route", "action", "nonsense"]
 
 MAX_BYTES = 64 * 1024
 
@@ -21,8 +29,8 @@ class PacketGate:
 
     Each kind of message has a bucket of its own, so that other messages of a page cannot use up
     that of its stops. A page that drives sends 20 to 50 velocities a second, 20 stops until one is
-    confirmed, five heartbeats and at most as many pointers as are shown. Refused messages count
-    towards a flood: no page of ours is ever refused here.
+    confirmed, five heartbeats, at most as many pointers as are shown, and five route requests.
+    Refused messages count towards a flood: no page of ours is ever refused here.
     """
 
     def __init__(self) -> None:
@@ -31,6 +39,7 @@ class PacketGate:
             "stop": Bucket(rate=60.0, burst=60.0),
             "heartbeat": Bucket(rate=20.0, burst=20.0),
             "point": Bucket(rate=30.0, burst=30.0),
+            "route": Bucket(rate=10.0, burst=10.0),
             "action": Bucket(rate=30.0, burst=60.0),
             "nonsense": Bucket(rate=50.0, burst=50.0),
         }
@@ -70,6 +79,8 @@ def _kind(packet: ReceivedPacket) -> Kind:
             return "heartbeat"
         case PointCommand():
             return "point"
+        case RouteRequest():
+            return "route"
         case Action():
             return "action"
     return "nonsense"

@@ -6,7 +6,7 @@ import { clockTime } from "../../lib/clock.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
-import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
+import { isAnswered, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { reports, isAway, isCutOff } from "../../protocol/standstill.js";
 import { profileOf } from "../display/profiles.js";
@@ -213,7 +213,7 @@ const answerAlert = (state) => {
   if (barred && now - barred.at < READING_SECONDS && !(said && said.at > barred.at)) {
     return { word: `off.${barred.method}`, tone: "busy" };
   }
-  return said && isAnswered(state) && !offersAround(state) ? { ...said, tone: "calm" } : null;
+  return said && isAnswered(state) ? { ...said, tone: "calm" } : null;
 };
 
 /**

@@ -22,6 +22,8 @@ import { toScreen, toWorld } from "./transform.js";
 /** @typedef {Place & {localized: boolean, covariance?: number[] | null}} Pose */
 
 const CLOCK_STEP = 5; // s
+/** @type {Point[]} */
+const NO_ROUTE = [];
 const PATIENCE_MS = 60_000; // for a floor plan
 // custom properties of map.css, behind --map-
 const COLOURS = [
@@ -51,6 +53,8 @@ export class RobotMap {
     this.stamp = 0;
     /** @type {Point[]} that the robot follows by itself */
     this.path = [];
+    /** @type {Point[]} to the chosen point */
+    this.route = NO_ROUTE;
     /** @type {Point[]} the last sweep of the laser, in the map */
     this.seen = [];
     this.laser = false;
@@ -149,11 +153,13 @@ export class RobotMap {
   }
 
   /**
-   * @param {{aim: import("./layers.js").Aim | null, obstacle: Point | null, laser: boolean}} marks
+   * @param {{aim: import("./layers.js").Aim | null, route?: Point[], obstacle: Point | null,
+   *   laser: boolean}} marks
    */
-  setMarks({ aim, obstacle, laser }) {
-    if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
-      Object.assign(this, { aim, obstacle, laser });
+  setMarks({ aim, route = NO_ROUTE, obstacle, laser }) {
+    const isSame = aim === this.aim && route === this.route;
+    if (!isSame || obstacle !== this.obstacle || laser !== this.laser) {
+      Object.assign(this, { aim, route, obstacle, laser });
       this.redraw();
     }
   }
@@ -170,6 +176,14 @@ export class RobotMap {
    */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
+  }
+
+  /**
+   * @param {number} x metres @param {number} y
+   * @returns {Point | null} CSS pixels from the canvas's corner; null without a map
+   */
+  screenAt(x, y) {
+    return this.view && toScreen(this.view, x, y);
   }
 
   /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
@@ -288,6 +302,8 @@ export class RobotMap {
     this.course?.below(context, view, paint);
     this.trail.pieces.forEach((piece) => line(context, view, piece, paint.trail, 2.5, []));
     line(context, view, this.path, paint.path, 3, [6, 5]);
+    line(context, view, this.route, paint.path, 3, [2, 5]);
+    this.canvas.dataset.route = String(this.route.length);
     this.course?.above(context, view, paint);
     if (this.laser) {
       drawPoints(context, view, this.seen, paint.laser);

@@ -1,5 +1,6 @@
 /** The places that are marked in the video: the target of the cue, and the dock. Pure. */
 
+import { stationOf } from "../../autonomy/map_bar.js";
 import { isMoving } from "../../protocol/robot_action.js";
 import { targetOf } from "../../study/guide.js";
 import { hidesWall } from "./visibility.js";
@@ -28,11 +29,6 @@ export const cuesFor = (state, moment) => {
     ? [marked]
     : [];
 };
-
-/** This robot's own. @param {State} state @returns {{x: number, y: number} | null} */
-const stationOf = ({ plan, factsheet }) =>
-  plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ??
-  null;
 
 /**
  * @param {State} state @param {Moment} moment

@@ -15,13 +15,15 @@ import { CLOSE, NEAR } from "../../lib/swept_path.js";
  * @typedef {{point: Point, radius: number, sign: string, hidden: boolean}} Cue a place: its number,
  *   or empty for the dock
  * @typedef {{sweptPath: SweptPath | null, committed: boolean, goal: Point | null,
- *   blocked: Place | null, footprint: Point[], radius: number, cues: Cue[]}} Scene `blocked`: where
- *   the robot would touch an obstacle
+ *   blocked: Place | null, cross: Point | null, footprint: Point[], radius: number,
+ *   cues: Cue[]}} Scene `blocked`: where the robot would touch an obstacle; `cross`: the pressed
+ *   point, CSS pixels, that it cannot reach
  */
 
 const LEAST_DEPTH = 0.1; // m before the lens
 const POST = 0.45; // m: the height of a cue's sign
 const SIGN = 13; // CSS pixels
+const CROSS = 9; // CSS pixels from its middle to a tip; the ring about it is a finger wide
 
 /**
  * @param {Canvas2D} context in CSS pixels
@@ -30,7 +32,7 @@ const SIGN = 13; // CSS pixels
 export const drawScene = (
   context,
   eye,
-  { sweptPath, committed, goal, blocked, footprint, radius, cues },
+  { sweptPath, committed, goal, blocked, cross, footprint, radius, cues },
   paint,
 ) => {
   context.lineJoin = "round";
@@ -48,6 +50,19 @@ export const drawScene = (
       strokeWithEdge(context, paint.goal, 3, paint.edge);
     }
   }
+  if (cross) {
+    drawCross(context, cross, paint);
+  }
+};
+
+/** @param {Canvas2D} context @param {Point} at CSS pixels @param {Paint} paint */
+const drawCross = (context, [px, py], paint) => {
+  disc(context, px, py, 2.4 * CROSS);
+  context.moveTo(px - CROSS, py - CROSS);
+  context.lineTo(px + CROSS, py + CROSS);
+  context.moveTo(px - CROSS, py + CROSS);
+  context.lineTo(px + CROSS, py - CROSS);
+  strokeWithEdge(context, paint.close, 4, paint.edge);
 };
 
 /**
@@ -144,9 +159,12 @@ const ring = (context, eye, [x, y], radius) => {
   trace(context, points.every((point) => point !== null) ? /** @type {Point[]} */ (points) : []);
 };
 
+/** The middle of a cue's sign. @param {Eye} eye @param {Point} point of the map */
+export const signOf = (eye, point) => place(eye, point, POST);
+
 /** @param {Canvas2D} context @param {Eye} eye @param {Cue} cue @param {Paint} paint */
 const drawCue = (context, eye, { point, radius, sign, hidden }, paint) => {
-  const [foot, head] = [place(eye, point), place(eye, point, POST)];
+  const [foot, head] = [place(eye, point), signOf(eye, point)];
   if (!foot || !head) {
     return;
   }

@@ -9,6 +9,7 @@ import { stuckFor } from "../hud/stuck.js";
 import { scanPoints } from "../map/layers.js";
 import { FloorPress } from "./floor_press.js";
 import { OverlayCanvas } from "./overlay_canvas.js";
+import { createPointNote } from "./point_note.js";
 import { Track } from "../../lib/transforms.js";
 
 const SCAN_SECONDS = 1; // an older sweep is outdated
@@ -45,6 +46,7 @@ const setUp = (page) => {
   const around = new Surroundings();
   const press = new FloorPress(page, around);
   const canvas = new OverlayCanvas(page, around, press);
+  const showNote = createPointNote(page);
   const turnAround = () => store.get().robot?.docked || press.turnAround();
   press.onChange = () => canvas.refresh();
   [press.maneuver, press.pointing, newGamepads(page, press)].forEach((controller) =>
@@ -52,14 +54,20 @@ const setUp = (page) => {
   );
 
   return {
-    handlers: newHandlers(store, around, canvas),
+    handlers: {
+      ...newHandlers(store, around, canvas),
+      route: (message) => press.heardRoute(message),
+    },
     actions: {
       back_out: () => press.backOut(),
       turn_around: turnAround,
     },
     keys: { turn_around: { down: turnAround } },
     on: {
-      changed: ({ maneuver }) => {
+      changed: ({ maneuver, stopping }) => {
+        if (stopping) {
+          press.pending = null;
+        }
         if (maneuver && !press.maneuver.now) {
           store.update({ maneuver: null });
         }
@@ -70,6 +78,9 @@ const setUp = (page) => {
         const presses = intent.linear !== 0 || intent.angular !== 0;
         if (presses !== (pressing !== null)) {
           store.update({ pressing: presses ? { since: unixNow() } : null });
+        }
+        if (presses && !press.maneuver.now) {
+          press.pending = null; // who steers meanwhile does not want to be driven there any more
         }
         canvas.intent = intent;
         canvas.refresh();
@@ -83,7 +94,10 @@ const setUp = (page) => {
         }
       },
     },
-    render: () => canvas.refresh(),
+    render: (state) => {
+      showNote(state);
+      canvas.refresh();
+    },
   };
 };
 

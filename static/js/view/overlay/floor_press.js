@@ -5,23 +5,29 @@ import { Pointing } from "../../input/pointing.js";
 import { ABOUT, SIDE_TURN, arcTo, lookingAt, reach } from "../../input/pure_pursuit.js";
 import { unixNow } from "../../lib/clock.js";
 import { toRead } from "../../lib/reading_time.js";
+import { RoutePreview, mayPreview } from "../../protocol/route_preview.js";
 import { roleOf } from "../../protocol/session.js";
 import { halfWidth } from "../../autonomy/offer.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
 import { sweep } from "../../lib/swept_path.js";
 import { mapFromRobot, robotFromMap } from "../../lib/transforms.js";
-import { hidesWall, isBehind } from "./visibility.js";
+import { answerTo } from "./press_answer.js";
+import { obstacleBefore, wallBefore } from "./visibility.js";
+
+const ANSWER_SECONDS = 2; // after the release: later, the robot asks before it drives
+const BRIEF = 1.5; // s of a held press, whose visitor may have expected the robot to drive on
 
 /**
- * @typedef {{no: string, point?: Point, at?: Place} | {turn: Point}
- *   | {goal: Point, sweptPath: any}} Target of a press
+ * @typedef {import("./press_answer.js").Target} Target
  * @typedef {import("../../input/pointing.js").Press} Press
  * @typedef {import("../../input/maneuver.js").Kind} Kind
  */
 
 export class FloorPress {
   /** @param {Page} page @param {import("./feature.js").Surroundings} around */
-  constructor({ store, element, driving, video, words }, around) {
+  constructor(page, around) {
+    const { store, element, driving, video, words } = page;
+    this.page = page;
     this.store = store;
     this.words = words;
     this.around = around;
@@ -31,6 +37,18 @@ export class FloorPress {
     this.onChange = () => {};
     /** @type {Target | null} of the present press */
     this.target = null;
+    /** @type {Press | null} that is held, or was released last */
+    this.press = null;
+    /**
+     * a press that was released and waits for the robot's answer
+     * @type {{target: Exclude<Target, {turn: Point}>, method: string, until: number,
+     *   isUnderWay?: boolean} | null}
+     */
+    this.pending = null;
+    this.preview = new RoutePreview((request) => driving.askRoute(request));
+    /** of the maneuver to a goal @type {Target | null} */
+    this.driven = null;
+    this.heldAt = Infinity; // s, since when the robot drives for a held press
     this.hand = "mouse";
     /** the size of the stage, and how the video is fitted into it */
     this.size = { width: 0, height: 0, fit: "contain" };
@@ -41,7 +59,7 @@ export class FloorPress {
     this.pointing = new Pointing({
       stage: this.stage,
       onAim: (press) => this.#aim(press),
-      onGo: (press) => this.#go(this.#targetOf(press), press.method),
+      onGo: (press) => this.#go(this.#targetOf(press), press),
       onHold: (press) => this.#hold(press),
       onEnd: (wasHeld) => this.#lifted(wasHeld),
       allowed: (method) => this.steering.mayUse(method),
@@ -51,15 +69,40 @@ export class FloorPress {
     this.#watchHand();
   }
 
-  /**
-   * @param {string} word
-   * @param {import("./state.js").Refusal | null} [refused] the point that the robot cannot drive
-   *   straight to
-   */
-  say(word, refused = null) {
-    const values = { cm: String(2 * halfWidth(this.footprint)) };
-    const said = { ...toRead(this.words, word, values), refused };
+  /** @param {string} word */
+  say(word) {
+    const said = toRead(this.words, word, this.#values);
     this.store.update({ said, now: said.at });
+  }
+
+  get #values() {
+    return { cm: String(2 * halfWidth(this.footprint)) };
+  }
+
+  /**
+   * Answers at the pressed point.
+   * @param {{word: string, values?: Record<string, string>, goal: Point | null}} answer
+   * @param {Point[]} [route] to its goal
+   */
+  #note({ word, values = {}, goal }, route = []) {
+    const { press } = this;
+    const before = this.store.get().pointNote;
+    if (press) {
+      const spot = /** @type {Point} */ ([press.px, press.py]);
+      const said = toRead(this.words, word, { ...this.#values, ...values });
+      const until = this.target ? Infinity : said.until;
+      const isSame = before?.word === word && before.until === until && before.goal === goal;
+      if (!isSame || before.spot[0] !== spot[0] || before.spot[1] !== spot[1]) {
+        const pointNote = { ...said, until, spot, goal, route: goal ? route : [] };
+        this.store.update({ pointNote, said: null });
+      }
+    }
+  }
+
+  #forgetNote() {
+    if (this.store.get().pointNote) {
+      this.store.update({ pointNote: null });
+    }
   }
 
   get footprint() {
@@ -80,7 +123,22 @@ export class FloorPress {
 
   tick() {
     this.pointing.tick();
+    if (this.target || this.pending) {
+      this.preview.tick(unixNow());
+    }
+    if (this.pending && unixNow() >= this.pending.until) {
+      this.#decide();
+    }
     this.#drive();
+  }
+
+  /** Takes the robot's answer. @param {ToPage["route"]} message */
+  heardRoute(message) {
+    if (this.preview.heard(message)) {
+      this.#showAnswer();
+      this.#decide();
+      this.onChange();
+    }
   }
 
   backOut() {
@@ -123,13 +181,18 @@ export class FloorPress {
     const point = mapFromRobot(eye.moment, floor);
     const own = robotFromMap(robot, point);
     const { seen } = this.around;
-    const isHidden = robot.localized && hidesWall(plan, [robot.x, robot.y], point);
     const obstacles = seen.map((one) => robotFromMap(robot, one));
-    if (isHidden || isBehind(obstacles, own)) {
-      return { no: "wall", point, at: this.#touching(robot, point) };
+    const wall = robot.localized ? wallBefore(plan, [robot.x, robot.y], point) : Infinity;
+    const before = Math.min(wall, obstacleBefore(obstacles, own));
+    if (before < Infinity) {
+      const share = before / Math.hypot(...own);
+      const foot = mapFromRobot(robot, [share * own[0], share * own[1]]);
+      return { no: "wall", point: foot, at: this.#touching(robot, point), hidden: true };
     }
     const target = reach(robot, own, this.footprint, seen);
-    return "no" in target ? { ...target, point, at: this.#touching(robot, point) } : target;
+    return "no" in target
+      ? { ...target, point, at: this.#touching(robot, point) }
+      : { ...target, point };
   }
 
   /**
@@ -143,51 +206,140 @@ export class FloorPress {
       : { x: point[0], y: point[1], theta: Math.atan2(point[1] - robot.y, point[0] - robot.x) };
   }
 
-  /** @param {Press} press */
-  #aim(press) {
-    this.target = this.#targetOf(press);
-    this.onChange();
+  /** Whether the robot plans a route, where none leads straight ahead. @param {Target} target */
+  #needsRoute(target) {
+    return ("no" in target || "cut" in target) && target.point && mayPreview(this.store.get())
+      ? target.point
+      : null;
+  }
+
+  /**
+   * The answer to a press that does not lead straight ahead, as far as it is known.
+   * @param {Target | null} target @returns {import("./press_answer.js").Answer | null}
+   */
+  answerFor(target) {
+    const robot = this.around.track.newest;
+    if (!target || !robot || "turn" in target || !("no" in target || "cut" in target)) {
+      return null;
+    }
+    const found = target.point ? this.preview.answerFor(target.point) : null;
+    return answerTo(target, found, robot);
+  }
+
+  /** Shows why a held press leads nowhere. */
+  #showAnswer() {
+    const { target } = this;
+    const answer = this.store.get().robot?.docked ? null : this.answerFor(target);
+    if (answer && "word" in answer) {
+      this.#note(answer, this.routeFor(target));
+    } else if (target) {
+      this.#forgetNote();
+    }
+  }
+
+  /** The robot's route for a press, as far as it is known. @param {Target | null} target */
+  routeFor(target) {
+    const isAsked = target && !("turn" in target) && target.point;
+    return (isAsked && this.preview.answerFor(target.point ?? [0, 0])?.points) || [];
   }
 
   /** @param {Press} press */
+  #aim(press) {
+    Object.assign(this, { target: this.#targetOf(press), press, pending: null });
+    const point = this.target && this.#needsRoute(this.target);
+    if (point) {
+      this.preview.ask(point, unixNow());
+    } else {
+      this.preview.forget();
+    }
+    this.#showAnswer();
+    this.onChange();
+  }
+
+  /** @param {Press} press @returns {boolean} whether the robot drives there while it is held */
   #hold(press) {
-    this.target = this.#targetOf(press);
-    if (!this.#go(this.target, press.method)) {
+    this.#aim(press);
+    const { target } = this;
+    const drives =
+      target !== null && !("no" in target) && !("go" in (this.answerFor(target) ?? {}));
+    if (drives) {
+      this.heldAt = Math.min(this.heldAt, unixNow());
+      this.#drivesTo(target, press.method);
+    } else {
       this.maneuver.letGo();
     }
-    this.onChange();
+    return drives;
   }
 
   /** @param {boolean} wasHeld */
   #lifted(wasHeld) {
     this.target = null;
     if (wasHeld) {
+      const stops = this.maneuver.now !== null && unixNow() - this.heldAt < BRIEF;
       this.maneuver.letGo();
-      this.store.update({ maneuver: null });
+      this.store.update({ maneuver: null, pointNote: null });
+      if (stops) {
+        this.say("point.let_go");
+      }
+    }
+    this.heldAt = Infinity;
+    this.onChange();
+  }
+
+  /** A press was released. @param {Target} target @param {Press} press */
+  #go(target, press) {
+    this.press = press;
+    if (!("no" in target || "cut" in target)) {
+      this.#drivesTo(target, press.method);
+    } else if (this.store.get().robot?.docked) {
+      this.store.update({ pushedAt: unixNow(), now: unixNow() });
+    } else {
+      const point = this.#needsRoute(target);
+      const until = point ? unixNow() + ANSWER_SECONDS : 0;
+      this.pending = { target, method: press.method, until };
+      if (point) {
+        this.preview.ask(point, unixNow());
+      }
+      this.#decide();
+    }
+  }
+
+  /** Follows a released press once the robot has answered, or does not. */
+  #decide() {
+    const [{ pending }, robot] = [this, this.around.track.newest];
+    if (!pending || !robot) {
+      return;
+    }
+    const { target, method, until, isUnderWay } = pending;
+    const found = target.point ? this.preview.answerFor(target.point) : null;
+    if (!found && unixNow() < until) {
+      if (!isUnderWay) {
+        this.#note({ word: "point.asking", goal: null });
+      }
+      return;
+    }
+    this.pending = null;
+    const answer = answerTo(target, found, robot);
+    if ("go" in answer) {
+      this.page.autonomy?.goTo(answer.go);
+    } else if ("straight" in answer) {
+      this.#drivesTo(target, method);
+    } else if (isUnderWay && "no" in target) {
+      this.say(`point.${target.no}`); // the pressed point is elsewhere in the video by now
+    } else {
+      this.#note(answer, found?.points);
     }
     this.onChange();
   }
 
-  /**
-   * @param {Target} target @param {string} method
-   * @returns {boolean} whether the robot goes there now
-   */
-  #go(target, method) {
-    if ("no" in target) {
-      const { no, point, at } = target;
-      if (this.store.get().robot?.docked) {
-        this.store.update({ pushedAt: unixNow(), now: unixNow() });
-      } else {
-        this.say(`point.${no}`, point && at ? { goal: point, at } : null);
-      }
-      return false;
-    }
+  /** @param {Target} target @param {string} method */
+  #drivesTo(target, method) {
     if ("turn" in target) {
       this.#start("turn", target.turn, method);
-    } else {
+    } else if ("goal" in target) {
+      this.driven = target;
       this.#start("goal", target.goal, method);
     }
-    return true;
   }
 
   /**
@@ -195,9 +347,9 @@ export class FloorPress {
    * @param {Kind} kind @param {Point} point @param {string} method
    */
   #start(kind, point, method) {
-    const { maneuver, said } = this.store.get();
-    if (maneuver !== kind || said) {
-      this.store.update({ maneuver: kind, said: null, pushedAt: -Infinity });
+    const { maneuver, said, pointNote } = this.store.get();
+    if (maneuver !== kind || said || pointNote) {
+      this.store.update({ maneuver: kind, said: null, pointNote: null, pushedAt: -Infinity });
     }
     this.maneuver.start(kind, point, method, unixNow());
     this.#drive();
@@ -219,9 +371,32 @@ export class FloorPress {
     this.store.update({ maneuver: null });
     if (end === "there" && kind === "back") {
       this.turnAround(); // towards the room: the dock is at a wall
-    } else if (end !== "taken" && end !== "there") {
+    } else if (end === "there") {
+      if (kind === "goal" && this.driven && "cut" in this.driven) {
+        this.say("point.short");
+      }
+    } else if (kind !== "goal" || !this.#goesOn(end)) {
       this.say(`point.${end}`);
     }
+  }
+
+  /**
+   * Whether the robot is asked for a route around what has stopped it before its goal.
+   * @param {import("../../input/maneuver.js").End} end
+   */
+  #goesOn(end) {
+    const { driven, press } = this;
+    const point = driven && "point" in driven ? driven.point : null;
+    const isInTheWay = end === "blocked" || end === "stuck";
+    if (!isInTheWay || !point || !press || this.target || !mayPreview(this.store.get())) {
+      return false;
+    }
+    const until = unixNow() + ANSWER_SECONDS;
+    const { method } = press;
+    this.pending = { target: { no: end, point }, method, until, isUnderWay: true };
+    this.preview.forget();
+    this.preview.ask(point, unixNow());
+    return true;
   }
 
   /** Notes the controller that presses the page, and marks the sides of the video, which turn. */

@@ -4,23 +4,33 @@ import { isAnswered } from "../../autonomy/offer.js";
 import { isMoving } from "../../protocol/robot_action.js";
 import { arcTo } from "../../input/pure_pursuit.js";
 import { createPaint } from "../../lib/colours.js";
+import { backToDriving } from "../../lib/dom.js";
 import { roleOf } from "../../protocol/session.js";
+import { isOffered } from "../../protocol/capabilities.js";
 import { cuesFor } from "./cues.js";
-import { drawScene } from "./drawing.js";
+import { drawScene, signOf } from "./drawing.js";
 import { heldSteps, lineSteps, sweep } from "../../lib/swept_path.js";
 
+const TARGET = 44; // CSS pixels: --target
 const SHOWN_SECONDS = 6; // s of driving: the camera sees no floor nearer than a metre
 const COLOURS = ["free", "near", "close", "committed", "goal", "next", "edge"];
 /** @type {Omit<import("./drawing.js").Scene, "cues" | "radius" | "footprint">} */
-const NOTHING = Object.freeze({ sweptPath: null, committed: false, goal: null, blocked: null });
+const NOTHING = Object.freeze({
+  sweptPath: null,
+  committed: false,
+  goal: null,
+  blocked: null,
+  cross: null,
+});
 
 export class OverlayCanvas {
   /**
    * @param {Page} page @param {import("./feature.js").Surroundings} around
    * @param {import("./floor_press.js").FloorPress} press
    */
-  constructor({ store, element }, around, press) {
+  constructor({ store, element, act }, around, press) {
     this.store = store;
+    this.marker = new DockMarker(element, act);
     this.around = around;
     this.press = press;
     this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
@@ -60,14 +70,8 @@ export class OverlayCanvas {
     if (!robot || !factsheet) {
       return NOTHING;
     }
-    if (target) {
-      return "goal" in target
-        ? { ...NOTHING, ...target }
-        : { ...NOTHING, blocked: ("at" in target && target.at) || null };
-    }
-    const refused = this.store.get().said?.refused;
-    if (refused && isAnswered(this.store.get())) {
-      return { ...NOTHING, blocked: refused.at };
+    if (target ? !("turn" in target) : this.#note()) {
+      return this.#pressed(robot);
     }
     const { seen, path } = this.around;
     if (maneuver.now?.kind === "goal") {
@@ -85,8 +89,36 @@ export class OverlayCanvas {
     return { ...NOTHING, sweptPath: sweep(held, footprint, seen, linear < 0 ? -1 : 1) };
   }
 
+  /** The answer beside a pressed point, while it is shown. */
+  #note() {
+    const { pointNote, now } = this.store.get();
+    return pointNote && isAnswered({ said: pointNote, now }) ? pointNote : null;
+  }
+
+  /**
+   * What a press leads to: straight ahead, by the robot's route, or a cross and, where the robot
+   * can go instead, the route to there.
+   * @param {Moment} robot @returns {typeof NOTHING}
+   */
+  #pressed(robot) {
+    const [{ target, press, footprint }, note] = [this.press, this.#note()];
+    const answer = this.press.answerFor(target);
+    const isThere = answer !== null && "go" in answer;
+    if (target && "goal" in target && !isThere) {
+      const { goal, sweptPath } = target;
+      return { ...NOTHING, goal, sweptPath };
+    }
+    const leads = isThere || (answer !== null && "word" in answer && answer.goal !== null);
+    const route = target ? (leads ? this.press.routeFor(target) : []) : (note?.route ?? []);
+    const sweptPath = route.length ? sweep(lineSteps(robot, route), footprint, []) : null;
+    const goal = route.at(-1) ?? null;
+    const cross = isThere || !press ? null : /** @type {Point} */ ([press.px, press.py]);
+    const blocked = !goal && target && "at" in target ? (target.at ?? null) : null;
+    return { sweptPath, committed: true, goal, blocked, cross };
+  }
+
   #pathNow() {
-    const [{ track, scan, path }, { task, factsheet, said, now }] = [this.around, this.store.get()];
+    const [{ track, scan, path }, { task, factsheet }] = [this.around, this.store.get()];
     const { target, maneuver } = this.press;
     const of = /** @type {any[]} */ ([
       track.newest,
@@ -96,7 +128,7 @@ export class OverlayCanvas {
       target,
       maneuver.now?.point,
     ]);
-    of.push(task, factsheet, said, said?.refused && now);
+    of.push(task, factsheet, this.#note(), this.press.preview.asked?.found);
     if (of.some((one, i) => one !== this.last.of[i])) {
       this.last = { of, scene: this.#path() };
     }
@@ -112,7 +144,14 @@ export class OverlayCanvas {
     const scene = shows
       ? { ...this.#pathNow(), footprint, radius, cues: cuesFor(state, eye.moment) }
       : null;
-    const isEmpty = !(scene?.sweptPath || scene?.goal || scene?.blocked || scene?.cues.length);
+    const isEmpty = !(
+      scene?.sweptPath ||
+      scene?.goal ||
+      scene?.blocked ||
+      scene?.cross ||
+      scene?.cues.length
+    );
+    this.marker.show(scene && eye && isOffered(state, "dock") ? dockSign(eye, scene.cues) : null);
     const key = scene && eye && !isEmpty ? keyOf(scene, eye) : "";
     if (key === this.drawn || !context) {
       return;
@@ -127,18 +166,42 @@ export class OverlayCanvas {
   }
 }
 
+/** The button on the sign of the charging station. */
+class DockMarker {
+  /** @param {GetElement} element @param {(action: string) => void} act */
+  constructor(element, act) {
+    this.button = element("dock-marker");
+    this.button.addEventListener("click", () => {
+      act(this.button.dataset.action ?? "");
+      backToDriving(element);
+    });
+  }
+
+  /** @param {Point | null} at CSS pixels of the stage; null hides it */
+  show(at) {
+    const size = TARGET / 2;
+    this.button.hidden = at === null;
+    if (at) {
+      this.button.style.transform = `translate(${at[0] - size}px, ${at[1] - size}px)`;
+    }
+  }
+}
+
+/**
+ * Where the sign of the charging station is drawn, CSS pixels.
+ * @param {import("./drawing.js").Eye} eye @param {import("./drawing.js").Cue[]} cues
+ */
+const dockSign = (eye, cues) => {
+  const station = cues.find(({ sign }) => sign === "");
+  return station ? signOf(eye, station.point) : null;
+};
+
 /** What the canvas shows. @param {import("./drawing.js").Scene | null} scene */
 const forTests = (scene) => {
-  const {
-    goal = null,
-    blocked = null,
-    sweptPath = null,
-    committed = false,
-    cues = [],
-  } = scene ?? {};
+  const { goal = null, cross = null, sweptPath = null, committed = false, cues = [] } = scene ?? {};
   const path = sweptPath?.slices.length ? (committed ? "path" : "held") : "";
   return {
-    shows: blocked ? "blocked" : goal ? "goal" : path,
+    shows: cross ? (goal ? "beside" : "blocked") : goal ? "goal" : path,
     goal: goal?.map((value) => value.toFixed(3)).join(" ") ?? "",
     cues: cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join(),
   };
@@ -148,7 +211,7 @@ const forTests = (scene) => {
  * A key of the drawing.
  * @param {import("./drawing.js").Scene} scene @param {import("./drawing.js").Eye} eye
  */
-const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {
+const keyOf = ({ sweptPath, goal, blocked, cross, cues }, { moment, box }) => {
   const end = sweptPath?.slices.at(-1);
   const parts = [
     moment.x,
@@ -158,6 +221,7 @@ const keyOf = ({ sweptPath, goal, blocked, cues }, { moment, box }) => {
     ...(end?.left ?? []),
     end?.clearance ?? 0,
     ...(goal ?? []),
+    ...(cross ?? []),
     ...(blocked ? [blocked.x, blocked.y, blocked.theta] : []),
     sweptPath?.slices.length ?? 0,
     box.scale,

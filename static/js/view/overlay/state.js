@@ -1,10 +1,11 @@
 /** The overlay's slice of the page's state. */
 
 /**
- * @typedef {{goal: Point, at: Place}} Refusal a pressed point, and where the robot would touch an
- *   obstacle before it
- * @typedef {{word: string, at: number, until: number, refused?: Refusal | null,
- *   values?: Record<string, string>}} Said `until` it can have been read
+ * @typedef {{word: string, at: number, until: number, values?: Record<string, string>}} Said
+ *   `until` it can have been read
+ * @typedef {Said & {spot: Point, goal: Point | null, route: Point[]}} PointNote the answer beside
+ *   a pressed point: `spot` in CSS pixels of the stage, and where the robot can go instead, m, with
+ *   its route
  */
 
 export const newSlice = () => ({
@@ -16,6 +17,8 @@ export const newSlice = () => ({
   stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
   /** the answer to the visitor's last input */
   said: /** @type {Said | null} */ (null),
+  /** the answer to a press that the robot cannot follow; it lasts while the point is pressed */
+  pointNote: /** @type {PointNote | null} */ (null),
   /** the maneuver that the page drives: to a goal, a turn, or out of the dock */
   maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
 });

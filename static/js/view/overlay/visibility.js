@@ -3,16 +3,26 @@
 const BEHIND = 0.15; // m: a point nearer to an obstacle is at its foot
 
 /**
- * Whether a wall of the plan is between two points. A doorway is a hole, also with its door closed.
+ * How far the nearest wall of the plan is between two points. A doorway is a hole, also with its
+ * door closed.
+ * @param {any} plan @param {Point} from @param {Point} to @returns {number} m; infinite without one
+ */
+export const wallBefore = (plan, from, to) => {
+  const holes = [...(plan?.doors ?? []), ...(plan?.passages ?? [])];
+  const crossings = (plan?.walls ?? []).map((/** @type {any} */ { start, end }) => {
+    const at = crossing(from, to, start, end);
+    return at === null || holes.some((hole) => isOn(at, hole.start, hole.end))
+      ? Infinity
+      : Math.hypot(at[0] - from[0], at[1] - from[1]);
+  });
+  return Math.min(Infinity, ...crossings);
+};
+
+/**
+ * Whether a wall of the plan is between two points.
  * @param {any} plan @param {Point} from @param {Point} to
  */
-export const hidesWall = (plan, from, to) => {
-  const holes = [...(plan?.doors ?? []), ...(plan?.passages ?? [])];
-  return (plan?.walls ?? []).some((/** @type {any} */ { start, end }) => {
-    const at = crossing(from, to, start, end);
-    return at !== null && !holes.some((hole) => isOn(at, hole.start, hole.end));
-  });
-};
+export const hidesWall = (plan, from, to) => wallBefore(plan, from, to) < Infinity;
 
 /**
  * Where two segments cross.
@@ -35,10 +45,11 @@ const isOn = ([x, y], [ax, ay], [bx, by]) => {
 };
 
 /**
- * Whether the laser met something before a point, in its direction.
+ * How far away the laser met something before a point, in its direction.
  * @param {Point[]} seen m, robot's frame @param {Point} point m, robot's frame
+ * @returns {number} m; infinite without an obstacle
  */
-export const isBehind = (seen, point) => {
+export const obstacleBefore = (seen, point) => {
   const [bearing, distance] = [Math.atan2(point[1], point[0]), Math.hypot(...point)];
   // A little beside the line is still on it: beams are apart, by a degree or two.
   const before = seen.filter(
@@ -46,7 +57,6 @@ export const isBehind = (seen, point) => {
       Math.abs(Math.atan2(y, x) - bearing) * Math.hypot(x, y) < 0.03 + 0.01 * Math.hypot(x, y) &&
       Math.hypot(x, y) > 0.3,
   );
-  return (
-    before.length > 0 && Math.min(...before.map((one) => Math.hypot(...one))) + BEHIND < distance
-  );
+  const nearest = Math.min(Infinity, ...before.map((one) => Math.hypot(...one)));
+  return nearest + BEHIND < distance ? nearest : Infinity;
 };

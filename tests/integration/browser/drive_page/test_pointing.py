@@ -6,13 +6,21 @@ import math
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 import pytest
 from playwright.async_api import Browser, Page
 
 from robots.agent.safety.permissions import CommandSender
 from robots.api.geometry import wrap_angle
-from robots.api.messages import Goto, Stop, VelocityCommand
+from robots.api.messages import (
+    Dock,
+    Goto,
+    RoutePreview,
+    RouteRequest,
+    Stop,
+    VelocityCommand,
+)
 from robots.world.sites import load_plan
 from tests.support.browsers.drive_page import (
     PAD,
@@ -67,7 +75,7 @@ async def goal(page: Page) -> tuple[float, float]:
 async def test_press_shows_the_path_and_its_release_drives_or_turns(browser):
     async with at(browser, "corridor-centre") as (page, site):
         await page.mouse.click(*await place(page, 0.5, 0.04))
-        await page.wait_for_selector("#alert[data-word='point.sky']")
+        await page.wait_for_selector("#point-note[data-word='point.sky']")
         assert not site.applied
         await page.mouse.move(*await place(page, 0.5, 0.8))
         await page.mouse.down()
@@ -84,20 +92,32 @@ async def test_press_shows_the_path_and_its_release_drives_or_turns(browser):
         assert not stops(site)
 
 
-async def test_reason_for_a_refused_press_stays_readable_while_driving_on(browser):
+async def test_refused_press_is_marked_and_explained_at_the_point_while_it_is_held(browser):
     async with at(browser, "lab-before-door") as (page, site):
-        await page.mouse.click(*await place(page, 0.5, 0.85))
-        await until(lambda: [c for _, c in site.applied if c.linear > 0.05])
-        await page.mouse.click(*await place(page, 0.2, 0.62))  # the wall beside the door
-        await page.wait_for_selector("#alert[data-word^='point.']")
-        shown, drawn = time.monotonic(), 0.0
-        while await page.is_visible("#alert[data-word^='point.']"):
-            if await page.get_attribute("#overlay", "data-shows") == "blocked":
-                drawn = time.monotonic()
-            assert time.monotonic() - shown < PATIENCE_MS / 1000
-            await page.wait_for_timeout(200)
-        assert time.monotonic() - shown > 7.0
-        assert drawn - shown > 6.0
+        x, y = await place(page, 0.2, 0.62)  # the wall beside the door
+        await page.mouse.move(x, y)
+        await page.mouse.down()
+        await page.wait_for_selector("#point-note[data-word='point.wall']", timeout=PATIENCE_MS)
+        await page.wait_for_selector("#overlay[data-shows=blocked]", timeout=PATIENCE_MS)
+        note = await page.locator("#point-note").bounding_box()
+        assert note is not None
+        assert math.hypot(note["x"] + note["width"] / 2 - x, note["y"] + note["height"] - y) < 180
+        assert not note["y"] < y < note["y"] + note["height"], "the point is covered"
+        assert not await page.is_visible("#hints")
+        await page.mouse.up()
+        assert await page.is_visible("#point-note")
+        await page.wait_for_selector("#point-note", state="hidden", timeout=PATIENCE_MS)
+        assert not site.applied
+
+
+async def test_robot_that_a_held_press_drove_says_why_it_stops_at_the_release(browser):
+    async with at(browser, "corridor-centre") as (page, site):
+        await page.mouse.move(*await place(page, 0.5, 0.7))
+        await page.mouse.down()
+        await until(lambda: [c for c in commands(site, "mouse") if c.linear > 0.0])
+        await page.mouse.up()
+        await page.wait_for_selector("#alert[data-word='point.let_go']", timeout=PATIENCE_MS)
+        await until(lambda: stands(site))
 
 
 async def test_key_overrides_mouse_gamepad_overrides_key_and_unplugging_stops(browser):
@@ -198,17 +218,70 @@ async def test_turn_around_by_button_and_key_ends_nearly_opposite(browser):
         await until(lambda: stands(site))
 
 
-@pytest.mark.nightly
-async def test_blocked_press_is_shown_and_the_robot_offers_to_drive_around(browser):
+class RoutingPage(PresentRobotPage):
+    """A robot that answers every route request with `points` and `reason`."""
+
+    def __init__(self, **options: Any) -> None:
+        able = (*CAPABILITIES, "goto", "dock")
+        super().__init__(start="lab-before-door", capabilities=able, **options)
+        self.points: tuple[tuple[float, float], ...] = ()
+        self.reason = ""
+        self.factsheet |= {"previewsRoutes": True}
+
+    def _command(self, suffix: str, message: Any, sender: CommandSender, peer: str) -> None:
+        if not isinstance(message, RouteRequest):
+            super()._command(suffix, message, sender, peer)
+            return
+        points = self.points or ((message.x, message.y),)
+        here = self.simulation.pose
+        answer = {"points": ((here.x, here.y), *points), "reason": self.reason}
+        if self.reason == "no_way":
+            answer["points"] = ()
+        known = {"request_id": message.request_id, "stamp": time.time()}
+        self._say("route", RoutePreview(**known, **answer))
+
+
+@asynccontextmanager
+async def routing(browser: Browser) -> AsyncIterator[tuple[Page, RoutingPage]]:
     plan, _ = load_plan("office")
-    scene = SceneSource(plan, 5.0)
-    able = (*CAPABILITIES, "goto")
-    with PresentRobotPage(camera=scene, start="lab-before-door", capabilities=able) as site:
+    with RoutingPage(camera=SceneSource(plan, 5.0)) as site:
         async with driven(browser, site, WIDE) as page:
-            # a wall of the laboratory, beside its door
-            await page.mouse.click(*await place(page, 0.2, 0.62))
-            await page.wait_for_selector("#overlay[data-shows=blocked]", timeout=PATIENCE_MS)
-            await page.get_by_role("button", name="Drive around it").click()
-            (goto,) = await until(lambda: actions(site, Goto))
-            assert None not in (goto.x, goto.y)
-            assert await page.get_by_role("button", name="Drive around it").count() == 0
+            yield page, site
+
+
+async def test_place_beside_a_pressed_wall_is_offered_with_its_route_and_driven_to(browser):
+    async with routing(browser) as (page, site):
+        here = site.simulation.pose
+        site.points, site.reason = ((here.x, here.y - 0.8),), "in_wall"
+        await page.mouse.move(*await place(page, 0.2, 0.62))  # the wall beside the door
+        await page.mouse.down()
+        await page.wait_for_selector("#overlay[data-shows=beside]", timeout=PATIENCE_MS)
+        assert not await page.is_visible("#point-note-main"), "a button under the finger"
+        await page.mouse.up()
+        await page.get_by_role("button", name="Drive up to it").click()
+        (goto,) = await until(lambda: actions(site, Goto))
+        assert math.dist((goto.x, goto.y), site.points[0]) < 0.01
+        await page.wait_for_selector("#point-note", state="hidden")
+
+
+async def test_no_way_around_is_offered_where_the_robot_has_no_route(browser):
+    async with routing(browser) as (page, site):
+        site.reason = "no_way"
+        await page.mouse.click(*await place(page, 0.2, 0.62))
+        await page.wait_for_selector("#point-note[data-word='reason.no_way']", timeout=PATIENCE_MS)
+        assert not await page.is_visible("#point-note-main")
+        assert not actions(site, Goto)
+
+
+async def test_marker_of_the_station_in_the_video_is_a_button_that_docks(browser):
+    async with routing(browser) as (page, site):
+        marker = page.get_by_role("button", name="Drive to the charging station and dock")
+        # the robot looks for its station, which is marked when it is in sight
+        turns = "() => document.getElementById('dock-marker').hidden"
+        await page.keyboard.down("ArrowLeft")
+        await page.wait_for_function(f"() => !({turns})()", timeout=PATIENCE_MS)
+        await page.keyboard.up("ArrowLeft")
+        await until(lambda: stands(site))
+        await marker.focus()
+        await page.keyboard.press("Enter")
+        await until(lambda: actions(site, Dock))

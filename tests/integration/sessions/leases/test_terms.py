@@ -14,6 +14,7 @@ from sessions.leases.transitions import RobotLink, SetState
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from sessions.protocol import Ended
+from sessions.views import page_config
 from tests.support.browsers.pages import Page
 from tests.support.robots import online_robot, update_robots
 from tests.support.sessions.rows import NOW, after, session_row
@@ -210,6 +211,14 @@ class TestFirstDrive:
         assert taken.lease.assist == "slow"
         queries.choose_assist(taken.session, "off", peer="peer-1", now=after(1))
         assert take(giraff, ana).lease.assist == "off"
+
+    def test_page_shows_the_level_that_the_drive_will_begin_with(self, giraff, ana):
+        assert page_config(giraff, ana)["assist"] == take(giraff, ana).lease.assist == "slow"
+
+    def test_page_shows_the_owners_level_where_that_applies(self, giraff, ana):
+        Robot.objects.update(assist="steer")
+        giraff.refresh_from_db()
+        assert page_config(giraff, ana)["assist"] == "steer"
 
     def test_visitor_who_has_driven_before_gets_the_robots_own_level(self, giraff, ana):
         Session.objects.create(

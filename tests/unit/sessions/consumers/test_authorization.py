@@ -46,6 +46,7 @@ SUFFIXES_OF_KINDS = {
     m.CommandHeartbeat: "command/heartbeat",
     m.PictureRequest: "command/picture",
     m.PointCommand: "command/point",
+    m.RouteRequest: "command/route",
     protocol.PageEvent: "page/event",
     protocol.PageNetwork: "page/network",
     protocol.Take: "session/take",
@@ -390,7 +391,7 @@ def test_a_late_copy_of_a_drivers_stop_names_the_drive_that_has_ended(kind, make
 
 SUFFIXES = st.sampled_from(["signal", "lease", ""]) | st.text(max_size=20)
 SUFFIXES |= st.sampled_from(["command/velocity", "command/heartbeat", "command/action"])
-SUFFIXES |= st.sampled_from(["command/point", "session/take", "page/event"])
+SUFFIXES |= st.sampled_from(["command/point", "command/route", "session/take", "page/event"])
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
     lambda inner: (
@@ -432,6 +433,15 @@ MESSAGES = st.one_of(
         peer=st.sampled_from([PEER, "x"]),
     ),
     st.builds(
+        m.RouteRequest,
+        request_id=st.just("r1"),
+        stamp=st.just(1.0),
+        x=st.floats(-5, 5),
+        y=st.just(0.0),
+        session=st.sampled_from([None, "x"]),
+        epoch=st.integers(0, 20),
+    ),
+    st.builds(
         m.SdpOffer,
         sdp=st.just("v=0"),
         role=st.sampled_from(["driver", "observer", "screen"]),
@@ -469,6 +479,9 @@ def test_claims_of_a_page_about_itself_do_not_reach_the_robot(message, place, op
             assert place == "driver"
             assert (sent.session, sent.epoch) == (SESSION, 7)
             assert math.isfinite(sent.linear)
+        elif isinstance(sent, m.RouteRequest):
+            assert place == "driver"
+            assert (sent.session, sent.epoch) == (SESSION, 7)
         elif isinstance(sent, m.PointCommand):
             assert (place, sent.role, sent.peer) == ("driver", "driver", PEER)
             assert (sent.session, sent.epoch) == (SESSION, 7)
