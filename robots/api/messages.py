@@ -447,6 +447,7 @@ class Event(Message, frozen=True, kw_only=True):
         "estop",
         "estop_cleared",
         "stopped",
+        "released",
         "photo",
         "session_closed",
         "lease_taken",

@@ -20,6 +20,9 @@ from django.db import DatabaseError
 from django.db.models import Q
 from django.dispatch import Signal
 
+from accounts import audit
+from accounts.interventions import SITE_CHANGED
+from accounts.models import AuditEntry
 from robots.api import codec, topics
 from robots.models import Robot
 from robots.process import log_ids
@@ -116,6 +119,8 @@ class Scheduler:
         names = Robot.objects.values_list("name", flat=True)
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
         self._last_notice, self._warned = {}, {}
+        if self._ownership.owns_site:
+            _note_version(settings.VERSION)
 
     def _follow_changes(self, now: datetime.datetime) -> None:
         """Forget robots that have moved to another session manager. For newly acquired robots,
@@ -432,6 +437,14 @@ class Scheduler:
             outcome=session.outcome,
             reason=session.outcome_reason,
         )
+
+
+def _note_version(version: str) -> None:
+    """Note in the log of interventions that this version serves the site, once."""
+    rows = AuditEntry.objects.filter(act=SITE_CHANGED).order_by("-at")
+    before = rows.values_list("detail", flat=True).first()
+    if before != version:
+        audit.note(SITE_CHANGED, role="server", detail=version, data={"version": [before, version]})
 
 
 def _is_warned(session: str, ends_at: int) -> bool:

@@ -117,6 +117,8 @@ class Actions:
         self._waiting: Action | None = None  # until the robot is at rest
         # statuses that become true when the robot is at rest and the RCA has confirmed the end
         self._final: dict[str, ActionStatus] = {}
+        self._waits_for_release = False  # a stop was reported, its release was not
+        self._cleared_by = ""  # the role that cleared it, if not its driver
         self._owned = OwnedActions(adapter, spawn, self._ends_changed)
 
     def tick(self) -> None:
@@ -124,6 +126,7 @@ class Actions:
         ended.
         """
         self._begin_waiting()
+        self._report_release()
         kernel = self._kernel
         if not self._final or kernel.is_end_unconfirmed:
             return
@@ -131,6 +134,16 @@ class Actions:
             final, self._final = self._final, {}
             for status in final.values():
                 self._end(status)
+
+    def _report_release(self) -> None:
+        """Report that the robot may move again after a stop that held it."""
+        if self._waits_for_release and self._kernel.is_released:
+            self._waits_for_release = False
+            self._reports.event("released", detail=self._cleared_by or "driver")
+
+    def _note_hold(self) -> None:
+        """Note a stop whose release is to be reported."""
+        self._waits_for_release, self._cleared_by = not self._kernel.is_released, ""
 
     def _begin_waiting(self) -> None:
         """Start the waiting navigation once the kernel allows it: the robot is at rest, and the
@@ -279,10 +292,12 @@ class Actions:
     def _stopped(self, action: Stop | EStop, *, obeyed: bool) -> None:
         if obeyed:
             self._reports.event("stopped", action_id=action.action_id, detail=action.role)
+            self._note_hold()
         self._reports.send_soon()
         self._out.send("action", self._status(action, "FINISHED"))
 
     def _latched(self, detail: str, action: EStop | None) -> None:
+        self._note_hold()
         latch = self._kernel.latch
         source = latch.label if latch else ""
         log.warning("estop", source=source, detail=detail)
@@ -325,6 +340,7 @@ class Actions:
     def _clear_estop(self, action: ClearEStop) -> None:
         was = self._kernel.latch
         self._kernel.clear_estop(self._times.now())
+        self._cleared_by = action.role if self._kernel.is_released else ""
         self._history.record(self._status(action, "RUNNING"))
         if was is not None:
             by = f"{action.role}:{action.user}"

@@ -51,9 +51,9 @@ export interface Path { stamp: number; points: Array<[number, number]> }
 export interface Event { stamp: number; boot: string; seq: number; session: string | null;
   epoch: number; type: "adapter_back" | "adapter_lost" | "charging" | "collision" | "docked" |
   "door_changed" | "estop" | "estop_cleared" | "goal_blocked" | "goal_reached" | "lease_expired" |
-  "lease_taken" | "localization_found" | "localization_lost" | "photo" | "session_closed" |
-  "stopped" | "undocked"; actionId: string | null; sha256: string | null; lastSeq: number | null;
-  detail: string }
+  "lease_taken" | "localization_found" | "localization_lost" | "photo" | "released" |
+  "session_closed" | "stopped" | "undocked"; actionId: string | null; sha256: string | null;
+  lastSeq: number | null; detail: string }
 export interface ActionStatus { actionId: string; status: "CANCELLED" | "FAILED" | "FINISHED" |
   "RUNNING" | "WAITING"; stamp: number; type: string; reason: string; result: Record<string, number
   | string | boolean | null> }

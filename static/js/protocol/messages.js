@@ -87,9 +87,9 @@ const Path = object({ stamp, points: list(point, 2000) });
 const Event = object({ stamp, boot: id, seq: count, session: absent(id), epoch: optional(count, 0),
   type: oneOf("adapter_back", "adapter_lost", "charging", "collision", "docked", "door_changed",
   "estop", "estop_cleared", "goal_blocked", "goal_reached", "lease_expired", "lease_taken",
-  "localization_found", "localization_lost", "photo", "session_closed", "stopped", "undocked"),
-  actionId: absent(id), sha256: absent(text(64)), lastSeq: absent(count), detail: optional(reason,
-  "") });
+  "localization_found", "localization_lost", "photo", "released", "session_closed", "stopped",
+  "undocked"), actionId: absent(id), sha256: absent(text(64)), lastSeq: absent(count),
+  detail: optional(reason, "") });
 const actionState = oneOf("CANCELLED", "FAILED", "FINISHED", "RUNNING", "WAITING");
 const ActionStatus = object({ actionId: id, status: actionState, stamp, type: optional(name, ""),
   reason: optional(reason, ""), result: optional(dictionary(scalar, 16), {}) });
