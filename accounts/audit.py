@@ -60,7 +60,7 @@ def entry(
         study: the study's name.
         thing: the id or name of what it was done to.
         detail: a few more words, none of them about a person.
-        role: as what somebody intervened (accounts/interventions.py).
+        role: of who intervened in a robot's safety (accounts/interventions.py).
         data: figures and values, none of them about a person.
         at: when; now by default.
         pk: the same for every copy of one message; a new one by default.

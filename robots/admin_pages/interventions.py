@@ -47,7 +47,7 @@ ROLES = {
 
 
 def role_of(user: Any, robot: Robot) -> str:
-    """Return as what somebody who may change a robot does so."""
+    """Return the role in which a user who may change a robot does so."""
     return "owner" if robot.owner_id == user.pk else "staff"
 
 

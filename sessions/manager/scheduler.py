@@ -51,6 +51,7 @@ from sessions.leases.transitions import (
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Notice, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 from sessions.recording.items import CloseItem
+from sessions.safety_test import course
 from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
 logger = structlog.stdlib.get_logger(__name__)
@@ -370,6 +371,9 @@ class Scheduler:
         if self._count_renewal(lease):
             self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
             self._publish_lease(lease.robot.name, codec.encode(message_of(lease, now)))
+            if (order := course.order_of(lease, now)) is not None:
+                topic = topics.of(lease.robot.name, "command/action")
+                self.outbox.append(ManagerMessage(topic, codec.encode(order)))
 
     def _count_renewal(self, lease: Lease) -> bool:
         """Give the next copy its number; False when the lease has changed since it was read.

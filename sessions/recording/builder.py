@@ -288,9 +288,8 @@ class RecordBuilder:
 
 def _intervention(robot: str, event: Event, session: str | None, now: float) -> AuditEntry:
     """Return the entry of an event: who it was as a role, because `detail` may name people."""
-    source, _, rest = event.detail.partition(" ")
-    role, _, _ = source.partition(":")
-    is_test = rest == interventions.SAFETY_TEST
+    role = event.detail.partition(" ")[0].partition(":")[0]
+    is_test = event.detail.endswith(f" {interventions.SAFETY_TEST}")
     return audit.entry(
         event.type,
         pk=key_of(robot, event.type, event.stamp, event.boot, event.seq, event.action_id),

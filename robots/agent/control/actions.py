@@ -15,6 +15,7 @@ from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
+from robots.agent.control.safety_test import SafetyTestParams, SafetyTestRun
 from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
 from robots.agent.media.photos import encode_jpeg
 from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
@@ -39,6 +40,7 @@ from robots.api.messages import (
     Photo,
     Receipt,
     ResendStates,
+    SafetyTest,
     Say,
     Stop,
     Undock,
@@ -118,6 +120,7 @@ class Actions:
         # statuses that become true when the robot is at rest and the RCA has confirmed the end
         self._final: dict[str, ActionStatus] = {}
         self._waits_for_release = False  # a stop was reported, its release was not
+        self.safety_test: SafetyTestRun | None = None
         self._cleared_by = ""  # the role that cleared it, if not its driver
         self._owned = OwnedActions(adapter, spawn, self._ends_changed)
 
@@ -334,6 +337,8 @@ class Actions:
                 self._call(action)
             case Knock():
                 self._knock(action)
+            case SafetyTest():
+                self._begin_safety_test(action)
             case _:
                 self._hand_over(action)
 
@@ -422,6 +427,35 @@ class Actions:
     def _not_started(self, action: Action, reason: str) -> None:
         self._kernel.navigation_ended(action.action_id)
         self._answer(action, "FAILED", reason)
+
+    def _begin_safety_test(self, action: SafetyTest) -> None:
+        """Start a test of the safety functions, or report why the robot cannot have one now."""
+        kernel, now = self._kernel, self._times.now()
+        lease = kernel.leases.live(now)
+        if lease is None or lease.peer != action.action_id or self.safety_test is not None:
+            self._answer(action, "FAILED", "no_lease")
+        elif self._reports.docked or self._reports.reading.charger_contact:
+            self._answer(action, "FAILED", ReasonCode.DOCKED)
+        elif reason := kernel.fault or (kernel.latch and "estop"):
+            self._answer(action, "FAILED", reason)
+        elif kernel.is_held_by_person:
+            self._answer(action, "FAILED", ReasonCode.STOPPED)
+        elif kernel.navigation is not None or kernel.is_end_unconfirmed:
+            self._answer(action, "FAILED", "navigating")
+        else:
+            log.warning("safety_test", by=action.role)
+            self._answer(action, "RUNNING")
+            self.safety_test = SafetyTestRun(action, kernel, lease, now, SafetyTestParams())
+
+    def end_safety_test(self) -> None:
+        """Report the end of the test, if it has ended; a cancelled one has been reported."""
+        run = self.safety_test
+        if run is not None and run.state != "RUNNING":
+            self.safety_test = None
+            self._answer(run.action, run.state, run.reason, run.result)
+
+    def runs(self, action_id: str) -> bool:
+        return self._history.runs(action_id)
 
     def _photo(self, action: Photo) -> None:
         if self._photos >= PHOTOS_AT_ONCE:

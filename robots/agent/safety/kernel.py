@@ -452,6 +452,11 @@ class Kernel:
         return self.latch is None and self._hold is None
 
     @property
+    def is_held_by_person(self) -> bool:
+        """Tell whether a person's stop waits for its release, also without a lease."""
+        return self._hold is not None and self._hold.by_person
+
+    @property
     def commanded(self) -> Velocity:
         """The velocity that the base was last sent."""
         return self._sent

@@ -2,9 +2,9 @@
 
 export interface Factsheet { name: string; series: string; rca: string; agentVersion: string;
   boot: string; capabilities: Array<"assist" | "audio" | "call" | "dock" | "doors" | "follow" |
-  "goto" | "localization" | "network_lab" | "photo" | "point" | "relocalize" | "say" | "scan" |
-  "tilt" | "undock" | "velocity" | "video">; limits: Limits; footprint: Array<[number, number]>;
-  camera: Camera | null; tilt: TiltRange | null; laser: Laser | null; mapId: string;
+  "goto" | "localization" | "network_lab" | "photo" | "point" | "relocalize" | "safety_test" | "say"
+  | "scan" | "tilt" | "undock" | "velocity" | "video">; limits: Limits; footprint: Array<[number,
+  number]>; camera: Camera | null; tilt: TiltRange | null; laser: Laser | null; mapId: string;
   watchdog: number; viewers: number; navigationControl: string; adapter: string; driver: string }
 export interface Limits { linear: number; reverse: number; angular: number;
   linearAcceleration: number; angularAcceleration: number; linearBraking: number;

@@ -8,8 +8,8 @@ import {
 const id = matching(/^[A-Za-z0-9_-]{1,64}$/);
 const name = text(120);
 const capability = oneOf("assist", "audio", "call", "dock", "doors", "follow", "goto",
-  "localization", "network_lab", "photo", "point", "relocalize", "say", "scan", "tilt", "undock",
-  "velocity", "video");
+  "localization", "network_lab", "photo", "point", "relocalize", "safety_test", "say", "scan",
+  "tilt", "undock", "velocity", "video");
 const positive = number(5e-324, 1000);
 const Limits = object({ linear: positive, reverse: positive, angular: positive,
   linearAcceleration: positive, angularAcceleration: positive, linearBraking: positive,
