@@ -95,6 +95,10 @@ def _details(data: dict[str, Any]) -> Iterator[str]:
                 yield from (_change(key, before.get(key), after.get(key)) for key in changed)
             case [before, after]:
                 yield _change(name, before, after)
+            case dict():
+                yield from (f"{key}: {_text(one)}" for key, one in value.items() if one != "")
+            case "":
+                continue
             case _:
                 yield f"{name}: {_text(value)}"
 

@@ -23,7 +23,7 @@ from sessions.leases.store import TakeGranted, load_scene
 from sessions.leases.terms import Provider, Terms
 from sessions.models import Lease, Session
 from sessions.protocol import Queued
-from sessions.safety_test.rules import TestConditions, WhyNot, why_not
+from sessions.safety_test.rules import UNDOCK, TestConditions, WhyNot, why_not
 
 LABEL = PEER = interventions.SAFETY_TEST
 SPEED = 0.15  # m/s, unless the robot's own limit is lower
@@ -51,7 +51,7 @@ class SafetyTestTerms(Provider):
             label=LABEL,
             linear=SPEED,
             assist="slow",
-            actions=(),
+            actions=(UNDOCK,),
             controllers=("script",),
             control_way="mqtt",
             turn_seconds=LONGEST,

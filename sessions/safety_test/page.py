@@ -5,6 +5,7 @@ from typing import Any
 from django.contrib import messages
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.utils import timezone
+from django.utils.formats import number_format
 from django.utils.translation import gettext, gettext_lazy as _
 
 from accounts.models import AuditEntry
@@ -66,6 +67,7 @@ def safety_test_page(page: RobotPage, request: HttpRequest, robot: Robot) -> Htt
         "running": session is not None,
         "is_lost": session is not None and not robot.is_online(now),
         "against": AGAINST.get(reason, reason),
+        "is_docked": (robot.presence.report or {}).get("docked"),
         "centimetres": MOST_CM,
         "results": [described(row) for row in course.results_of(robot.name)[:RESULTS_SHOWN]],
     }
@@ -95,9 +97,9 @@ def described(row: AuditEntry) -> dict[str, Any]:
         "stops": [
             {
                 "title": title,
-                "seconds": figures[f"{name}_s"],
-                "metres": figures[f"{name}_m"],
-                "within": figures.get(f"{name}_within_s"),
+                "seconds": _with_unit(figures[f"{name}_s"], "s"),
+                "metres": _with_unit(figures[f"{name}_m"], "m"),
+                "within": _with_unit(figures[f"{name}_within_s"], "s"),
                 "holds": figures.get(f"{name}_holds"),
             }
             for name, title in STOPS.items()
@@ -109,3 +111,7 @@ def described(row: AuditEntry) -> dict[str, Any]:
             f"{name} {version}" for name, version in data.get("versions", {}).items() if version
         ),
     }
+
+
+def _with_unit(figure: float, unit: str) -> str:
+    return f"{number_format(figure, 2)}\u00a0{unit}"

@@ -6,7 +6,7 @@ from typing import Any, Literal
 from robots.presence.report import safety_of, standstill_of
 from sessions.leases.policy import Scene
 
-CAPABILITY = "safety_test"
+CAPABILITY, UNDOCK = "safety_test", "undock"
 WhyNot = Literal[
     "",
     "offline",
@@ -51,7 +51,8 @@ def _why_not_moved(robot: TestConditions) -> WhyNot:
     report = robot.report
     if robot.was_stopped or safety_of(report).get("inhibited") == "stopped":
         return "stopped"
-    if report.get("docked") or (report.get("battery") or {}).get("charging"):
+    is_charging = report.get("docked") or (report.get("battery") or {}).get("charging")
+    if is_charging and UNDOCK not in robot.capabilities:
         return "docked"
     is_busy = report.get("mode") in {"goto", "docking"}
     return "navigating" if is_busy or robot.is_returning else ""

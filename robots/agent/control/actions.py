@@ -15,7 +15,7 @@ from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
-from robots.agent.control.safety_test import SafetyTestParams, SafetyTestRun
+from robots.agent.control.safety_test import SafetyTestRun
 from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
 from robots.agent.media.photos import encode_jpeg
 from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
@@ -432,9 +432,10 @@ class Actions:
         """Start a test of the safety functions, or report why the robot cannot have one now."""
         kernel, now = self._kernel, self._times.now()
         lease = kernel.leases.live(now)
+        docked = self._reports.docked or bool(self._reports.reading.charger_contact)
         if lease is None or lease.peer != action.action_id or self.safety_test is not None:
             self._answer(action, "FAILED", "no_lease")
-        elif self._reports.docked or self._reports.reading.charger_contact:
+        elif docked and "undock" not in kernel.capabilities:
             self._answer(action, "FAILED", ReasonCode.DOCKED)
         elif reason := kernel.fault or (kernel.latch and "estop"):
             self._answer(action, "FAILED", reason)
@@ -445,7 +446,9 @@ class Actions:
         else:
             log.warning("safety_test", by=action.role)
             self._answer(action, "RUNNING")
-            self.safety_test = SafetyTestRun(action, kernel, lease, now, SafetyTestParams())
+            self.safety_test = SafetyTestRun(
+                action, kernel, lease, now, status_of=self._history.of, docked=docked
+            )
 
     def end_safety_test(self) -> None:
         """Report the end of the test, if it has ended; a cancelled one has been reported."""

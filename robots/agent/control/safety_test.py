@@ -5,10 +5,11 @@ heartbeats, velocities and stops by the path that those of a page take over the 
 lease that no page has. The kernel therefore does what it does in every drive,
 and the test only reads the kernel.
 
-Three times the robot drives slowly and is stopped: by silence of the driver, by a stop, by an
-emergency stop. Measured from the last velocity, or from the stop, until the base's own readings
-show it at rest: seconds and metres. After the two stops the driver's velocities must not move the
-robot before the stop is released. All the while the driver asks for more than the lease allows.
+A docked robot first leaves its station. Three times the robot drives slowly and is stopped: by
+silence of the driver, by a stop, by an emergency stop. Measured from the last velocity, or from the
+stop, until the base's own readings show it at rest: seconds and metres. After the two stops the
+driver's velocities must not move the robot before the stop is released. All the while the driver
+asks for more than the lease allows.
 """
 
 from collections.abc import Callable, Generator
@@ -19,8 +20,10 @@ from robots.agent.control.stopping import SpeedSample, stopped_after, travelled
 from robots.agent.safety.kernel import Kernel
 from robots.agent.timing import Cadence
 from robots.api.messages import (
+    ENDED,
     Action,
     ActionState,
+    ActionStatus,
     ClearEStop,
     CommandHeartbeat,
     Echo,
@@ -29,6 +32,7 @@ from robots.api.messages import (
     Lease,
     SafetyTest,
     Stop,
+    Undock,
     VelocityCommand,
 )
 from robots.api.reasons import ReasonCode
@@ -52,6 +56,7 @@ class SafetyTestParams:
     stopping: float = 4.0  # s after which it does not stop at all
     held: float = 0.6  # s in which velocities must not move a stopped robot
     waiting: float = 5.0  # s for a clock, rest, or a release
+    undocking: float = 60.0  # s
     tolerance: float = 0.25  # s of braking and between two readings, beyond what is computed
     overspeed: float = 1.1  # times the limit that counts as exceeded
 
@@ -61,12 +66,25 @@ class EndedEarlyError(Exception):
 
 
 class SafetyTestRun:
-    """One test. `messages` is called in every tick of the control loop until `state` is an end."""
+    """One test. `messages` is called in every tick of the control loop until `state` is an end.
+
+    `status_of` returns the newest status of an action by its id; a `docked` robot is undocked.
+    """
 
     def __init__(
-        self, action: SafetyTest, kernel: Kernel, lease: Lease, now: float, params: SafetyTestParams
+        self,
+        action: SafetyTest,
+        kernel: Kernel,
+        lease: Lease,
+        now: float,
+        *,
+        status_of: Callable[[str], ActionStatus | None],
+        docked: bool,
+        params: SafetyTestParams | None = None,
     ) -> None:
-        self.action, self._kernel, self._lease, self._params = action, kernel, lease, params
+        self.action, self._kernel, self._lease = action, kernel, lease
+        self._status_of, self._docked = status_of, docked
+        self._params = params or SafetyTestParams()
         self.state: ActionState = "RUNNING"
         self.reason = ""
         self.result: Result = {}
@@ -75,7 +93,7 @@ class SafetyTestRun:
         self._unix = 0.0
         self._seq = 0
         self._stops = {kernel.stop_id}  # the last one before, and the test's own
-        self._due = Cadence(params.period)
+        self._due = Cadence(self._params.period)
         self._course = self._run()
 
     def fail(self, reason: str) -> None:
@@ -126,6 +144,8 @@ class SafetyTestRun:
             lambda: self._clock_known and self._kernel.is_released, ReasonCode.CLOCK_UNKNOWN
         )
         yield from self._wait(lambda: self._kernel.is_at_rest, ReasonCode.SETTLING)
+        if self._docked:
+            yield from self._undock()
         limits, asked = self._kernel.limits, self._kernel.caps(self._now)
         self.result = {"limit": min(asked.linear, asked.reverse), "deadman": limits.deadman}
         yield from self._drive(1.0)
@@ -138,6 +158,19 @@ class SafetyTestRun:
         yield from self._measure("estop", 0.0, (press,))
         yield from self._stay("estop", (ClearEStop(**self._signed("c")),))
         self._judge()
+
+    def _undock(self) -> Course:
+        """Leave the charging station, as a driver would."""
+        fields = self._signed("u") | {"role": "driver", "stamp": self._unix}
+        order = Undock(**fields, session=self._lease.session, epoch=self._lease.epoch)
+        yield (order,)
+        ends = self._now + self._params.undocking
+        while (status := self._status_of(order.action_id)) is None or status.status not in ENDED:
+            if self._now > ends:
+                raise EndedEarlyError(ReasonCode.NO_ANSWER)
+            yield ()
+        if status.status != "FINISHED":
+            raise EndedEarlyError(status.reason or ReasonCode.FAILED)
 
     def _drive(self, direction: float) -> Course:
         """Drive for `driving` seconds, or `farthest` metres, whatever the first."""

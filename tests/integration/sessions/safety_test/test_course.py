@@ -79,7 +79,7 @@ def entry() -> AuditEntry:
 def test_a_test_has_the_robot_slowly_and_no_visitor_gets_it(session, giraff):
     lease = store.message_of(Lease.objects.get(), NOW)
     assert lease.peer.startswith("safety_test-")
-    assert (lease.limits.linear, lease.methods, lease.actions) == (0.15, ("script",), ())
+    assert (lease.limits.linear, lease.methods, lease.actions) == (0.15, ("script",), ("undock",))
     assert lease.assist == "slow"
     assert isinstance(store.take(giraff, person("ada"), "p1", now=after(1)), Queued)
     assert course.running(giraff) == session
@@ -229,7 +229,7 @@ def test_a_driven_robot_is_not_tested(here, address, giraff):
 def test_the_page_shows_figures_and_what_was_too_late(here, address, session):
     report(session, "FAILED", "too_late: silence", FIGURES)
     words = here.get(address).content.decode()
-    assert "0.41 s" in words
+    assert "0.41\u00a0s" in words
     assert "It stopped later than it must" in words
     assert "agent 0.9.0" in words
 

@@ -61,6 +61,11 @@ def test_a_robot_in_another_state_is_refused_with_the_reason(report, expected):
     assert reason(report=report) == expected
 
 
+def test_a_robot_that_leaves_its_station_by_itself_can_be_tested_there():
+    able = ("safety_test", "undock")
+    assert reason(report={"docked": True}, capabilities=able) == ""
+
+
 def test_a_robot_on_the_way_to_its_dock_one_that_was_stopped_and_an_old_agent_are_refused():
     assert reason(is_returning=True) == "navigating"
     assert reason(was_stopped=True) == "stopped"

@@ -8,7 +8,7 @@ from robots.agent.control.stopping import SpeedSample, travelled
 from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from tests.support.agents.control_rig import ControlRig, stamped
-from tests.support.agents.scripted_robot import ScriptedRobot, still
+from tests.support.agents.scripted_robot import PROFILE, ScriptedRobot, still
 
 LIMIT = 0.15
 
@@ -155,6 +155,27 @@ def test_it_does_not_start_on_the_charger(rig):
     rig.wait(lambda: rig.control._dispatcher.reports.reading.charger_contact)
     begin(rig)
     refused(rig, "docked")
+
+
+def test_a_robot_that_can_leave_its_station_does_so_first(tmp_path):
+    capabilities = (*PROFILE.capabilities, "undock")
+    robot = MovingBase(profile=replace(PROFILE, capabilities=capabilities))
+    with ControlRig(tmp_path, robot=robot) as rig:
+        robot.reading = still(charger_contact=True)
+        rig.wait(lambda: rig.control._dispatcher.reports.reading.charger_contact)
+        begin(rig, ttl=60.0, actions=("undock",))
+        assert ended(rig).status == "FINISHED"
+        assert [type(action) for action in robot.started] == [m.Undock]
+
+
+def test_a_robot_that_does_not_get_off_its_station_is_not_measured(tmp_path):
+    capabilities = (*PROFILE.capabilities, "undock")
+    robot = MovingBase(profile=replace(PROFILE, capabilities=capabilities), refuses="boxed_in")
+    with ControlRig(tmp_path, robot=robot) as rig:
+        robot.reading = still(charger_contact=True)
+        rig.wait(lambda: rig.control._dispatcher.reports.reading.charger_contact)
+        begin(rig, ttl=60.0, actions=("undock",))
+        assert ended(rig).reason == "boxed_in"
 
 
 def test_it_does_not_start_under_an_emergency_stop(rig):
