@@ -96,7 +96,7 @@ class PersonAdmin(ShownFilters, UserAdmin):
 class AuditAdmin(ReadOnlyAdmin):
     """For administrators alone because it is about everyone."""
 
-    list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
+    list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail", "role")
     list_filter = ("act", "at", "robot", "study")
     search_fields = ("=actor", "=person", "thing", "robot", "study")
     search_help_text = _("Search by the ID of a person or item, or the name of a robot or study.")

@@ -10,6 +10,7 @@ from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
+from accounts.interventions import INTERVENTIONS
 from accounts.models import AuditEntry
 
 # The acts that hand out copies of what was recorded of people, with their scope: everybody in the
@@ -28,7 +29,14 @@ COPIES: dict[str, Literal["study", "version", "session", "driver", "respondent"]
 }
 
 
-def note(
+def note(act: str, **about: Any) -> AuditEntry:
+    """Add an entry; the arguments are those of `entry`."""
+    row = entry(act, **about)
+    row.save(force_insert=True)
+    return row
+
+
+def entry(
     act: str,
     *,
     actor: Any = None,
@@ -37,9 +45,12 @@ def note(
     study: str = "",
     thing: Any = "",
     detail: str = "",
+    role: str = "",
+    data: dict[str, Any] | None = None,
     at: datetime.datetime | None = None,
+    pk: Any = None,
 ) -> AuditEntry:
-    """Add an entry.
+    """Return an entry that is not stored yet.
 
     Args:
         act: what was done, in snake_case.
@@ -49,9 +60,13 @@ def note(
         study: the study's name.
         thing: the id or name of what it was done to.
         detail: a few more words, none of them about a person.
+        role: of who intervened in a robot's safety (accounts/interventions.py).
+        data: figures and values, none of them about a person.
         at: when; now by default.
+        pk: the same for every copy of one message; a new one by default.
     """
-    return AuditEntry.objects.create(
+    return AuditEntry(
+        **({} if pk is None else {"pk": pk}),
         at=at or timezone.now(),
         act=act[:40],
         actor=_key(actor),
@@ -60,12 +75,26 @@ def note(
         study=study[:40],
         thing=str(getattr(thing, "pk", thing))[:80],
         detail=detail[:200],
+        role=role[:20],
+        data=data or {},
     )
 
 
 def forget(before: datetime.datetime, *, dry_run: bool = False) -> int:
-    """Delete the entries that are older, or count them. Nothing else deletes entries."""
+    """Delete the entries that are older, or count them; interventions stay, without the person
+    affected. Nothing but this and `forget_interventions` deletes entries.
+    """
     rows: QuerySet[AuditEntry] = QuerySet(AuditEntry).filter(at__lt=before)
+    others = rows.exclude(act__in=INTERVENTIONS)
+    if dry_run:
+        return others.count()
+    rows.filter(act__in=INTERVENTIONS).exclude(person=None).update(person=None)
+    return others.delete()[0]
+
+
+def forget_interventions(before: datetime.datetime, *, dry_run: bool = False) -> int:
+    """Delete the interventions that are older, or count them."""
+    rows: QuerySet[AuditEntry] = QuerySet(AuditEntry).filter(at__lt=before, act__in=INTERVENTIONS)
     return rows.count() if dry_run else rows.delete()[0]
 
 

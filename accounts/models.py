@@ -103,6 +103,10 @@ class AuditEntry(models.Model):
     study = models.CharField(_("study"), max_length=40, blank=True, db_index=True)
     thing = models.CharField(_("item"), max_length=80, blank=True)
     detail = models.CharField(_("detail"), max_length=200, blank=True)
+    # The role of who intervened in a robot's safety (accounts/interventions.py), and with which
+    # figures; never about a person.
+    role = models.CharField(_("role"), max_length=20, blank=True)
+    data = models.JSONField(_("data"), default=dict, blank=True)
 
     objects = AuditEntries.as_manager()
 

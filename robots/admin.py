@@ -18,9 +18,11 @@ from django.views.decorators.cache import never_cache
 
 from accounts import audit
 from accounts.admin_filters import ShownFilters
+from accounts.interventions import LIMITS_CHANGED
 from robots.admin_pages.access import OwnersPermits, theirs_to_change
 from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
+from robots.admin_pages.interventions import InterventionPage, role_of
 from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
 from robots.admin_pages.robot_list import RobotList
@@ -45,6 +47,7 @@ from robots.presence.report import has_problem, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 NOTHING = "–"
+LIMITS = ("max_linear", "max_angular", "assist")  # fields that decide how a robot may move
 
 
 def link_to(view: str, text: Any, *args: Any, query: str = "") -> str | SafeString:
@@ -99,7 +102,7 @@ def _without(listed: list[Any], beginnings: tuple[str, ...]) -> list[Any]:
 
 
 @admin.register(Robot)
-class RobotAdmin(DoorPage, KeyPages):
+class RobotAdmin(DoorPage, InterventionPage, KeyPages):
     """Owners see their own robots, and may change all but owner and floor plan."""
 
     form = RobotForm
@@ -192,6 +195,20 @@ class RobotAdmin(DoorPage, KeyPages):
         if not change:
             obj.shown_to_visitors = False
         super().save_model(request, obj, form, change)
+        if change:
+            self._note_limits(request, obj, form)
+
+    @staticmethod
+    def _note_limits(request: HttpRequest, robot: Robot, form: Any) -> None:
+        """Note changed speed limits and assistance in the log of interventions."""
+        changed = {
+            name: [form.initial.get(name), form.cleaned_data[name]]
+            for name in form.changed_data
+            if name in LIMITS
+        }
+        if changed:
+            role = role_of(request.user, robot)
+            audit.note(LIMITS_CHANGED, actor=request.user, robot=robot, role=role, data=changed)
 
     def response_post_save_add(self, request: HttpRequest, obj: Robot) -> HttpResponse:
         """Go to the new robot's page, which says how to connect it."""
@@ -424,13 +441,15 @@ class RobotAdmin(DoorPage, KeyPages):
             "credentials/": self.credentials_view,
             "doors/": self.doors_view,
             "enrol/": self.enrol_view,
+            "interventions/": self.interventions_view,
+            "interventions.csv": self.interventions_csv,
             "screen/": self.screen_view,
         }
         return [
             path(
                 f"<uuid:pk>/{address}",
                 self.admin_site.admin_view(never_cache(view)),
-                name=f"robots_robot_{address.partition('.')[0].rstrip('/')}",
+                name=f"robots_robot_{address.removesuffix('.json').rstrip('/').replace('.', '_')}",
             )
             for address, view in pages.items()
         ] + super().get_urls()

@@ -21,6 +21,7 @@ from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext, gettext_lazy as _, ngettext
+from django.views.decorators.cache import never_cache
 
 from accounts import audit
 from accounts.admin_filters import ReadOnlyAdmin
@@ -45,6 +46,7 @@ from sessions.models import (
 )
 from sessions.page_channel import check_pages, robot_group
 from sessions.recording.network_summary import summarise_network
+from sessions.safety_test.page import safety_test_page
 
 EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
@@ -320,6 +322,11 @@ class SessionAdmin(OwnersRows):
                 name="telepresence_sessions_session_states",
             ),
             path(
+                "safety-test/<uuid:robot>/",
+                guard(never_cache(self.safety_test_view)),
+                name="telepresence_sessions_safety_test",
+            ),
+            path(
                 "snapshots/<uuid:snapshot>.jpg",
                 guard(snapshot_view),
                 name="telepresence_sessions_snapshot",
@@ -350,6 +357,11 @@ class SessionAdmin(OwnersRows):
         found = get_object_or_404(self.get_queryset(request), pk=session)
         self.stop_sessions(request, Session.objects.filter(pk=found.pk))
         return self.response_post_save_change(request, found)
+
+    def safety_test_view(self, request: HttpRequest, robot: uuid.UUID) -> HttpResponse:
+        """Show the page of a robot's safety test to users who may change the robot."""
+        page: Any = self.admin_site.get_model_admin(Robot)
+        return safety_test_page(page, request, page.managed(request, robot))
 
     def change_view(
         self,

@@ -22,10 +22,15 @@ class TelepresenceSessionsConfig(AppConfig):
         from accounts.models import User
         from robots.access import register_guest_rule
         from robots.models import Robot, RobotPermit
+        from sessions import signals
         from sessions.leases import terms
         from sessions.leases.trial_terms import TRIAL_TERMS
+        from sessions.safety_test.course import SAFETY_TEST_TERMS, take_end, take_result
 
+        terms.register(SAFETY_TEST_TERMS)
         terms.register(TRIAL_TERMS)
+        signals.message_received.connect(take_result, dispatch_uid="sessions.safety_test")
+        signals.session_ended.connect(take_end, dispatch_uid="sessions.safety_test")
         register_guest_rule(
             User.Kind.VISITOR, lambda _user, robots: [robot for robot in robots if robot.practice]
         )

@@ -13,6 +13,7 @@ from csp.constants import NONCE, NONE, SELF
 from telepresence_site import environment as env, mongodb, postgresql
 
 BASE_DIR = Path(__file__).resolve().parent.parent
+VERSION = env.version_of("telepresence", BASE_DIR / "pyproject.toml")
 VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
 
 DEBUG = env.flag("DEBUG")
@@ -224,6 +225,7 @@ RETENTION_DAYS = {
     "addresses": float(env.text("RETENTION_ADDRESSES_DAYS", "30")),
     "system_log": float(env.text("RETENTION_LOG_DAYS", "90")),
     "audit_log": float(env.text("RETENTION_AUDIT_DAYS", "1095")),
+    "interventions": float(env.text("RETENTION_INTERVENTIONS_DAYS", "1827")),  # five years
 }
 
 # --- pages ----------------------------------------------------------------------------------------

@@ -208,7 +208,8 @@ def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability,
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
     own = tuple(name for name in adapter.profile.capabilities if name not in {"video", "audio"})
     assists: tuple[Capability, ...] = ("assist",) if sources_of(adapter.profile) else ()
-    ours: tuple[Capability, ...] = (*assists, *sees, *hears, "say", "call", "point", "network_lab")
+    always: tuple[Capability, ...] = ("say", "call", "point", "network_lab", "safety_test")
+    ours = (*assists, *sees, *hears, *always)
     return (*own, *(name for name in ours if name not in own))
 
 

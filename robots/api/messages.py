@@ -66,6 +66,7 @@ Capability = Literal[
     "video",
     "doors",
     "network_lab",
+    "safety_test",
 ]
 WordsState = Literal["shown", "spoken", "not_spoken"]
 ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
@@ -449,6 +450,7 @@ class Event(Message, frozen=True, kw_only=True):
         "estop",
         "estop_cleared",
         "stopped",
+        "released",
         "photo",
         "session_closed",
         "lease_taken",
@@ -854,6 +856,15 @@ class ResendStates(Action, frozen=True, kw_only=True, tag_field="type", tag="res
     last: Count
 
 
+class SafetyTest(Action, frozen=True, kw_only=True, tag_field="type", tag="safety_test"):
+    """Measure how the robot stops: it drives slowly, less than half a metre, and is stopped by
+    silence, by a stop and by an emergency stop. The results are in `result`; see Safety test.
+
+    Only from role `owner` or `staff`, and only under a live lease whose `peer` is this action's id,
+    so that no page can drive. Only a robot with the capability `safety_test` gets it.
+    """
+
+
 AnyAction = (
     Goto
     | Follow
@@ -872,6 +883,7 @@ AnyAction = (
     | AnswerCall
     | Knock
     | ResendStates
+    | SafetyTest
 )
 
 # Accepted whatever the lease says; everything else needs the lease, or a role that the kernel

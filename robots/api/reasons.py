@@ -227,6 +227,15 @@ class ReasonCode(StrEnum):
     UNKNOWN_BOOT = "unknown_boot"
     EMPTY_RANGE = "empty_range"
 
+    # --- of a safety test; the value is what stopped the robot: silence, stop or estop ------------
+
+    DOCKED = "docked", "", _("it is on its charging station")
+    DID_NOT_MOVE = "did_not_move", "", _("it did not move, or too slowly to be measured")
+    DID_NOT_STOP = "did_not_stop", "", _("it did not stop ({what})")
+    TOO_LATE = "too_late", "", _("it stopped later than it must ({what})")
+    NOT_HELD = "not_held", "", _("it moved although it was stopped ({what})")
+    NOT_RELEASED = "not_released", "", _("the stop could not be released")
+
 
 def parts_of(reason: str) -> tuple[ReasonCode | None, str]:
     """Return the code of a reason, None if it has none that is known here, and its value."""

@@ -14,9 +14,12 @@ import msgspec
 import structlog
 from django.db import DataError, IntegrityError, connection, transaction
 
+from accounts import interventions
+from accounts.models import AuditEntry
 from robots.api.messages import Connection, Factsheet, Message, State
 from robots.models import RobotPresence
 from robots.presence.report import standstill_of
+from robots.presence.versions import changes_of
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -123,6 +126,7 @@ class PresenceWriter:
         self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
         self._unwritten: set[str] = set()
+        self._changes: list[AuditEntry] = []  # of software and profiles, not stored yet
 
     def read(self, names: Collection[str], now: datetime.datetime) -> None:
         """Read the rows of robots that are not in memory, in one statement."""
@@ -148,6 +152,8 @@ class PresenceWriter:
             return None
         was, report = known.row.connection, known.row.report
         found = changes(known.row, message, now, retained=retained)
+        if "factsheet" in found and not known.row.robot.practice:
+            self._changes += changes_of(name, known.row.factsheet, found["factsheet"], now)
         for key, value in found.items():
             setattr(known.row, key, value)
         if found:
@@ -190,6 +196,9 @@ class PresenceWriter:
         with self._fence.about(*(known.name for known in due)):
             for names, group in by_fields.items():
                 self._write_group(names, group)
+            if self._changes:
+                interventions.store(self._changes)
+                self._changes = []
         for known in due:
             known.waiting, known.is_urgent, known.written = {}, False, at
             self._unwritten.discard(known.name)

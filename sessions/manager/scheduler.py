@@ -20,6 +20,9 @@ from django.db import DatabaseError
 from django.db.models import Q
 from django.dispatch import Signal
 
+from accounts import audit
+from accounts.interventions import SITE_CHANGED
+from accounts.models import AuditEntry
 from robots.api import codec, topics
 from robots.models import Robot
 from robots.process import log_ids
@@ -54,6 +57,7 @@ from sessions.leases.transitions import (
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Notice, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 from sessions.recording.items import CloseItem
+from sessions.safety_test import course
 from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
 logger = structlog.stdlib.get_logger(__name__)
@@ -122,6 +126,8 @@ class Scheduler:
         names = Robot.objects.values_list("name", flat=True)
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
         self._last_notice, self._warned = {}, {}
+        if self._ownership.owns_site:
+            _note_version(settings.VERSION)
 
     def _follow_changes(self, now: datetime.datetime) -> None:
         """Forget robots that have moved to another session manager. For newly acquired robots,
@@ -379,6 +385,9 @@ class Scheduler:
         if self._count_renewal(lease):
             self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
             self._publish_lease(lease.robot.name, codec.encode(message_of(lease, now)))
+            if (order := course.order_of(lease, now)) is not None:
+                topic = topics.of(lease.robot.name, "command/action")
+                self.outbox.append(ManagerMessage(topic, codec.encode(order)))
 
     def _count_renewal(self, lease: Lease) -> bool:
         """Give the next copy its number; False when the lease has changed since it was read.
@@ -446,6 +455,14 @@ class Scheduler:
             outcome=session.outcome,
             reason=session.outcome_reason,
         )
+
+
+def _note_version(version: str) -> None:
+    """Note in the log of interventions that this version serves the site, once."""
+    rows = AuditEntry.objects.filter(act=SITE_CHANGED).order_by("-at")
+    before = rows.values_list("detail", flat=True).first()
+    if before != version:
+        audit.note(SITE_CHANGED, role="server", detail=version, data={"version": [before, version]})
 
 
 def _is_warned(session: str, ends_at: int) -> bool:

@@ -13,8 +13,11 @@ import msgspec
 import structlog
 from django.db.models import Model
 
+from accounts import audit, interventions
+from accounts.models import AuditEntry
 from robots.api.bucket import Bucket
 from robots.api.errors import Rejection
+from robots.api.messages import Event
 from robots.presence.writer import without_nul
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
@@ -47,6 +50,7 @@ LOGGED = {
     "localization_lost": "warning",
 }
 LOGGED_RATE = (0.1, 30.0)  # entries of one robot a second, and at once
+STOPS_RATE = (1.0, 100.0)  # the same for its stops in the log of interventions
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
 
@@ -69,6 +73,7 @@ class RecordBuilder:
         self._foreign: ForeignMessages[PageItem] = ForeignMessages(store.ownership)
         self._released: list[ReleaseItem] = []
         self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
+        self._stops: dict[str, Bucket] = {}  # the same for its stops
         self.rows: list[Model] = []
         self.counts = store.counts
         self.refused: Counter[str] = Counter()  # by robots, by reason
@@ -128,8 +133,20 @@ class RecordBuilder:
         if robot_key is not None:
             fields = {"detail": event.detail, "boot": event.boot}
             self._log(event.type, LOGGED[event.type], robot_key, session, now, **fields)
+        if event.type in interventions.REPORTED:
+            self._note_intervention(item.robot, event, session, now)
         if event.type == "photo":
             self._photo(self._photos.event(item.robot, event, now), now)
+
+    def _note_intervention(self, robot: str, event: Event, session: str | None, now: float) -> None:
+        """Add an event to the log of interventions. A viewer cannot fill it with stops; emergency
+        stops, which need a responsible person, are always noted.
+        """
+        is_rare = event.type in {"estop", "estop_cleared"}
+        if not is_rare and not self._stops.setdefault(robot, Bucket(*STOPS_RATE)).spend(now):
+            self.counts["unlogged"] += 1
+            return
+        self.rows.append(_intervention(robot, event, session, now))
 
     def _action(self, item: ActionItem) -> None:
         status, now = item.status, item.received_at
@@ -267,6 +284,21 @@ class RecordBuilder:
     def _is_settled(self, item: CloseItem, now: float) -> bool:
         since = now - item.ended_at
         return since > GIVE_UP_SECONDS or (since > SETTLE_SECONDS and self._runs.is_over(item))
+
+
+def _intervention(robot: str, event: Event, session: str | None, now: float) -> AuditEntry:
+    """Return the entry of an event: who it was as a role, because `detail` may name people."""
+    role = event.detail.partition(" ")[0].partition(":")[0]
+    is_test = event.detail.endswith(f" {interventions.SAFETY_TEST}")
+    return audit.entry(
+        event.type,
+        pk=key_of(robot, event.type, event.stamp, event.boot, event.seq, event.action_id),
+        at=datetime.datetime.fromtimestamp(now, datetime.UTC),
+        robot=robot,
+        role=without_nul(role),
+        thing=session or "",
+        detail=interventions.SAFETY_TEST if is_test else "",
+    )
 
 
 def _event_row(

@@ -181,7 +181,9 @@ class RecordStore:
 
         `careful`: another session manager may have stored some of these states, in other chunks.
         """
-        robots = [self._robot_of_session.get(str(row.session_id)) for row in rows]
+        # an entry of the audit log has no session of its own
+        keys = [str(getattr(row, "session_id", "")) for row in rows]
+        robots = [self._robot_of_session.get(key) for key in keys]
         known = {robot for robot in robots if robot is not None}
         ours = {robot for robot in known if self.ownership.records(robot)}
         by_model: dict[type[Model], list[Model]] = {}

@@ -133,4 +133,9 @@ KINDS = (
     ),
     RetentionKind("system_log", *_rows(lambda before: SystemLog.objects.filter(at__lt=before))),
     RetentionKind("audit_log", lambda before: audit.forget(before, dry_run=True), audit.forget),
+    RetentionKind(
+        "interventions",
+        lambda before: audit.forget_interventions(before, dry_run=True),
+        audit.forget_interventions,
+    ),
 )

@@ -15,6 +15,7 @@ from robots.agent.control.owned_actions import OwnedActions
 from robots.agent.control.publisher import Media, Publisher
 from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
+from robots.agent.control.safety_test import SafetyTestRun
 from robots.agent.control.supervised_adapter import AdapterLink, adapter_errors
 from robots.agent.media.photos import encode_jpeg
 from robots.agent.robot_interface import ActionProgress, ActionRefusedError, AdapterError
@@ -39,6 +40,7 @@ from robots.api.messages import (
     Photo,
     Receipt,
     ResendStates,
+    SafetyTest,
     Say,
     Stop,
     Undock,
@@ -117,6 +119,9 @@ class Actions:
         self._waiting: Action | None = None  # until the robot is at rest
         # statuses that become true when the robot is at rest and the RCA has confirmed the end
         self._final: dict[str, ActionStatus] = {}
+        self._waits_for_release = False  # a stop was reported, its release was not
+        self.safety_test: SafetyTestRun | None = None
+        self._cleared_by = ""  # the role that cleared it, if not its driver
         self._owned = OwnedActions(adapter, spawn, self._ends_changed)
 
     def tick(self) -> None:
@@ -124,6 +129,7 @@ class Actions:
         ended.
         """
         self._begin_waiting()
+        self._report_release()
         kernel = self._kernel
         if not self._final or kernel.is_end_unconfirmed:
             return
@@ -131,6 +137,16 @@ class Actions:
             final, self._final = self._final, {}
             for status in final.values():
                 self._end(status)
+
+    def _report_release(self) -> None:
+        """Report that the robot may move again after a stop that held it."""
+        if self._waits_for_release and self._kernel.is_released:
+            self._waits_for_release = False
+            self._reports.event("released", detail=self._cleared_by or "driver")
+
+    def _note_hold(self) -> None:
+        """Note a stop whose release is to be reported."""
+        self._waits_for_release, self._cleared_by = not self._kernel.is_released, ""
 
     def _begin_waiting(self) -> None:
         """Start the waiting navigation once the kernel allows it: the robot is at rest, and the
@@ -279,10 +295,12 @@ class Actions:
     def _stopped(self, action: Stop | EStop, *, obeyed: bool) -> None:
         if obeyed:
             self._reports.event("stopped", action_id=action.action_id, detail=action.role)
+            self._note_hold()
         self._reports.send_soon()
         self._out.send("action", self._status(action, "FINISHED"))
 
     def _latched(self, detail: str, action: EStop | None) -> None:
+        self._note_hold()
         latch = self._kernel.latch
         source = latch.label if latch else ""
         log.warning("estop", source=source, detail=detail)
@@ -319,12 +337,15 @@ class Actions:
                 self._call(action)
             case Knock():
                 self._knock(action)
+            case SafetyTest():
+                self._begin_safety_test(action)
             case _:
                 self._hand_over(action)
 
     def _clear_estop(self, action: ClearEStop) -> None:
         was = self._kernel.latch
         self._kernel.clear_estop(self._times.now())
+        self._cleared_by = action.role if self._kernel.is_released else ""
         self._history.record(self._status(action, "RUNNING"))
         if was is not None:
             by = f"{action.role}:{action.user}"
@@ -406,6 +427,38 @@ class Actions:
     def _not_started(self, action: Action, reason: str) -> None:
         self._kernel.navigation_ended(action.action_id)
         self._answer(action, "FAILED", reason)
+
+    def _begin_safety_test(self, action: SafetyTest) -> None:
+        """Start a test of the safety functions, or report why the robot cannot have one now."""
+        kernel, now = self._kernel, self._times.now()
+        lease = kernel.leases.live(now)
+        docked = self._reports.docked or bool(self._reports.reading.charger_contact)
+        if lease is None or lease.peer != action.action_id or self.safety_test is not None:
+            self._answer(action, "FAILED", "no_lease")
+        elif docked and "undock" not in kernel.capabilities:
+            self._answer(action, "FAILED", ReasonCode.DOCKED)
+        elif reason := kernel.fault or (kernel.latch and "estop"):
+            self._answer(action, "FAILED", reason)
+        elif kernel.is_held_by_person:
+            self._answer(action, "FAILED", ReasonCode.STOPPED)
+        elif kernel.navigation is not None or kernel.is_end_unconfirmed:
+            self._answer(action, "FAILED", "navigating")
+        else:
+            log.warning("safety_test", by=action.role)
+            self._answer(action, "RUNNING")
+            self.safety_test = SafetyTestRun(
+                action, kernel, lease, now, status_of=self._history.of, docked=docked
+            )
+
+    def end_safety_test(self) -> None:
+        """Report the end of the test, if it has ended; a cancelled one has been reported."""
+        run = self.safety_test
+        if run is not None and run.state != "RUNNING":
+            self.safety_test = None
+            self._answer(run.action, run.state, run.reason, run.result)
+
+    def runs(self, action_id: str) -> bool:
+        return self._history.runs(action_id)
 
     def _photo(self, action: Photo) -> None:
         if self._photos >= PHOTOS_AT_ONCE:

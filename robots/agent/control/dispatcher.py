@@ -235,6 +235,8 @@ class CommandDispatcher:
         before, was_docked = self.reports.reading, self.reports.docked
         if reading.is_measured:
             self._kernel.measured(reading.velocity, self._times.now())
+            if self.actions.safety_test is not None:
+                self.actions.safety_test.measured(reading.velocity.linear, self._times.now())
         if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):
@@ -290,6 +292,7 @@ class CommandDispatcher:
         self._lapse()
         self._report_applied()
         self.actions.tick()
+        self._drive_safety_test()
         self._adapter.set_lock(locked=self._kernel.is_stopped)
         if self._kernel.navigation:
             self._adapter.limit_speed(self._kernel.caps(self._times.now()).linear)
@@ -301,6 +304,21 @@ class CommandDispatcher:
             self._is_checking_disk = True
             self._spawn(self._check_disk())
         self.reports.tick()
+
+    def _drive_safety_test(self) -> None:
+        """Take the messages of the test's driver as if the broker had delivered them. A cancelled
+        test only gets its last stop.
+        """
+        run = self.actions.safety_test
+        if run is None:
+            return
+        if not self.actions.runs(run.action.action_id):
+            run.fail("cancelled")
+        for message in run.messages(self._times.now(), self._times.unix()):
+            is_velocity = isinstance(message, VelocityCommand)
+            suffix = "command/velocity" if is_velocity else "command/action"
+            self.arrived(suffix, message, retained=False)
+        self.actions.end_safety_test()
 
     def deadline(self) -> float | None:
         return self._kernel.deadline()
@@ -402,7 +420,11 @@ class CommandDispatcher:
         now, kernel = self._times.now(), self._kernel
         lease = kernel.leases.announced(now)
         peers = (lease.peer, lease.wizard or lease.peer) if lease else ()
-        self.out.send("heartbeat", kernel.clocks.beat(now, self._times.unix(), first=peers))
+        beat = kernel.clocks.beat(now, self._times.unix(), first=peers)
+        self.out.send("heartbeat", beat)
+        if self.actions.safety_test is not None:
+            answer = self.actions.safety_test.answer(beat, self._times.unix())
+            self.arrived("command/heartbeat", answer, retained=False)
 
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()

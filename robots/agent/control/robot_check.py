@@ -26,6 +26,7 @@ from robots.agent.adapters.common.robot_profile import (
 from robots.agent.config import AgentConfig, ConfigError, load
 from robots.agent.control.navigation_check import NavigationCheck
 from robots.agent.control.observed_robot import ObservedRobot, now
+from robots.agent.control.stopping import SpeedSample, stopped_after
 from robots.agent.devices.equipment import equipment_of
 from robots.agent.ramp import LONGEST_WATCHDOG
 from robots.agent.robot_interface import (
@@ -64,27 +65,6 @@ class CheckParams:
     stood: float = 0.4  # s at rest that show that it stays so
     tolerance: float = 0.25  # s: braking, and the time between two readings
     longest: float = LONGEST_WATCHDOG + 1.0  # s of silence after which nothing stops the base
-
-
-@dataclass(frozen=True)
-class SpeedSample:
-    """The base's linear velocity in m/s, and when it arrived, monotonic seconds."""
-
-    at: float
-    speed: float
-
-
-def stopped_after(samples: Sequence[SpeedSample], silent_at: float, at_rest: float) -> float | None:
-    """Return the seconds between `silent_at` and the first reading of the base's final rest, None
-    while it moves.
-    """
-    stood_at: float | None = None
-    for sample in samples:
-        if abs(sample.speed) >= at_rest:
-            stood_at = None
-        elif stood_at is None:
-            stood_at = sample.at
-    return None if stood_at is None else max(0.0, stood_at - silent_at)
 
 
 def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple[bool, str]:

@@ -445,6 +445,18 @@ class Kernel:
         return self.latch is not None or self.held
 
     @property
+    def is_released(self) -> bool:
+        """Tell whether neither an e-stop nor a hold is in force, also none that only waits for the
+        next lease.
+        """
+        return self.latch is None and self._hold is None
+
+    @property
+    def is_held_by_person(self) -> bool:
+        """Tell whether a person's stop waits for its release, also without a lease."""
+        return self._hold is not None and self._hold.by_person
+
+    @property
     def commanded(self) -> Velocity:
         """The velocity that the base was last sent."""
         return self._sent

@@ -26,6 +26,7 @@ from robots.api.messages import (
     Relocalize,
     ResendStates,
     Role,
+    SafetyTest,
     Say,
     Tilt,
     Undock,
@@ -46,12 +47,14 @@ WITHOUT_LEASE: dict[type[Action], frozenset[str]] = {
     Say: frozenset({"screen"}),
     ConfirmWords: frozenset({"screen"}),
     AnswerCall: frozenset({"screen"}),
+    SafetyTest: frozenset({"staff", "owner"}),
 }
 NEVER_THE_DRIVER: tuple[type[Action], ...] = (
     ResendStates,
     ClearEStop,
     AnswerCall,
     ConfirmWords,
+    SafetyTest,
 )
 # For a visitor whose robot a hidden operator drives: nothing that moves it.
 OF_A_VISITOR: tuple[type[Action], ...] = (Photo, Say, Call, Knock)

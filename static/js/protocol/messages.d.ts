@@ -2,9 +2,9 @@
 
 export interface Factsheet { name: string; series: string; rca: string; agentVersion: string;
   boot: string; capabilities: Array<"assist" | "audio" | "call" | "dock" | "doors" | "follow" |
-  "goto" | "localization" | "network_lab" | "photo" | "point" | "relocalize" | "say" | "scan" |
-  "tilt" | "undock" | "velocity" | "video">; limits: Limits; footprint: Array<[number, number]>;
-  camera: Camera | null; tilt: TiltRange | null; laser: Laser | null; mapId: string;
+  "goto" | "localization" | "network_lab" | "photo" | "point" | "relocalize" | "safety_test" | "say"
+  | "scan" | "tilt" | "undock" | "velocity" | "video">; limits: Limits; footprint: Array<[number,
+  number]>; camera: Camera | null; tilt: TiltRange | null; laser: Laser | null; mapId: string;
   watchdog: number; viewers: number; previewsRoutes: boolean; navigationControl: string;
   adapter: string; driver: string }
 export interface Limits { linear: number; reverse: number; angular: number;
@@ -54,9 +54,9 @@ export interface RoutePreview { stamp: number; requestId: string; points: Array<
 export interface Event { stamp: number; boot: string; seq: number; session: string | null;
   epoch: number; type: "adapter_back" | "adapter_lost" | "charging" | "collision" | "docked" |
   "door_changed" | "estop" | "estop_cleared" | "goal_blocked" | "goal_reached" | "lease_expired" |
-  "lease_taken" | "localization_found" | "localization_lost" | "photo" | "session_closed" |
-  "stopped" | "undocked"; actionId: string | null; sha256: string | null; lastSeq: number | null;
-  detail: string }
+  "lease_taken" | "localization_found" | "localization_lost" | "photo" | "released" |
+  "session_closed" | "stopped" | "undocked"; actionId: string | null; sha256: string | null;
+  lastSeq: number | null; detail: string }
 export interface ActionStatus { actionId: string; status: "CANCELLED" | "FAILED" | "FINISHED" |
   "RUNNING" | "WAITING"; stamp: number; type: string; reason: string; result: Record<string, number
   | string | boolean | null> }

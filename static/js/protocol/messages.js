@@ -8,8 +8,8 @@ import {
 const id = matching(/^[A-Za-z0-9_-]{1,64}$/);
 const name = text(120);
 const capability = oneOf("assist", "audio", "call", "dock", "doors", "follow", "goto",
-  "localization", "network_lab", "photo", "point", "relocalize", "say", "scan", "tilt", "undock",
-  "velocity", "video");
+  "localization", "network_lab", "photo", "point", "relocalize", "safety_test", "say", "scan",
+  "tilt", "undock", "velocity", "video");
 const positive = number(5e-324, 1000);
 const Limits = object({ linear: positive, reverse: positive, angular: positive,
   linearAcceleration: positive, angularAcceleration: positive, linearBraking: positive,
@@ -89,9 +89,9 @@ const RoutePreview = object({ stamp, requestId: id, points: list(point, 500),
 const Event = object({ stamp, boot: id, seq: count, session: absent(id), epoch: optional(count, 0),
   type: oneOf("adapter_back", "adapter_lost", "charging", "collision", "docked", "door_changed",
   "estop", "estop_cleared", "goal_blocked", "goal_reached", "lease_expired", "lease_taken",
-  "localization_found", "localization_lost", "photo", "session_closed", "stopped", "undocked"),
-  actionId: absent(id), sha256: absent(text(64)), lastSeq: absent(count), detail: optional(reason,
-  "") });
+  "localization_found", "localization_lost", "photo", "released", "session_closed", "stopped",
+  "undocked"), actionId: absent(id), sha256: absent(text(64)), lastSeq: absent(count),
+  detail: optional(reason, "") });
 const actionState = oneOf("CANCELLED", "FAILED", "FINISHED", "RUNNING", "WAITING");
 const ActionStatus = object({ actionId: id, status: actionState, stamp, type: optional(name, ""),
   reason: optional(reason, ""), result: optional(dictionary(scalar, 16), {}) });

@@ -2,10 +2,13 @@
 
 import datetime
 
+import msgspec
 import pytest
-from django.db import DataError, connection as database
+from django.db import DataError, OperationalError, connection as database
 from django.test.utils import CaptureQueriesContext
 
+from accounts import interventions
+from accounts.models import AuditEntry
 from robots.api.messages import Connection
 from robots.models import Robot, RobotPresence
 from robots.presence import writer as writing
@@ -189,7 +192,8 @@ def test_many_robots_are_read_and_written_together(django_assert_num_queries):
     create_robots(*(unsaved_robot(name=f"r{n}", title=f"R{n}") for n in range(50)))
     writer = PresenceWriter(EVERYTHING)
     names = [f"r{n}" for n in range(50)] + ["unknown"]
-    with django_assert_num_queries(4):  # read, savepoint, write, its release
+    # read, savepoint, write, its release; of the changes what is known, and two parts of the others
+    with django_assert_num_queries(7):
         writer.read(names, NOW)
         for name in names:
             writer.take(name, connection("ONLINE", boot=f"boot-{name}"), NOW)
@@ -225,3 +229,48 @@ def test_row_that_the_database_refuses_does_not_affect_other_robots(monkeypatch)
 def test_characters_that_postgresql_cannot_store_are_removed():
     found = changes(RobotPresence(), words.state(1, errors=("lens\0 dirty",)), NOW)
     assert found["report"]["errors"] == ["lens dirty"]
+
+
+def noted() -> dict[str, dict]:
+    return {entry.act: entry.data for entry in AuditEntry.objects.order_by("at")}
+
+
+def test_first_factsheet_notes_software_and_profile_and_the_same_again_nothing(writer):
+    writer.take("giraff", words.factsheet(), NOW)
+    found = noted()
+    assert found["agent_changed"]["agentVersion"] == [None, "1"]
+    assert found["profile_changed"]["watchdog"] == [None, 0.5]
+    writer.take("giraff", words.factsheet(boot="b2"), after(1))
+    assert AuditEntry.objects.count() == 2
+
+
+def test_another_version_and_another_limit_are_noted_with_both_values(writer):
+    writer.take("giraff", words.factsheet(), NOW)
+    limits = words.factsheet().limits
+    slower = msgspec.structs.replace(limits, linear=0.4)
+    sheet = words.factsheet(boot="b2", agent_version="2", limits=slower)
+    writer.take("giraff", sheet, after(1))
+    assert noted()["agent_changed"] == {"agentVersion": ["1", "2"]}
+    before, now = noted()["profile_changed"]["limits"]
+    assert (before["linear"], now["linear"]) == (0.7, 0.4)
+
+
+def test_changes_that_the_database_refuses_at_first_are_noted_once(writer, monkeypatch):
+    def refuse(_rows):
+        raise OperationalError("database is locked")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(interventions, "store", refuse)
+        with pytest.raises(OperationalError):
+            writer.take("giraff", words.factsheet(), NOW)
+    writer.forget()
+    RobotPresence.objects.update(factsheet=None)
+    writer.take("giraff", words.factsheet(), after(1))
+    assert AuditEntry.objects.count() == 2
+
+
+def test_practice_robots_have_no_log_of_interventions(writer):
+    Robot.objects.update(practice=True)
+    writer.forget()
+    writer.take("giraff", words.factsheet(), NOW)
+    assert noted() == {}

@@ -16,6 +16,7 @@ READERS = {"FileResponse", "as_json", "as_long_csv", "as_wide_csv", "dataset_of"
 # Functions that send a file or read a study's data and note nothing, with the reason.
 SILENT = {
     "sessions/downloads.py:_download": "its callers note it",
+    "robots/admin_pages/interventions.py:interventions_csv": "roles and values, no people",
     "surveys/downloads.py:_download": "its callers note it",
     "sessions/views.py:snapshot": "shows a photo to the visitor who took it",
     "surveys/admin_pages/questionnaire.py:export": "a questionnaire, without answers",

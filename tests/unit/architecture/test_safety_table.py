@@ -7,6 +7,7 @@ import re
 import typing
 
 from sessions import protocol
+from telepresence_site.ops.safety_file import document as safety_document
 from tests.support.paths import ROOT
 
 PAGE = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8")
@@ -85,6 +86,20 @@ def test_every_safety_rule_names_a_test_that_exists():
         if test not in files and not any(f"def {test}(" in source for source in sources)
     ]
     assert missing == []
+
+
+def test_every_hazard_every_rule_and_every_part_names_tests_that_exist():
+    files, sources = {path.name for path in TESTS}, [path.read_text("utf-8") for path in TESTS]
+    document = safety_document.parsed(PAGE)
+    rows = (*document.hazards, *document.functions, *document.parts)
+    assert len(document.hazards) >= 13
+    assert [row.cells[0] for row in rows if not row.tests] == []
+    named = {test for row in rows for test in row.tests}
+    assert [
+        test
+        for test in sorted(named)
+        if test not in files and not any(f"def {test}(" in source for source in sources)
+    ] == []
 
 
 def test_every_safety_rule_names_code_that_exists():

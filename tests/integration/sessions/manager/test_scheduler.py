@@ -7,7 +7,7 @@ import json
 import pytest
 from django.db import OperationalError, connection
 
-from accounts.models import User
+from accounts.models import AuditEntry, User
 from robots.api import codec, topics
 from robots.models import RobotPresence
 from sessions import protocol
@@ -221,3 +221,14 @@ def test_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settings
     assert terms.of(row).study == {"slug": "s"}
     assert Session.objects.get(pk=other).state != "ended"
     assert sent_by(scheduler, 2), "the robot is offered to the queue"
+
+
+def test_another_version_of_the_site_is_noted_once(settings):
+    settings.VERSION = "0.8.0"
+    for _ in range(2):
+        Scheduler().begin()
+    settings.VERSION = "0.9.0"
+    Scheduler().begin()
+    noted = AuditEntry.objects.filter(act="site_changed").order_by("at")
+    versions = [entry.data["version"] for entry in noted]
+    assert versions == [[None, "0.8.0"], ["0.8.0", "0.9.0"]]

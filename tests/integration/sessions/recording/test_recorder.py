@@ -14,7 +14,7 @@ from django.db import IntegrityError, OperationalError, connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
-from accounts.models import User
+from accounts.models import AuditEntry, User
 from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import protocol
@@ -608,3 +608,43 @@ def test_rows_of_a_deleted_session_cause_no_check_of_the_whole_database(session)
     assert record.counts["refused"] + record._store.counts["refused"] > 20
     assert not SessionEvent.objects.exists()
     assert not [query["sql"] for query in asked if "foreign_key_check" in query["sql"]]
+
+
+def interventions() -> list[tuple]:
+    return list(AuditEntry.objects.order_by("act").values_list("act", "role", "robot", "thing"))
+
+
+def test_stops_and_releases_are_in_the_log_of_interventions_without_names(session):
+    record = builder()
+    record.take(event_item(session, "stopped", detail="driver"))
+    record.take(event_item(session, "estop", 2, detail="owner:Eve a child"))
+    record.take(event_item(session, "estop_cleared", 3, detail="staff:Ada"))
+    record.take(event_item(session, "released", 4, detail="driver"))
+    record.take(event_item(session, "charging", 5))
+    write_all(record)
+    key = str(session.pk)
+    assert interventions() == [
+        ("estop", "owner", "giraff", key),
+        ("estop_cleared", "staff", "giraff", key),
+        ("released", "driver", "giraff", key),
+        ("stopped", "driver", "giraff", key),
+    ]
+    assert "Eve" not in str(list(AuditEntry.objects.values()))
+
+
+def test_a_stop_between_two_visits_is_noted_once_although_it_arrives_twice(session):
+    event = messages.Event(stamp=NOW, boot="b", seq=9, type="stopped", detail="screen")
+    for record in (builder(), builder()):
+        record.take(EventItem("giraff", event, NOW))
+        write_all(record)
+    assert interventions() == [("stopped", "screen", "giraff", "")]
+
+
+def test_a_flood_of_stops_does_not_fill_the_log_of_interventions_and_hides_no_emergency(session):
+    record = builder()
+    for seq in range(200):
+        record.take(event_item(session, "stopped", seq, detail="observer"))
+    record.take(event_item(session, "estop", 200, detail="screen"))
+    write_all(record)
+    noted = [act for act, *_ in interventions()]
+    assert (noted.count("stopped"), noted.count("estop")) == (100, 1)

@@ -112,6 +112,25 @@ def test_backup_is_restored_without_overwriting_anything(tmp_path, sites):
     assert not [*second.var.glob("backup-*"), *second.var.glob("restore-*")]
 
 
+NOTE = "from accounts import audit; audit.note({act!r}, robot='giraff', role='screen')"
+ACTS = "from accounts.models import *; print(*AuditEntry.objects.values_list('act', flat=True))"
+
+
+@pytest.mark.nightly
+def test_interventions_since_an_older_backup_are_merged_into_the_restored_site(tmp_path, sites):
+    first, second = sites
+    file, log = str(tmp_path / "backup.tar.gz"), str(tmp_path / "log.jsonl")
+    first.fill()
+    first.django_shell.ask(NOTE.format(act="stopped"))
+    first.call("backup", file)
+    first.django_shell.ask(NOTE.format(act="estop"))
+    assert first.call("interventions", log) == "2 entries written."
+    second.call("restore", file)
+    assert second.django_shell.ask(ACTS).split() == ["stopped"]
+    assert second.call("interventions", log, "--merge") == "1 entries added."
+    assert second.django_shell.ask(ACTS).split() == ["estop", "stopped"]
+
+
 @pytest.fixture
 def backup(tmp_path):
     (tmp_path / "a").write_bytes(b"a" * 3000)

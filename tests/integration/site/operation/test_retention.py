@@ -70,7 +70,9 @@ def test_each_kind_of_data_is_deleted_after_its_days(robot):
     for days in (1, 100):
         system_log.log("robot_online", robot=robot, at=timezone.now() - days * DAY)
         audit.note("photo_opened", at=timezone.now() - days * 20 * DAY)
+    audit.note("estop", at=timezone.now() - 2000 * DAY)
     kinds = ("sessions", "photos", "network_samples", "addresses", "system_log", "audit_log")
+    kinds += ("interventions",)
     never = {"enrolments": 0, "undecided": 0, "guests": 0}
     assert forget() == {**dict.fromkeys(kinds, 1), "addresses": 2, **never}
     visitors = Session.objects.values_list("visitor__username", flat=True)

@@ -170,6 +170,32 @@ def test_a_stop_is_echoed_at_once_and_answered(rig):
     rig.wait(lambda: rig.robot.told == ZERO)
 
 
+def test_a_stop_by_another_person_and_its_release_by_the_driver_are_reported(rig):
+    rig.drive(0.5)
+    rig.act(stamped(m.Stop, "stop-1", seq=0), way="datachannel", peer="p2")
+    assert rig.event("stopped").detail == "observer"
+    rig.wait(lambda: rig.robot.told == ZERO)
+    assert not [e for e in rig.link.all("event") if e.type == "released"]
+    rig.push(0.0)
+    assert rig.event("released").detail == "driver"
+
+
+def test_a_stop_of_the_driver_needs_no_release(rig):
+    rig.drive(0.5)
+    rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")
+    rig.status("stop-1", "FINISHED")
+    rig.push(0.0)
+    rig.drive(0.5)
+    assert not [e for e in rig.link.all("event") if e.type == "released"]
+
+
+def test_a_release_without_a_driver_names_the_role_of_who_released(free_rig):
+    free_rig.act(stamped(m.Stop, "stop-1", role="screen"))
+    free_rig.status("stop-1", "FINISHED")
+    free_rig.act(staff(m.ClearEStop, "c1"))
+    assert free_rig.event("released").detail == "staff"
+
+
 def test_an_estop_survives_a_restart_of_the_agent_and_is_cleared_by_staff(tmp_path):
     with ControlRig(tmp_path) as rig:
         rig.grant()

@@ -8,12 +8,11 @@ import pytest
 from robots.agent.control.robot_check import (
     CheckParams,
     RobotCheck,
-    SpeedSample,
     noise,
     reported,
-    stopped_after,
     verdict,
 )
+from robots.agent.control.stopping import SpeedSample, stopped_after
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
 from robots.api.geometry import Pose2D
