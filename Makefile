@@ -79,10 +79,10 @@ messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python
 
 lock:
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker pyproject.toml -o requirements.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements-robot.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --extra postgres --extra redis pyproject.toml -o requirements-server.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --group dev pyproject.toml -o requirements-dev.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis pyproject.toml -o requirements.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra navigation pyproject.toml -o requirements-robot.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra postgres --extra redis pyproject.toml -o requirements-server.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --group dev pyproject.toml -o requirements-dev.lock
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group pyproject.toml:ros2 -o requirements-ros2.lock
 	echo pip | uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 - -o deploy/pip.lock
 	npm install -q --package-lock-only --omit-lockfile-registry-resolved --ignore-scripts --no-audit --no-fund
