@@ -10,13 +10,14 @@
 # make docs    write the generated reference again
 # make messages    bring texts into the Spanish catalogue, and compile it
 # make lock    resolve the dependencies again
+# make dist    a release of the present commit in dist: wheel, source archive, components, checksums
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots
+.PHONY: demo check test nightly soak lint format bench docs messages lock dist setup setup-dev setup-ros2 setup-psychds test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -77,6 +78,9 @@ docs: setup-dev
 
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python
+
+dist: setup-dev
+	$(BIN)/python deploy/dist.py dist
 
 lock:
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis pyproject.toml -o requirements.lock
