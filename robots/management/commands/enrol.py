@@ -35,6 +35,4 @@ class Command(BaseCommand):
         )
         server, adapter = options["server"].rstrip("/"), robot.adapter or "ADAPTER"
         where = f"--server {server} --adapter {adapter} --profile PROFILE"
-        self.stdout.write(
-            f".venv/bin/python manage.py run_robot {robot.name} {where} --enrol {token}"
-        )
+        self.stdout.write(f"telepresence run_robot {robot.name} {where} --enrol {token}")

@@ -148,7 +148,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
     text = overview(client, robot)
     parts = (
         "Ready, but hidden from visitors.",
-        "python manage.py run_robot giraff --server http://testserver",
+        "telepresence run_robot giraff --server http://testserver",
         "50 %",
         "0.9.1",
         "version 1",
