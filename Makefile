@@ -12,13 +12,14 @@
 # make docs-site    the documentation as pages with search, in var/docs-site
 # make messages    bring texts into the Spanish catalogue, and compile it
 # make lock    resolve the dependencies again
+# make dist    a release of the present commit in dist: wheel, source archive, components, checksums
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots pictures docs-site
+.PHONY: demo check test nightly soak lint format bench docs docs-site messages lock dist setup setup-dev setup-ros2 setup-psychds test-packages screenshots pictures
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -87,11 +88,14 @@ docs-site: setup-dev
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python
 
+dist: setup-dev
+	$(BIN)/python deploy/dist.py dist
+
 lock:
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker pyproject.toml -o requirements.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements-robot.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --extra postgres --extra redis pyproject.toml -o requirements-server.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --group dev pyproject.toml -o requirements-dev.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis pyproject.toml -o requirements.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra navigation pyproject.toml -o requirements-robot.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra postgres --extra redis pyproject.toml -o requirements-server.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --group dev pyproject.toml -o requirements-dev.lock
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group pyproject.toml:ros2 -o requirements-ros2.lock
 	echo pip | uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 - -o deploy/pip.lock
 	npm install -q --package-lock-only --omit-lockfile-registry-resolved --ignore-scripts --no-audit --no-fund

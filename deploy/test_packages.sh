@@ -7,6 +7,8 @@ packages="$packages alsa-utils libasound2-plugins pulseaudio pulseaudio-utils pi
 packages="$packages python3-gi gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly"
 # A real ROS 1 for its adapter: 11 MB to download.
 packages="$packages python3-rospy python3-rosmaster python3-nav-msgs python3-sensor-msgs python3-std-srvs python3-move-base-msgs python3-actionlib"
+# A bare Debian, on which the wheel is installed.
+packages="$packages mmdebstrap"
 # What builds messages of ROS 2 for the tests (set_up_ros2.sh).
 packages="$packages cmake make g++"
 missing=""

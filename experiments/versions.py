@@ -1,7 +1,6 @@
 """The versions of software that a record was made with."""
 
 import subprocess
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
@@ -9,22 +8,20 @@ from typing import Any
 
 from django.conf import settings
 
+from telepresence import __version__
+
 
 @cache
 def software_version() -> str:
-    """Return the version of the server, in a clone with the commit ("0.1.0+3f2a…"); empty without a
-    project file.
-    """
-    path = settings.BASE_DIR / "pyproject.toml"
-    if not path.is_file():
-        return ""
-    version = str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
+    """Return the version of the server, in a clone with the commit ("0.9.0+3f2a…")."""
+    if not (settings.BASE_DIR / ".git").exists():  # an installed wheel may be in another's clone
+        return __version__
     try:
         asked = ["git", "-C", str(settings.BASE_DIR), "rev-parse", "--short=12", "HEAD"]
         found = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=5.0)
     except (OSError, subprocess.SubprocessError):
-        return version
-    return f"{version}+{found.stdout.strip()}"
+        return __version__
+    return f"{__version__}+{found.stdout.strip()}"
 
 
 @cache

@@ -15,6 +15,7 @@ from robots.process.ending import tied_to_parent
 STOP_SECONDS = 8.0
 NOTICE_PREFIX = "tell: "  # begins a line that the parent shows in its terminal
 TAIL_BYTES = 4096  # of a log, in which its last line is looked for
+ROOT = Path(__file__).resolve().parents[1]  # of the packages, for `-m daphne`
 MAX_LOG_BYTES = 5_000_000  # a longer log is overwritten when its child is started again
 
 
@@ -82,6 +83,7 @@ class Children:
         appends = log in self._logs and log.exists() and log.stat().st_size < MAX_LOG_BYTES
         self._logs.add(log)
         started_at = datetime.datetime.now(datetime.UTC)
+        paths = filter(None, (self.environment.get("PYTHONPATH"), str(ROOT)))
         with log.open("ab" if appends else "wb") as output:
             log_start = output.tell()  # before the child writes, which moves it
             process = subprocess.Popen(
@@ -89,7 +91,7 @@ class Children:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=self.environment,
+                env={**self.environment, "PYTHONPATH": os.pathsep.join(paths)},
                 # Ctrl-C reaches the demo alone, which then ends them in order
                 start_new_session=True,
                 preexec_fn=tied_to_parent(),

@@ -41,10 +41,10 @@ from robots.agent.watchdog import HANG_S, HangDetector, Systemd, end_process
 from robots.api.messages import Capability, Factsheet
 from robots.process import logs
 from robots.process.interpreter import set_up_for_latency
+from telepresence import __version__
 
 log = structlog.stdlib.get_logger(__name__)
 
-VERSION = "0.1.0"
 LAST_SECONDS = 5.0  # after a second Ctrl-C, until the process ends whatever it waits for
 POLL_INTERVAL_S = 0.2  # between two checks of the control thread and of signals
 
@@ -222,7 +222,7 @@ def factsheet_of(
         name=config.robot,
         series=profile.series,
         rca=profile.rca,
-        agent_version=VERSION,
+        agent_version=__version__,
         boot=boot,
         capabilities=capabilities_of(adapter, equipment),
         limits=profile.limits,
@@ -235,7 +235,7 @@ def factsheet_of(
         viewers=config.viewers,
         previews_routes=isinstance(adapter, PreviewsRoutes),
         navigation_control=profile.navigation_control or "",
-        adapter=registry.version_of(config.adapter, VERSION),
+        adapter=registry.version_of(config.adapter, __version__),
         driver=profile.driver,
     )
 
@@ -286,9 +286,9 @@ def _log_thread(arguments: threading.ExceptHookArgs) -> None:
     log.critical("thread_failed", thread=thread, exc_info=arguments.exc_value)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, program: str = "python -m robots.agent") -> int:
     parser = ArgumentParser(
-        prog="python -m robots.agent",
+        prog=program,
         description="The agent of a robot: connects it to a telepresence server.",
     )
     add_arguments(parser)

@@ -71,7 +71,7 @@ NO_SITE = """no site is known for the robot {robot}. What to do next:
       manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE
     and then, on this machine, the command that it prints.
   You have credentials already: add --credentials FILE, or --mqtt mqtt://HOST for a broker alone.
-  There is no site yet: `make demo` starts one on this machine, with two simulated robots.
+  There is no site yet: `telepresence demo`, in a clone `make demo`, starts one on this machine.
   You want to test the robot without a site: add --adapter NAME --check."""
 
 

@@ -14,7 +14,7 @@ from robots.enrol.credentials import Credentials
 from robots.models import Robot
 
 # The start of each command for a robot's computer, as in README.md.
-START = ".venv/bin/python manage.py run_robot"
+START = "telepresence run_robot"
 
 
 @dataclass(frozen=True)

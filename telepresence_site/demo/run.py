@@ -96,12 +96,13 @@ def require_free(host: str, port: int) -> None:
         except PermissionError as error:
             raise DemoError(
                 f"Port {port} needs more rights than this user has: choose one above 1023, such as"
-                " make demo PORT=8000."
+                " --port 8000 (in a clone, make demo PORT=8000)."
             ) from error
         except (OSError, OverflowError) as error:
+            other = port % 64000 + 1
             raise DemoError(
                 f"Port {port} is in use: stop the program that uses it, or choose "
-                f"another one with make demo PORT={port % 64000 + 1}."
+                f"another one with --port {other} (in a clone, make demo PORT={other})."
             ) from error
 
 
@@ -118,7 +119,7 @@ def only_demo_in(folder: Path) -> Iterator[None]:
         except BlockingIOError as error:
             raise DemoError(
                 f"A demo is already running with the data in {folder}: press Ctrl-C where it runs, "
-                "or start another one with VAR_DIR=/tmp/demo make demo PORT=8001."
+                "or start another one with VAR_DIR=/tmp/demo and another port."
             ) from error
         yield
 

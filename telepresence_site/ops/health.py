@@ -2,7 +2,8 @@
 
 `/healthz` is for a supervisor, which restarts a process that does not reach database and broker.
 `/readyz` is for a load balancer: it checks all parts, and answers with 200 if visitors should be
-sent here, else 503, with a word for each part. Both are public, and reveal nothing else.
+sent here, else 503, with a word for each part and the version. Both are public, and reveal nothing
+else.
 """
 
 import asyncio
@@ -25,6 +26,7 @@ from sessions import page_channel
 from sessions.models import STALE_SECONDS, ManagerBeat
 from sessions.recording.recorder import LIMIT
 from sessions.shards.rows import NAME
+from telepresence import __version__
 
 log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
@@ -97,7 +99,8 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
     ready = all(word in {WELL, LOW, SLOW} for word in parts.values())
     if wrong := {part: word for part, word in parts.items() if word != WELL}:
         log.warning("not_ready", parts=wrong)
-    return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
+    answer = {"ready": ready, "version": __version__, **parts}
+    return JsonResponse(answer, status=200 if ready else 503)
 
 
 def _database_and_managers(now: datetime.datetime) -> tuple[str, str]:

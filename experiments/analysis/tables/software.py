@@ -1,13 +1,12 @@
 """The programs that computed a report: a paper has to name them."""
 
 import platform
-import tomllib
 from functools import cache
 from importlib.metadata import version
-from pathlib import Path
 
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.tables.table import Table
+from telepresence import __version__
 
 # Those that compute numbers or draw them. Mixed models and all other tests are computed with SciPy
 # and NumPy alone.
@@ -17,10 +16,8 @@ PROGRAM = "telepresence"
 
 @cache
 def versions() -> dict[str, str]:
-    project = Path(__file__).parents[3] / "pyproject.toml"
-    own = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
     libraries = {title: version(name) for title, name in LIBRARIES.items()}
-    ours = {PROGRAM: own, f"{PROGRAM}, definitions of the metrics": str(VERSION)}
+    ours = {PROGRAM: __version__, f"{PROGRAM}, definitions of the metrics": str(VERSION)}
     return {**ours, "Python": platform.python_version(), **libraries}
 
 

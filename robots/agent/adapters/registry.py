@@ -23,6 +23,8 @@ from robots.api.adapter_names import (
 )
 from robots.world.sites import SiteError, load_site
 
+WITHOUT_SCIPY = "SciPy is missing: install it with pip install 'telepresence[navigation]'"
+
 
 def create(
     adapter_name: str, profile_name: str, options: Mapping[str, Any] | None = None
@@ -43,7 +45,8 @@ def create(
     except AmbiguousAdapterError as error:
         raise AdapterError(str(error)) from error
     except (ImportError, AttributeError, OSError, SyntaxError) as error:
-        raise AdapterError(f"the adapter {adapter_name!r} cannot be loaded: {error}") from error
+        reason = WITHOUT_SCIPY if getattr(error, "name", "") == "scipy" else error
+        raise AdapterError(f"the adapter {adapter_name!r} cannot be loaded: {reason}") from error
     if not hasattr(module, "create"):
         raise AdapterError(f"the adapter {adapter_name!r} has no create(profile_name, options)")
     adapter = cast("Adapter", module.create(profile_name, options or {}))
@@ -97,10 +100,13 @@ def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> 
 
     `plan` is the robot's site, a shipped name or a folder; the default is the adapter's, else the
     server's. `memory` is the file of the robot's last pose. Raises AdapterError when the site
-    cannot be used.
+    cannot be used, or SciPy is missing.
     """
     name = plan or adapter.profile.plan
     try:
-        return wrapped(adapter, update_of(load_site(name)) if name else None, memory)
+        found = wrapped(adapter, update_of(load_site(name)) if name else None, memory)
     except SiteError as error:
         raise AdapterError(f"--plan: {error}" if plan else str(error)) from error
+    if found is not adapter and importlib.util.find_spec("scipy") is None:
+        raise AdapterError(f"the agent must navigate this robot: {WITHOUT_SCIPY}")
+    return found

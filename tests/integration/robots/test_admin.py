@@ -316,7 +316,7 @@ def test_credentials_are_created_by_post_and_shown_once(client, researcher, gira
     assert robot_of("giraff", credentials["token"]) == giraff
     command = unescape(re.search(r'<pre id="command">(.*?)</pre>', text, re.DOTALL)[1])
     assert (
-        command == ".venv/bin/python manage.py run_robot giraff --server http://localhost:8000"
+        command == "telepresence run_robot giraff --server http://localhost:8000"
         " --credentials giraff.toml --adapter ros1 --profile giraff --option ip=10.0.0.3"
     )
     download = re.search(r'href="data:application/toml,([^"]*)" download="giraff\.toml"', text)[1]

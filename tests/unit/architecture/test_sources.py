@@ -43,7 +43,7 @@ def test_lock_files_hold_no_address():
 def test_every_locked_package_is_pinned_with_hashes():
     for part in ("", "-robot", "-server", "-dev", "-ros2"):
         blocks = re.split(r"\n(?=\S)", (ROOT / f"requirements{part}.lock").read_text().strip())
-        assert len(blocks) > 30
+        assert len(blocks) > 20
         for block in blocks:
             assert re.match(r"[a-z0-9-]+==", block), block[:60]
             assert "--hash=sha256:" in block, block[:60]

@@ -1,7 +1,6 @@
 """ROS 1 and ROS 2 through rosbridge: JSON over a WebSocket, protocol version 2.
 
-Needs `websockets` (the extra `rosbridge`). Options: `url`, `version` (1 or 2: which ROS is behind
-it), and those of `ros.RosOptions`.
+Options: `url`, `version` (1 or 2: which ROS is behind it), and those of `ros.RosOptions`.
 """
 
 import asyncio
@@ -20,6 +19,8 @@ from urllib.parse import urlsplit
 import msgspec
 import structlog
 from msgspec import Meta
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import WebSocketException
 
 from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
@@ -38,12 +39,6 @@ from robots.agent.adapters.ros.bus import (
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.reasons import ReasonCode
-
-try:
-    from websockets.asyncio.client import ClientConnection, connect
-    from websockets.exceptions import WebSocketException
-except ImportError as error:
-    raise ImportError("it needs websockets: pip install 'websockets>=13'") from error
 
 ROSAPI_TIME = 2.0
 REFUSED = 2.0  # seconds after which what rosbridge refused is tried again

@@ -150,7 +150,7 @@ def test_overview_shows_state_command_battery_versions_and_sessions_in_this_orde
     text = overview(client, robot)
     parts = (
         "Ready, but hidden from visitors.",
-        "python manage.py run_robot giraff --server http://testserver",
+        "telepresence run_robot giraff --server http://testserver",
         "50 %",
         "0.9.1",
         "version 1",
@@ -177,7 +177,7 @@ def test_command_with_a_token_is_shown_once(client, robot, owner):
     assert token not in client.get(address(robot)).content.decode()
     assert AuditEntry.objects.get(act="enrolment_made").actor == owner.pk
     assert token not in str(list(AuditEntry.objects.values()))
-    assert command.startswith(".venv/bin/python manage.py run_robot giraff --server http://")
+    assert command.startswith("telepresence run_robot giraff --server http://")
     assert "--adapter ros1 --profile giraff" in command
     assert redeem("giraff", token, timezone.now()) is not None
     assert "--enrol" not in overview(client, robot)

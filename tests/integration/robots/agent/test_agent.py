@@ -7,13 +7,12 @@ import subprocess
 import sys
 import threading
 import time
-import tomllib
 from dataclasses import replace
 
 import pytest
 from msgspec import structs
 
-from robots.agent.agent import VERSION, Agent, factsheet_of, main, new_boot
+from robots.agent.agent import Agent, factsheet_of, main, new_boot
 from robots.agent.config import ConfigError, load
 from robots.agent.control.reports import Reports
 from robots.agent.devices.equipment import equipment_of
@@ -247,7 +246,3 @@ def test_robot_with_a_camera_can_take_photos(broker, tmp_path):
     robot.video = object
     settings = config(broker, tmp_path)
     assert "photo" in factsheet_of(robot, equipment_of(robot, settings), settings, "b").capabilities
-
-
-def test_agents_version_is_that_of_the_project():
-    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == VERSION

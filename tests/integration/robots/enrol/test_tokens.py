@@ -374,7 +374,7 @@ def test_enrol_command_prints_what_to_run_on_the_robot(robot):
     call_command("enrol", "giraff", server="https://site.example/", stdout=out)
     command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
     assert (
-        command == ".venv/bin/python manage.py run_robot giraff --server https://site.example"
+        command == "telepresence run_robot giraff --server https://site.example"
         " --adapter ADAPTER --profile PROFILE --enrol"
     )
     assert redeem("giraff", token, timezone.now()) is not None

@@ -16,6 +16,7 @@ from robots.api import disk_space
 from robots.bridge import bridge as mqtt_bridge
 from sessions.models import ManagerBeat
 from sessions.shards.rows import NAME, beat, occupy
+from telepresence import __version__
 from telepresence_site.ops.health import BEHIND, manager_state, managers_state
 from tests.support.loop_gap import longest_gap
 from tests.support.patience import patient
@@ -96,7 +97,7 @@ async def test_disk_that_does_not_answer_delays_no_command(bridge, monkeypatch, 
 async def test_server_with_all_its_parts_is_ready(bridge):
     await add_manager()
     ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager", "disk"), "ok")
-    assert await ask() == (200, {"ready": True, **ok})
+    assert await ask() == (200, {"ready": True, "version": __version__, **ok})
 
 
 async def test_server_without_session_manager_and_broker_is_not_ready_and_names_them(bridge):
@@ -104,6 +105,7 @@ async def test_server_without_session_manager_and_broker_is_not_ready_and_names_
     status, answer = await ask()
     ok = dict.fromkeys(("database", "channel_layer", "disk"), "ok")
     assert status == 503
+    assert answer.pop("version") == __version__
     assert answer == {"ready": False, "broker": "away", "session_manager": "none", **ok}
 
 
