@@ -95,9 +95,9 @@ def _details(data: dict[str, Any]) -> Iterator[str]:
                 yield from (_change(key, before.get(key), after.get(key)) for key in changed)
             case [before, after]:
                 yield _change(name, before, after)
-            case dict():
-                yield from (f"{key}: {_text(one)}" for key, one in value.items() if one != "")
-            case "":
+            case dict() if value:
+                yield ", ".join(f"{key} {_text(one)}" for key, one in value.items() if one != "")
+            case "" | dict():
                 continue
             case _:
                 yield f"{name}: {_text(value)}"

@@ -81,7 +81,7 @@ def safety_test_page(page: RobotPage, request: HttpRequest, robot: Robot) -> Htt
 def _start(request: HttpRequest, robot: Robot) -> None:
     if not request.POST.get("free"):
         messages.error(request, gettext("Confirm that the floor around the robot is free."))
-    elif reason := course.start(robot, request.user, timezone.now()):  # type: ignore[arg-type]
+    elif reason := course.start(robot, request.user, timezone.now()):
         messages.error(request, AGAINST.get(reason, reason))
 
 
@@ -93,7 +93,7 @@ def described(row: AuditEntry) -> dict[str, Any]:
         "at": row.at,
         "outcome": data.get("outcome", ""),
         "title": OUTCOMES.get(data.get("outcome", ""), ""),
-        "reason": ENDINGS.get(reason) or in_words(reason),
+        "reason": ENDINGS.get(reason) or _in_words(reason),
         "stops": [
             {
                 "title": title,
@@ -113,5 +113,11 @@ def described(row: AuditEntry) -> dict[str, Any]:
     }
 
 
+def _in_words(reason: str) -> str:
+    """Return the reason of the agent, whose value may be one of STOPS."""
+    code, colon, value = reason.partition(": ")
+    return in_words(f"{code}{colon}{STOPS.get(value, value)}")
+
+
 def _with_unit(figure: float, unit: str) -> str:
-    return f"{number_format(figure, 2)}\u00a0{unit}"
+    return f"{number_format(round(figure, 2), 2)}\u00a0{unit}"

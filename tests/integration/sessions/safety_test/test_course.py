@@ -230,7 +230,7 @@ def test_the_page_shows_figures_and_what_was_too_late(here, address, session):
     report(session, "FAILED", "too_late: silence", FIGURES)
     words = here.get(address).content.decode()
     assert "0.41\u00a0s" in words
-    assert "It stopped later than it must" in words
+    assert "It stopped later than it must (no commands)" in words
     assert "agent 0.9.0" in words
 
 
