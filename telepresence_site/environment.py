@@ -3,8 +3,6 @@
 import contextlib
 import os
 import secrets
-import tomllib
-from importlib.metadata import version
 from pathlib import Path
 
 from robots.api.private_files import write_private
@@ -27,15 +25,6 @@ def flag(name: str, *, default: bool = False) -> bool:
 
 def words(name: str, default: str = "") -> list[str]:
     return [word.strip() for word in text(name, default).split(",") if word.strip()]
-
-
-def version_of(package: str, project: Path) -> str:
-    """Return the version that the source's `project` file states, or that of the installed package
-    where there is no such file.
-    """
-    if project.exists():
-        return str(tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"])
-    return version(package)
 
 
 def kept_secret(path: Path, nbytes: int = 48) -> str:

@@ -10,10 +10,11 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONCE, NONE, SELF
 
+from telepresence import __version__
 from telepresence_site import environment as env, mongodb, postgresql
 
 BASE_DIR = Path(__file__).resolve().parent.parent
-VERSION = env.version_of("telepresence", BASE_DIR / "pyproject.toml")
+VERSION = __version__
 VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
 
 DEBUG = env.flag("DEBUG")
