@@ -19,7 +19,7 @@ RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
 # allauth offers it to everyone who may view addresses.
 EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
 
-# Links that people get by e-mail; nobody else needs them.
+# Links in e-mails, for their receivers alone.
 admin.site.unregister(EmailConfirmation)
 
 

@@ -1,4 +1,4 @@
-"""The list of robots in the administration: those that need somebody come first."""
+"""The list of robots in the administration: those that need attention come first."""
 
 from typing import Any, get_args
 
@@ -23,7 +23,7 @@ class RobotList(ChangeList):
 
 
 def _urgency(robots: "QuerySet[Robot]") -> Any:
-    """Return an expression that sorts robots by how much they need somebody. A status is computed
+    """Return an expression that sorts robots by how much attention they need. A status is computed
     from a robot's report, so that the database alone cannot sort by it.
     """
     by_tone: dict[Tone, list[Any]] = {tone: [] for tone in URGENCY}

@@ -1,8 +1,8 @@
 """The first page of a fresh site creates its administrator, and then shows what is still missing.
 
 It exists only while the site has no account. On any address but this computer's own it asks for a
-code (fresh_site.py), which the web process writes to its log and `manage.py doctor` prints: whoever
-reads these runs the site.
+code (fresh_site.py), which the web process writes to its log and `manage.py doctor` prints:
+only people who run the site can read these.
 """
 
 import functools
@@ -44,7 +44,7 @@ FORWARDED = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP", "HTTP_V
 
 
 class AlreadySetUpError(RuntimeError):
-    """Somebody else created the first administrator."""
+    """Another request created the first administrator."""
 
 
 class AdministratorForm(BaseUserCreationForm):
@@ -78,8 +78,8 @@ class AdministratorForm(BaseUserCreationForm):
 
 
 def is_from_here(request: HttpRequest) -> bool:
-    """Tell whether a person at this computer sends the request. Where a proxy may pass requests on,
-    everybody seems to be here: then nobody is.
+    """Tell whether the browser runs on this computer. Behind a proxy, all requests seem to come
+    from here, and none counts.
     """
     if settings.TRUSTED_PROXIES or getattr(settings, "SECURE_PROXY_SSL_HEADER", None):
         return False
@@ -135,7 +135,7 @@ def create_administrator(form: AdministratorForm) -> User:
     """Create the first administrator.
 
     Raises:
-        AlreadySetUpError: somebody else was first.
+        AlreadySetUpError: another request was first.
     """
     user = form.save(commit=False)
     user.is_staff = user.is_superuser = True
