@@ -172,7 +172,7 @@ class DockMarker {
   constructor(element, act) {
     this.button = element("dock-marker");
     this.button.addEventListener("click", () => {
-      act(this.button.dataset.action ?? "");
+      act("go_home");
       backToDriving(element);
     });
   }
