@@ -80,7 +80,7 @@ const setUp = (page) => {
           store.update({ pressing: presses ? { since: unixNow() } : null });
         }
         if (presses && !press.maneuver.now) {
-          press.pending = null; // who steers meanwhile does not want to be driven there any more
+          press.pending = null; // who steers now does not want to be driven there any more
         }
         canvas.intent = intent;
         canvas.refresh();

@@ -58,6 +58,9 @@ export class OverlayCanvas {
     const { clientWidth: width, clientHeight: height } = this.press.stage;
     this.press.size = { width, height, fit: getComputedStyle(video).objectFit };
     this.drawn = "?";
+    if (this.store.get().pointNote) {
+      this.store.update({ pointNote: null }); // its point is elsewhere now
+    }
     this.canvas.width = Math.round(width * devicePixelRatio);
     this.canvas.height = Math.round(height * devicePixelRatio);
     this.refresh();
