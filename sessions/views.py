@@ -95,6 +95,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
         "operates": bool(may_operate(user, robot)),
+        "hasScreen": bool(robot.credentials.screen_hash),
     }
 
 
@@ -114,7 +115,8 @@ def check(request: HttpRequest) -> HttpResponse:
 
 
 def _robot_for(request: HttpRequest, name: str) -> Robot:
-    robots = robots_visible_to(request.user).select_related("floor_plan").defer("floor_plan__image")
+    robots = robots_visible_to(request.user).select_related("floor_plan", "credentials")
+    robots = robots.defer("floor_plan__image")
     return get_object_or_404(robots, name=name)
 
 

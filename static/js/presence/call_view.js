@@ -44,10 +44,11 @@ export const createCallView = ({ element, words }, media) => {
     render: (state) => {
       const { own, robot } = state;
       const offered = isOffered(state, "call") && !state.slow;
+      const [call, screens] = [offered ? robot?.call : null, robot?.screens ?? 0];
       renderButtons(own, offered);
-      renderNote(own, offered ? noteOf(own, robot?.call ?? null, robot?.screens ?? 0) : "");
+      renderNote(own, offered ? noteOf(own, call, screens, state.hasScreen) : "");
       renderSelf(media.devices.tracks.video, own.shares);
-      const { seen, points } = previewOf(own, offered ? robot?.call : null, robot?.screens ?? 0);
+      const { seen, points } = previewOf(own, call, screens);
       media.preview.now?.show({
         track: seen ? media.devices.tracks.video : null,
         points: points && takesPointers(state),
