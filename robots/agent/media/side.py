@@ -208,10 +208,9 @@ class MediaSide:
         """Return the call with what the people at the robot get of it now."""
         if call is None:
             return None
-        outputs, through = self._outputs, call.status == "accepted"
-        own = outputs is not None and self.screens == 0
-        shown = self._pages.shows or (own and outputs.works("video"))
-        played = self._pages.plays or (own and outputs.works("audio"))
+        own, through = self._outputs if self.screens == 0 else None, call.status == "accepted"
+        shown = self._pages.shows or (own is not None and own.works("video"))
+        played = self._pages.plays or (own is not None and own.works("audio"))
         return msgspec.structs.replace(
             call,
             shown=through and call.video and shown,
