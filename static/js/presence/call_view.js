@@ -1,6 +1,6 @@
 /** Shows the call: its buttons and note, the visitor's own video, and the shared screen. */
 
-import { isOffered } from "../protocol/capabilities.js";
+import { isOffered, offersSound } from "../protocol/capabilities.js";
 import { setPressed, write } from "../lib/dom.js";
 import { callOf, isHeard, noteOf, previewOf } from "./call.js";
 import { takesPointers } from "./call_media.js";
@@ -47,6 +47,7 @@ export const createCallView = ({ element, words }, media) => {
       const [call, screens] = [offered ? robot?.call : null, robot?.screens ?? 0];
       renderButtons(own, offered);
       renderNote(own, offered ? noteOf(own, call, screens, state.hasScreen) : "");
+      element("presence-hear").hidden = !callOf(own) || !offersSound(state);
       renderSelf(media.devices.tracks.video, own.shares);
       const { seen, points } = previewOf(own, call, screens);
       media.preview.now?.show({
