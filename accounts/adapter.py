@@ -1,6 +1,7 @@
 """Adapters of django-allauth for this site's accounts."""
 
 import time
+from email.utils import formataddr, parseaddr
 from typing import Any
 
 from allauth.account.adapter import DefaultAccountAdapter
@@ -10,6 +11,7 @@ from django.contrib.auth.base_user import AbstractBaseUser
 from django.core.exceptions import ValidationError
 from django.forms import BaseForm
 from django.http import HttpRequest
+from django.utils.translation import gettext
 
 from accounts.attempts import address_of
 from accounts.models import User
@@ -29,6 +31,11 @@ class AccountAdapter(DefaultAccountAdapter):
     def get_client_ip(self, request: HttpRequest) -> str:
         """Return the address that attempts are counted by, behind our proxies the visitor's."""
         return address_of(request)
+
+    def get_from_email(self) -> str:
+        """Return the sender, with the site's name unless the setting has one."""
+        name, address = parseaddr(settings.DEFAULT_FROM_EMAIL)
+        return formataddr((name or gettext("Telepresence"), address))
 
     def pre_authenticate(self, request: HttpRequest, **credentials: Any) -> None:
         """Count a guess before the password is checked; see accounts/password_guesses.py.

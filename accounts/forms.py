@@ -10,6 +10,8 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.models import User
 
+USER_NAME_HINT = _("Letters, digits and @ . + - _")
+USER_NAME_ERROR = _("Use only letters, digits and @ . + - _")
 NAME_HINT = _("Shown to people near the robot. Leave blank to use your user name.")
 PASSWORD_HINT = _("Use at least 8 characters. Avoid common words and your own name.")
 NEW_PASSWORD = {
@@ -51,7 +53,7 @@ class SignUpForm(PlainForm, allauth.SignupForm):
         max_length=60, required=False, widget=forms.TextInput(attrs={"autocomplete": "nickname"})
     )
     words = {
-        "username": (_("User name"), _("Letters, digits and @ . + - _")),
+        "username": (_("User name"), USER_NAME_HINT),
         "display_name": (_("Name shown to others"), NAME_HINT),
         "email": (
             _("E-mail"),
@@ -66,6 +68,15 @@ class SignUpForm(PlainForm, allauth.SignupForm):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.fields["username"].widget.attrs |= {"autocapitalize": "none", "spellcheck": "false"}
+
+    def clean_username(self) -> str:
+        """Return the user name; a refused one gets the words of the hint, not Django's."""
+        try:
+            return str(super().clean_username())
+        except forms.ValidationError as error:
+            if any(one.code == "invalid" for one in error.error_list):
+                raise forms.ValidationError(USER_NAME_ERROR) from error
+            raise
 
     def clean_display_name(self) -> str:
         return single_line(self.cleaned_data["display_name"])

@@ -146,7 +146,7 @@ def _stopped(robot: Robot) -> tuple[str, str]:
                 "It is moving although it should stand still. You can drive it once it has stopped."
             )
         case _:
-            text = _("The robot has a fault. You can drive again once it is solved.")
+            text = _("The robot has a fault. You can drive again once it is fixed.")
     return _("Not available"), text
 
 

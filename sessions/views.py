@@ -98,6 +98,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "returnsHome": robot.returns_home,
         "assist": Session.assistance_to_begin_with(robot, user) or robot.assist,
         "operates": bool(may_operate(user, robot)),
+        "hasScreen": bool(robot.credentials.screen_hash),
     }
 
 
@@ -117,7 +118,8 @@ def check(request: HttpRequest) -> HttpResponse:
 
 
 def _robot_for(request: HttpRequest, name: str) -> Robot:
-    robots = robots_visible_to(request.user).select_related("floor_plan").defer("floor_plan__image")
+    robots = robots_visible_to(request.user).select_related("floor_plan", "credentials")
+    robots = robots.defer("floor_plan__image")
     return get_object_or_404(robots, name=name)
 
 

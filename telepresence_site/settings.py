@@ -164,6 +164,7 @@ ACCOUNT_FORMS = {
 }
 SIGNUP_OPEN = env.flag("SIGNUP_OPEN", default=True)
 ACCOUNT_LOGOUT_REDIRECT_URL = "home"
+ACCOUNT_EMAIL_SUBJECT_PREFIX = ""  # the sender is named
 ACCOUNT_EMAIL_CONFIRMATION_HMAC = False
 ACCOUNT_RATE_LIMITS = {"login_failed": "10/m/ip", "signup": "20/m/ip"}
 

@@ -234,7 +234,10 @@ class CallState(Message, frozen=True, kw_only=True):
     """The status of a visitor's call at the robot: `audio` and `video` are what the visitor sends,
     `volume` what they requested.
 
-    `shares`: the video shows the visitor's screen, a window or a tab, not their face.
+    `shares`: the video shows the visitor's screen, a window or a tab, not their face. `shown` and
+    `audible`: a display of the robot confirms that it shows the video, or that it may play sound
+    (`command/heartbeat`), or no display is connected and the robot has its own display or
+    loudspeaker. An agent that omits them cannot tell.
     """
 
     status: Literal["ringing", "accepted", "declined", "unanswered"]
@@ -242,6 +245,8 @@ class CallState(Message, frozen=True, kw_only=True):
     video: bool = False
     volume: Share = 1.0
     shares: bool = False
+    shown: bool | None = None
+    audible: bool | None = None
 
 
 class KnockState(Message, frozen=True, kw_only=True):
@@ -663,7 +668,8 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
 
     Unless `needed` is false, it keeps the robot from being idle: false is for a server that only
     compares clocks with a robot that others keep awake. A robot need not echo the peer `watcher`,
-    with which web processes report that one of its pages is open.
+    with which web processes report that one of its pages is open. A display of the robot reports
+    whether the visitor's video is on view there (`shows`), and whether it may play sound (`plays`).
     """
 
     n: Count
@@ -672,6 +678,8 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
     echo: Echo | None = None
     frame_age: Seconds | None = None
     needed: bool = True
+    shows: bool = False
+    plays: bool = False
 
 
 class PointCommand(Message, frozen=True, kw_only=True):

@@ -7,6 +7,7 @@ from robots.agent.broker_link.mqtt import LinkInbox
 from robots.agent.robot_interface import Frame
 from robots.api import codec, picture, topics
 from robots.api.messages import (
+    CallState,
     CameraStatus,
     LabReport,
     Message,
@@ -75,6 +76,9 @@ class Media(Protocol):
     @property
     def screens(self) -> int:
         """Number of the robot's own displays that are connected."""
+
+    def confirm(self, call: CallState | None) -> CallState | None:
+        """Return the call with what the people at the robot get of it now."""
 
     @property
     def audible(self) -> bool:

@@ -260,7 +260,7 @@ class Reports:
             refused=dict(kernel.refused),
             assist_why=reading.assist_why,
             assist_point=reading.assist_point,
-            call=calls.state(driver, now),
+            call=media.confirm(calls.state(driver, now)),
             screens=media.screens,
             knockable=calls.knockable(driver, audible=media.audible),
             knock=calls.knocking(driver, now),

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+import msgspec
 import structlog
 
 from robots.agent.lab.timed import TimedLine
@@ -44,6 +45,7 @@ from robots.agent.robot_interface import (
 )
 from robots.api.codec import encode_frame
 from robots.api.messages import (
+    CallState,
     CameraStatus,
     Heartbeat,
     LabReport,
@@ -201,6 +203,19 @@ class MediaSide:
     @property
     def screens(self) -> int:
         return self._pages.screens
+
+    def confirm(self, call: CallState | None) -> CallState | None:
+        """Return the call with what the people at the robot get of it now."""
+        if call is None:
+            return None
+        own, through = self._outputs if self.screens == 0 else None, call.status == "accepted"
+        shown = self._pages.shows or (own is not None and own.works("video"))
+        played = self._pages.plays or (own is not None and own.works("audio"))
+        return msgspec.structs.replace(
+            call,
+            shown=through and call.video and shown,
+            audible=through and call.audio and played,
+        )
 
     @property
     def audible(self) -> bool:

@@ -8,7 +8,7 @@ import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "../protocol/robot_action.js";
 import { can, controllersOf, mayAsk, maySteer } from "../protocol/capabilities.js";
 import { reasonFor } from "./reasons.js";
-import { reports } from "../protocol/standstill.js";
+import { reports, standstillOf } from "../protocol/standstill.js";
 
 /**
  * @typedef {object} Offer
@@ -84,8 +84,22 @@ export const releaseFor = ({ operates, robot, room, release, now }) => {
 /** @param {State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const release = roleOf(state.visit) ? releaseFor(state) : null;
-  return release ? { ...release, tone: "danger" } : usualOffer(state);
+  return release ? { ...release, tone: "danger" } : isFree(state) ? FREE : usualOffer(state);
 };
+
+const FREE = /** @type {const} */ ({
+  word: "watch.free",
+  tone: "calm",
+  main: { action: "drive", word: "do.drive" },
+});
+
+/** Whether this visitor watches a robot that they could drive at once. @param {State} state */
+const isFree = ({ visit, room, robot }) =>
+  visit.phase === "watching" &&
+  visit.mayDrive &&
+  visit.online &&
+  !(room.driving || room.driver || room.waiting || room.pause) &&
+  standstillOf(robot) === "";
 
 /** @param {State} state @returns {Offer | null} */
 const usualOffer = (state) => {

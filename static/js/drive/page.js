@@ -28,6 +28,7 @@ const given = {
   factsheet: config.factsheet ?? null,
   returnsHome: config.returnsHome ?? false,
   operates: config.operates ?? false,
+  hasScreen: config.hasScreen ?? true,
   guest: Boolean(config.signUp),
   practising: Boolean(config.practising) && !config.signUp,
   study: config.study ?? null,

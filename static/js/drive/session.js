@@ -36,6 +36,8 @@ const newSlice = () => ({
   releasedAt: -Infinity,
   /** whether the visitor operates the robot, and so may release its emergency stop */
   operates: false,
+  /** whether a display was set up for the robot */
+  hasScreen: true,
   /** the requested release of its emergency stop */
   release: /** @type {import("../protocol/estop_release.js").Release | null} */ (null),
   /** whether the robot returns to its dock after a session */

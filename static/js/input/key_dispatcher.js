@@ -8,7 +8,7 @@
  * - When a holder (a dialog, a menu) opens, pressed keys count as released, so the robot stops.
  *   After it closes, a key must be released and pressed again.
  * - The key that stops the robot (the space bar) always does, unless it types or ticks.
- * - Escape closes the holder. So does a press beside a menu.
+ * - Escape closes the holder, or another open panel. A press beside a menu closes it.
  *
  * Dialogs and open <details> are holders; others have `data-holds-keys` in their template.
  */
@@ -143,7 +143,7 @@ export class KeyDispatcher {
   }
 
   /**
-   * How something that takes the keys is closed.
+   * How a panel is closed, which may take the keys.
    * @param {Element} holder
    * @param {() => void} close for Escape, gives the focus back
    * @param {(() => void) | null} [beside] for a press beside it
@@ -168,8 +168,9 @@ export class KeyDispatcher {
   /** @param {KeyboardEvent} event */
   #press(event) {
     const holder = openHolder(this.root);
-    if (event.key === "Escape" && holder && !isShortcut(event)) {
-      this.closers.get(holder)?.close();
+    const panel = event.key === "Escape" && !isShortcut(event) && (holder ?? this.#lastPanel());
+    if (panel) {
+      this.closers.get(panel)?.close();
       return;
     }
     const use = keyUse(event, holder, this.keymap);
@@ -186,6 +187,10 @@ export class KeyDispatcher {
   #release(event) {
     this.down.delete(event.code);
     this.users.forEach((user) => guarded(() => user.up?.(event)));
+  }
+
+  #lastPanel() {
+    return Array.from(this.closers.keys()).filter(isShown).at(-1);
   }
 
   #watchHolder() {

@@ -65,12 +65,14 @@ export const previewOf = (own, known, screens) => {
 };
 
 /**
- * The note beside the buttons: the key of a sentence, empty for none.
+ * The note beside the buttons: the key of a sentence, empty for none. An older robot cannot tell
+ * what its display shows or plays.
  * @param {Own} own
  * @param {any} known the call in the robot's state
  * @param {number} screens connected displays of the robot
+ * @param {boolean} hasScreen whether a display was set up for this robot
  */
-export const noteOf = (own, known, screens) => {
+export const noteOf = (own, known, screens, hasScreen = true) => {
   if (own.trouble) {
     return `presence.${own.trouble.kind}.${own.trouble.why}`;
   }
@@ -83,14 +85,24 @@ export const noteOf = (own, known, screens) => {
   if (!callOf(own)) {
     return "";
   }
+  const isOff = screens === 0 && !known?.shown && !known?.audible;
+  if (isOff && (known?.status === "ringing" || known?.status === "accepted")) {
+    return hasScreen ? "presence.screen_off" : "presence.no_screen";
+  }
   if (known?.status === "ringing") {
-    return screens ? "presence.ringing" : "presence.no_screen";
+    return "presence.ringing";
   }
   if (known?.status === "unanswered") {
     return "presence.unanswered";
   }
   if (known?.status !== "accepted") {
     return "presence.connecting";
+  }
+  if (own.camera === "on" && known.shown === false) {
+    return "presence.unseen";
+  }
+  if (isHeard(own) && known.audible === false) {
+    return "presence.unheard";
   }
   if (own.shares) {
     return isHeard(own) ? "presence.shared_heard" : "presence.shared";

@@ -1,6 +1,6 @@
 /** Shows the call: its buttons and note, the visitor's own video, and the shared screen. */
 
-import { isOffered } from "../protocol/capabilities.js";
+import { isOffered, offersSound } from "../protocol/capabilities.js";
 import { setPressed, write } from "../lib/dom.js";
 import { callOf, isHeard, noteOf, previewOf } from "./call.js";
 import { takesPointers } from "./call_media.js";
@@ -44,10 +44,12 @@ export const createCallView = ({ element, words }, media) => {
     render: (state) => {
       const { own, robot } = state;
       const offered = isOffered(state, "call") && !state.slow;
+      const [call, screens] = [offered ? robot?.call : null, robot?.screens ?? 0];
       renderButtons(own, offered);
-      renderNote(own, offered ? noteOf(own, robot?.call ?? null, robot?.screens ?? 0) : "");
+      renderNote(own, offered ? noteOf(own, call, screens, state.hasScreen) : "");
+      element("presence-hear").hidden = !callOf(own) || !offersSound(state);
       renderSelf(media.devices.tracks.video, own.shares);
-      const { seen, points } = previewOf(own, offered ? robot?.call : null, robot?.screens ?? 0);
+      const { seen, points } = previewOf(own, call, screens);
       media.preview.now?.show({
         track: seen ? media.devices.tracks.video : null,
         points: points && takesPointers(state),

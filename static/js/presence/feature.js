@@ -24,19 +24,7 @@ const setUp = (page) => {
   const audience = lazy(async () => (await import("../audience/panel.js")).createPanel(page));
   const [messages, head] = [createMessages(page), createHead(page)];
   const callView = createCallView(page, media);
-  setUpButtons(page, {
-    ...media.clicks,
-    ...messages.clicks,
-    "presence-photo": () =>
-      photo(
-        (it) => it.take(),
-        () => store.update({ said: toRead(page.words, "kept.failed"), now: unixNow() }),
-      ),
-    "presence-knock": () => knock((it) => it.knock()),
-    "kept-close": () => photo.now?.close(),
-    "presence-volumes": () => toggleVolumes(page, messages),
-  });
-  page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
+  setUpPanels(page, { media, messages, photo, knock });
   return {
     handlers: {
       audience: (message) => store.update({ audience: message }),
@@ -85,11 +73,52 @@ const isLeftOpen = ({ visit, own, panel, keptPhoto }, waits) =>
   roleOf(visit) !== "driver" &&
   (callOf(own) || (panel && !(waits && panel === "talk")) || keptPhoto);
 
-/** @param {Page} page @param {ReturnType<typeof createMessages>} messages */
-const toggleVolumes = ({ store, element }, messages) => {
-  messages.show(store.get().panel === "volumes" ? "" : "volumes");
+/**
+ * @param {Page} page @param {ReturnType<typeof createMessages>} messages
+ * @param {"volumes" | "help"} panel
+ */
+const toggle = ({ store, element }, messages, panel) => {
+  messages.show(store.get().panel === panel ? "" : panel);
   // not the button: the space bar would press it again
-  element("volumes").focus({ preventScroll: true });
+  element(panel).focus({ preventScroll: true });
+};
+
+/**
+ * The buttons, and how each panel is opened and closed.
+ * @param {Page} page
+ * @param {{media: CallMedia, messages: ReturnType<typeof createMessages>, photo: any, knock: any}}
+ *   parts
+ */
+const setUpPanels = (page, { media, messages, photo, knock }) => {
+  const { store, element, keys, words } = page;
+  const closePhoto = () => photo.now?.close();
+  const help = () => toggle(page, messages, "help");
+  setUpButtons(page, {
+    ...media.clicks,
+    ...messages.clicks,
+    "presence-photo": () => {
+      messages.show("");
+      photo(
+        (/** @type {any} */ it) => it.take(),
+        () => store.update({ said: toRead(words, "kept.failed"), now: unixNow() }),
+      );
+    },
+    "presence-knock": () => knock((/** @type {any} */ it) => it.knock()),
+    "presence-hear": () => page.act("sound"),
+    "presence-volumes": () => toggle(page, messages, "volumes"),
+    "kept-close": closePhoto,
+    "help-open": help,
+    "help-more": help,
+    "help-close": messages.closePanel,
+  });
+  keys.add({
+    down: ({ key }) => key === "?" && roleOf(store.get().visit) === "driver" && help(),
+  });
+  for (const panel of ["volumes", "help"]) {
+    keys.closes(element(panel), messages.closePanel, () => messages.show(""));
+  }
+  keys.closes(element("presence-dismiss"), media.clicks["presence-dismiss"]);
+  keys.closes(element("kept"), closePhoto);
 };
 
 /** @param {Page} page @param {Record<string, () => void>} clicks by the button's id */
@@ -116,9 +145,11 @@ export const presence = { name: "presence", setUp };
  */
 const showBar = (element, state, waits) => {
   const drives = roleOf(state.visit) === "driver";
+  const isOpen = state.panel === "volumes" || state.panel === "help";
+  element("help-open").hidden = !drives;
+  element("help-open").setAttribute("aria-expanded", String(state.panel === "help"));
   // A visitor who is writing keeps the field without video: otherwise the next keys would drive.
-  element("presence").hidden =
-    !waits && (!drives || !(state.playing || state.writing || state.panel === "volumes"));
+  element("presence").hidden = !waits && (!drives || !(state.playing || state.writing || isOpen));
   element("presence-volumes").hidden = waits;
   // in a study, photos belong to the task
   element("presence-photo").hidden =

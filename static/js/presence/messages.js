@@ -18,7 +18,7 @@ export const createMessages = (page) => {
 
   /**
    * Opens a panel at once, for the visitor's next key.
-   * @param {"" | "talk" | "volumes"} panel @param {boolean} [writing]
+   * @param {"" | "talk" | "volumes" | "help"} panel @param {boolean} [writing]
    */
   const show = (panel, writing = false) => {
     store.update({ panel, writing, unread: panel === "talk" ? 0 : store.get().unread });
@@ -99,6 +99,7 @@ const renderPanels = ({ element }, state) => {
   element("talk").toggleAttribute("data-holds-keys", writes);
   element("talk-writing").hidden = !writes;
   element("volumes").hidden = panel !== "volumes";
+  element("help").hidden = panel !== "help";
   setPressed(element("presence-talk"), writes, false);
   setPressed(element("presence-volumes"), panel === "volumes", false);
   element("unread").hidden = unread === 0;

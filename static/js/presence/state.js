@@ -6,7 +6,7 @@ export const newSlice = () => ({
   /** what the visitor sends to the robot: call.js */
   own: newOwn(),
   /** the panel that is open */
-  panel: /** @type {"" | "talk" | "volumes"} */ (""),
+  panel: /** @type {"" | "talk" | "volumes" | "help"} */ (""),
   /** whether the field of the talk panel is open and takes the keys */
   writing: false,
   /** number of messages from the robot's side that have not been shown */

@@ -53,5 +53,12 @@ export const can = (state, capability) =>
 export const isOffered = (state, capability) =>
   roleOf(state.visit) === "driver" && can(state, capability);
 
+/**
+ * Whether the visitor could hear the robot, and does not: browsers play sound only after a press.
+ * @param {State} state
+ */
+export const offersSound = ({ sound, factsheet }) =>
+  !sound && Boolean(factsheet?.capabilities?.includes("audio"));
+
 /** Whether the robot has levels of assistance. @param {any} factsheet */
 export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));

@@ -36,7 +36,8 @@ export interface AppliedCommand { seq: number; stamp: number; method: "gamepad" 
   linear: number; angular: number; frameAge: number | null; asked: Velocity | null;
   allowed: Velocity | null; share: number | null }
 export interface CallState { status: "accepted" | "declined" | "ringing" | "unanswered";
-  audio: boolean; video: boolean; volume: number; shares: boolean }
+  audio: boolean; video: boolean; volume: number; shares: boolean; shown: boolean | null;
+  audible: boolean | null }
 export interface KnockState { actionId: string; status: "answered" | "declined" | "ringing" |
   "unanswered" }
 export interface LabReport { lab: NetworkLab; taken: number; lost: number; overflowed: number;

@@ -57,7 +57,7 @@ const AppliedCommand = object({ seq: count, stamp, method: inputMethod, way, age
   asked: absent(Velocity), allowed: absent(Velocity), share: absent(share) });
 const CallState = object({ status: oneOf("accepted", "declined", "ringing", "unanswered"),
   audio: optional(flag, false), video: optional(flag, false), volume: optional(share, 1),
-  shares: optional(flag, false) });
+  shares: optional(flag, false), shown: absent(flag), audible: absent(flag) });
 const KnockState = object({ actionId: id, status: oneOf("answered", "declined", "ringing",
   "unanswered") });
 const bitRate = number(1000, 1e+11);

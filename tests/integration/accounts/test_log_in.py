@@ -227,6 +227,17 @@ def test_a_forgotten_password_is_replaced_through_a_link_that_works_once(client)
     assert "This link has expired" in read(client.get(link, follow=True)).text
 
 
+def test_e_mail_for_a_new_password_is_from_the_site_by_its_name(client, settings):
+    settings.DEFAULT_FROM_EMAIL = "robots@example.org"
+    person("ada", email="ada@example.org")
+    reset_link(client)
+    message = mail.outbox[0]
+    assert message.subject == "Reset your password"
+    assert message.from_email == "Telepresence <robots@example.org>"
+    assert message.body.startswith("Hello,")
+    assert "Your user name is ada." in message.body
+
+
 def test_asking_for_a_new_password_does_not_tell_who_has_an_account(client):
     person("ada", email="ada@example.org")
     reset, emails = reverse("account_reset_password"), ("ada@example.org", "nobody@example.org")

@@ -107,3 +107,9 @@ def test_many_sign_ups_from_one_address_are_slowed_down(client):
     assert (response.status_code, response["Retry-After"]) == (429, "60")
     assert "Too many attempts" in read(response).text
     assert not User.objects.exists()
+
+
+def test_a_user_name_with_other_characters_is_refused_in_the_words_of_the_hint(client):
+    page = read(sign_up(client, username="ada lovelace"))
+    assert "Use only letters, digits and @ . + - _" in page.text
+    assert "@/./+/-/_" not in page.text

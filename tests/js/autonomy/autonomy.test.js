@@ -789,3 +789,25 @@ describe("the map", () => {
     assert.equal(ellipseOf([1e-9, 1e-3, 0, 1e-9, 0, 0]).across, 0);
   });
 });
+
+describe("a viewer of a robot that nobody drives", () => {
+  const watching = (more = {}, visit = {}) => {
+    const state = driving(more);
+    return { ...state, visit: { ...state.visit, phase: "watching", mayDrive: true, ...visit } };
+  };
+  const room = (more) => ({ room: { ...newState().room, ...more } });
+
+  test("is offered to drive it, also after a drive of their own", () => {
+    assert.deepEqual(offerFor(watching()).main, { action: "drive", word: "do.drive" });
+    assert.ok(KEYS.has(offerFor(watching()).word));
+  });
+
+  test("is offered nothing while it is not free, not ready, or not theirs to drive", () => {
+    const busy = [{ driver: "Ana" }, { driving: true }, { waiting: 1 }, { pause: "returning" }];
+    busy.forEach((one) => assert.equal(offerFor(watching(room(one))), null));
+    const stopped = robotOf({ safety: { estop: true, inhibited: "estop", collision: false } });
+    assert.equal(offerFor(watching({ robot: stopped })), null);
+    assert.equal(offerFor(watching({}, { mayDrive: false })), null);
+    assert.equal(offerFor(watching({}, { online: false })), null);
+  });
+});

@@ -56,7 +56,11 @@ const rig = () => {
     target.dispatchEvent(event);
     return event;
   };
-  const holder = { id: "menu", closest: () => null, contains: (one) => one === "inside" };
+  const holder = {
+    id: "menu",
+    closest: () => (open.includes(holder) ? null : holder),
+    contains: (one) => one === "inside",
+  };
   const shows = (isOpen) => {
     open.splice(0, open.length, ...(isOpen ? [holder] : []));
     look();
@@ -209,6 +213,25 @@ describe("the page's keys", () => {
     send("pointerdown", "", { on: "inside" });
     send("pointerdown", "", { on: { closest: () => null } });
     assert.deepEqual([closed, log], [["escape", "beside"], []]);
+  });
+
+  test("Escape closes an open panel that takes no keys, the last one first", () => {
+    const { keys, send, holder, shows } = rig();
+    const closed = [];
+    const panel = (name) => ({ name, closest: () => null });
+    const [photo, help] = [panel("photo"), panel("help")];
+    for (const one of [photo, help]) {
+      keys.closes(one, () => {
+        closed.push(one.name);
+        one.closest = () => one;
+      });
+    }
+    keys.closes(holder, () => closed.push("holder"));
+    shows(true);
+    send("keydown", "Escape");
+    shows(false);
+    ["Escape", "Escape", "Escape"].forEach((key) => send("keydown", key));
+    assert.deepEqual(closed, ["holder", "help", "photo"]);
   });
 
   test("know whether a holder or a field has them", () => {

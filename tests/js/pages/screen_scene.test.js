@@ -24,6 +24,12 @@ test("people at the robot see the number of viewers, without the driver", () => 
   assert.equal(watching({}, { state: null }), 0);
 });
 
+test("people at the robot are asked to tap while the browser keeps the visitor silent", () => {
+  const call = { status: "accepted", audio: true, video: false, volume: 1 };
+  const text = (sounds) => sceneFor(told({ call }, { sounds }), 100).text;
+  assert.deepEqual([text(false), text(true)], ["silent", "speaking"]);
+});
+
 test("a waiting visitor at a stopped robot and people there can write to each other", () => {
   const waits = { title: "Giraff", session: null, visitor: null, waiting: "Ben", study: false };
   const scene = sceneFor(told({ safety: { estop: true } }, { screen: waits }), 100);

@@ -54,7 +54,7 @@ describe("what is sent", () => {
     );
     assert.equal(
       noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 0),
-      "presence.no_screen",
+      "presence.screen_off",
     );
     assert.equal(
       noteOf(own({ mic: "on" }), { ...accepted, status: "unanswered" }, 1),
@@ -62,6 +62,45 @@ describe("what is sent", () => {
     );
     assert.equal(noteOf(own({ turnedAway: true }), null, 1), "presence.declined");
     assert.equal(noteOf(own({ camera: "asking" }), null, 1), "presence.asking");
+  });
+});
+
+describe("the visitor counts as seen and heard only when the robot confirms it", () => {
+  const both = own({ mic: "on", camera: "on" });
+  /** @param {boolean} shown @param {boolean} audible */
+  const call = (shown, audible, status = "accepted") => ({
+    ...accepted,
+    status,
+    shown,
+    audible,
+  });
+
+  test("by a display that shows the video and may play sound", () => {
+    assert.equal(noteOf(both, call(true, true), 1), "presence.both");
+    assert.equal(noteOf(both, call(true, false), 1), "presence.unheard");
+    assert.equal(noteOf(both, call(false, true), 1), "presence.unseen");
+    assert.equal(noteOf(own({ mic: "on" }), call(false, false), 1), "presence.unheard");
+    assert.equal(noteOf(own({ mic: "on" }), call(false, true), 1), "presence.heard");
+    assert.equal(noteOf(own({ mic: "muted" }), call(false, false), 1), "presence.muted");
+    const shares = own({ camera: "on", shares: true });
+    assert.equal(noteOf(shares, call(false, false), 1), "presence.unseen");
+    assert.equal(noteOf(shares, call(true, false), 1), "presence.shared");
+  });
+
+  test("by its own loudspeaker and display", () => {
+    assert.equal(noteOf(both, call(true, true), 0), "presence.both");
+    assert.equal(noteOf(both, call(false, true), 0, false), "presence.unseen");
+    assert.equal(noteOf(both, call(true, false), 0, false), "presence.unheard");
+  });
+
+  test("and not without a display, which may be off or not exist", () => {
+    for (const status of ["accepted", "ringing"]) {
+      assert.equal(noteOf(both, call(false, false, status), 0), "presence.screen_off");
+      assert.equal(noteOf(both, call(false, false, status), 0, false), "presence.no_screen");
+    }
+    const older = { ...accepted, shown: null, audible: null };
+    assert.equal(noteOf(both, older, 0), "presence.screen_off");
+    assert.equal(noteOf(both, older, 1), "presence.both");
   });
 });
 

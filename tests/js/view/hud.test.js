@@ -965,13 +965,22 @@ describe("the distance of a drive", () => {
   });
 });
 
+describe("a visitor who waits", () => {
+  test("is waiting also while the video of the robot connects", () => {
+    for (const link of ["none", "connecting", "live", "lost"]) {
+      const waiting = state({ phase: "queued", link, place: 1 }, { robot: ROBOT });
+      assert.equal(statusFor(waiting).word, "status.waiting", link);
+    }
+  });
+});
+
 describe("frames through the server", () => {
   const slow = (link, more = {}) =>
     state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
 
   test("are marked in the bar and by an alert", () => {
     for (const link of ["connecting", "lost"]) {
-      assert.deepEqual(statusFor(slow(link)), { word: "status.slow", tone: "slow" });
+      assert.deepEqual(statusFor(slow(link)), { word: "status.driving", tone: "slow" });
       assert.equal(alertFor(slow(link)).word, "alert.slow_picture");
       assert.equal(cardFor(slow(link)), null);
     }
@@ -980,7 +989,7 @@ describe("frames through the server", () => {
   test("have an alert after more urgent ones, and keep their mark", () => {
     const touching = slow("lost", { robot: { safety: { ...ROBOT.safety, collision: true } } });
     assert.equal(alertFor(touching).word, "alert.collision");
-    assert.equal(statusFor(touching).word, "status.slow");
+    assert.equal(statusFor(touching).tone, "slow");
   });
 
   test("are not called slow when none arrive", () => {

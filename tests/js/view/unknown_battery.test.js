@@ -66,7 +66,7 @@ test("an unknown battery is shown as such, without a level and not as low", () =
     marks: ["data-charging"],
   });
   assert.deepEqual(shown({ charge: 0.1, voltage: null, charging: false }), {
-    said: "Battery 10 %",
+    said: "Battery 10%",
     more: "",
     level: true,
     marks: ["data-low"],

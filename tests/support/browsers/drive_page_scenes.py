@@ -13,6 +13,7 @@ from tests.support.agents.told_task import tell
 from tests.support.browsers.drive_page import actions, driving
 from tests.support.browsers.fake_robot_page import PRACTICE
 from tests.support.browsers.present_robot_page import PresentRobotPage
+from tests.support.paths import ROOT
 from tests.support.patience import PRESSED, until
 
 Scenes = AsyncIterator[str]
@@ -81,6 +82,48 @@ async def leaves_the_station(page: Page, site: PresentRobotPage, address: str) -
     site.tell("session/asked_there", protocol.PresenceAsked(session=site.session, seconds=500.0))
     await page.wait_for_selector("#card[data-card=idle]")
     yield "asked whether still there"
+
+
+async def opens_panels(page: Page, site: PresentRobotPage, address: str) -> Scenes:
+    """Open each panel while driving, and close it with Escape; then watch a robot that is free."""
+    await page.goto(f"{address}?go=1")
+    await driving(page)
+    for button, panel in (("#help-open", "#help"), ("#presence-volumes", "#volumes")):
+        await page.click(button)
+        await page.wait_for_selector(f"{panel}:not([hidden])")
+        yield panel.removeprefix("#")
+        await escapes(page, panel)
+    await page.click("#presence-photo")
+    await until(lambda: actions(site, m.Photo))
+    image = (ROOT / "static/img/screens/drive-wide.webp").read_bytes()
+    site.photos[actions(site, m.Photo)[-1].action_id] = image
+    await page.wait_for_selector("#kept-download:not([hidden])")
+    yield "photo"
+    await page.click("#presence-knock")
+    await page.wait_for_selector("#knock-note:not([hidden])")
+    yield "photo, knock"
+    await page.click("#presence-volumes")
+    await page.wait_for_selector("#kept", state="hidden")
+    yield "photo, volumes"
+    await escapes(page, "#volumes")
+    await escapes(page, "#kept")
+    await page.click("#presence-camera")
+    await page.wait_for_selector("#self:not([hidden])")
+    yield "camera"
+    site.end("completed")
+    await page.wait_for_selector("#card[data-card^=ended]")
+    await page.goto(address)
+    await page.click("#card-other")
+    await page.wait_for_selector("#offer-main[data-action=drive]")
+    yield "watching a free robot"
+    await page.click("#offer-main")
+    await driving(page)
+
+
+async def escapes(page: Page, panel: str) -> None:
+    await page.wait_for_selector(f"{panel}:not([hidden])")
+    await page.keyboard.press("Escape")
+    await page.wait_for_selector(panel, state="hidden")
 
 
 async def does_a_task(page: Page, site: PresentRobotPage, address: str) -> Scenes:

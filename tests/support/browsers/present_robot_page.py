@@ -39,13 +39,14 @@ class PresentRobotPage(FakeRobotPage):
 
     `asked` are the permitted actions, `pointed` the forwarded dots, (transport, pointer). With
     `loses_words` messages of the visitor get lost. With `from_page` the screen's page provides
-    camera and microphone.
+    camera and microphone. Without `devices` the robot has no loudspeaker and display of its own.
     """
 
     def __init__(
         self,
         *,
         from_page: bool = False,
+        devices: bool = True,
         capabilities: tuple[str, ...] = CAPABILITIES,
         **options: Any,
     ) -> None:
@@ -60,7 +61,7 @@ class PresentRobotPage(FakeRobotPage):
             viewers=4,
             on_command=self._on_channel,
             reply=self._reply,
-            outputs=(self.speaker, self.display),
+            outputs=(self.speaker, self.display) if devices else (None, None),
         )
         self.pointing, self.receipts = Pointing(), Receipts()
         self.pointed: list[tuple[str, m.Pointer]] = []
@@ -259,7 +260,7 @@ class PresentRobotPage(FakeRobotPage):
         )
         return msgspec.structs.replace(
             state,
-            call=self.calls.state(lease, now),
+            call=self.media.confirm(self.calls.state(lease, now)),
             screens=self.media.screens,
             knockable=self.calls.knockable(lease, audible=self.media.audible),
             knock=self.calls.knocking(lease, now),

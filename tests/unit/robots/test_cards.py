@@ -214,7 +214,7 @@ DRIVEN = Traffic(in_use=True, waiting=2)
             {"report": FAULT | {"errors": ["rival: another agent runs"]}},
             "stopped",
             "Not available",
-            "The robot has a fault. You can drive again once it is solved.",
+            "The robot has a fault. You can drive again once it is fixed.",
         ),
         (Traffic(), {"report": RUNS_ON}, "stopped", "Not available", ""),
     ],

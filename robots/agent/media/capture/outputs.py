@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import structlog
 
-from robots.agent.media.rtp import AUDIO_RATE
+from robots.agent.media.rtp import AUDIO_RATE, Kind
 from robots.agent.robot_interface import AdapterError, Display, Speaker
 from robots.process.logs import reason_of
 
@@ -77,6 +77,10 @@ class OutputFeed:
     @property
     def has_speaker(self) -> bool:
         return "audio" in self._players
+
+    def works(self, kind: Kind) -> bool:
+        """Tell whether there is a device for it, which did not fail when last used."""
+        return kind in self._players and not self._players[kind].failure
 
     def ring(self) -> None:
         """Play the chime of a knock; dropped when the queue is full."""

@@ -101,11 +101,24 @@ class Connections:
 
     @property
     def screens(self) -> int:
-        return sum(
-            viewer.page.is_connected
+        return len(self._connected_screens())
+
+    @property
+    def shows(self) -> bool:
+        """Return whether one of the robot's own displays shows the visitor's video."""
+        return any(screen.shows for screen in self._connected_screens())
+
+    @property
+    def plays(self) -> bool:
+        """Return whether one of the robot's own displays may play sound."""
+        return any(screen.plays for screen in self._connected_screens())
+
+    def _connected_screens(self) -> list[Viewer]:
+        return [
+            viewer
             for peer, viewer in list(self._viewers.items())
-            if peer in self._screens
-        )
+            if peer in self._screens and viewer.page.is_connected
+        ]
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
         return {peer: viewer.statistics() for peer, viewer in list(self._viewers.items())}

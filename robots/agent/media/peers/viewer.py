@@ -104,6 +104,7 @@ class Viewer:
         self._key_frame_requested = False  # for that
         self._watching = False
         self.takes_candidates = False
+        self.shows = self.plays = False  # a display shows the visitor, and may play sound
 
     async def answer(self, offer: SdpOffer) -> str:
         """Answer the offer; return the SDP. Raises BadOfferError."""
@@ -180,12 +181,16 @@ class Viewer:
             self._camera.ask_key_frame(reason, self._layer)
 
     def _take(self, packet: ReceivedPacket) -> None:
-        if self._pictures is not None and isinstance(packet, CommandHeartbeat):
-            age, sent = packet.frame_age, self._pictures.rate
-            if age is not None and sent is not None:
-                self._adapter.aged(time.monotonic(), age, sent)
-                self._move()
+        if isinstance(packet, CommandHeartbeat):
+            self.shows, self.plays = packet.shows, packet.plays
+            if self._pictures is not None:
+                self._take_age(packet.frame_age, self._pictures.rate)
         self._on_command(packet)
+
+    def _take_age(self, age: float | None, sent: float | None) -> None:
+        if age is not None and sent is not None:
+            self._adapter.aged(time.monotonic(), age, sent)
+            self._move()
 
     def _lost(self, share: float) -> None:
         self._adapter.lost(time.monotonic(), share)

@@ -22,6 +22,7 @@ import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
 const BEAT = 2; // s between two heartbeats to the robot
+const FRESH = 5; // s after its last frame for which the visitor's video counts as on view
 const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;
@@ -45,6 +46,7 @@ const known = {
   stop: null,
   release: null,
   askedAt: null,
+  sounds: false,
   trouble: "",
   failing: false,
   linked: false,
@@ -65,6 +67,10 @@ let announced = "";
 let knock = "";
 let beatAt = 0;
 let beats = 0;
+let frames = 0;
+let frameAt = -Infinity;
+/** What this display confirms to the robot. */
+let confirmed = { shows: false, plays: false };
 let attempt = 0;
 
 /** @type {MediaSender} */
@@ -287,6 +293,7 @@ const hear = async () => {
     }
     element("hear").hidden = error.name !== "NotAllowedError";
   }
+  show();
 };
 
 pressStop(element("stop"), stop);
@@ -314,11 +321,17 @@ element("form").addEventListener("submit", (/** @type {Event} */ event) => {
   say(field.value);
   field.value = "";
 });
-document.addEventListener("pointerdown", () => void hear(), { once: true });
+for (const touch of ["pointerdown", "pointerup"]) {
+  document.addEventListener(touch, () => audio.paused && void hear());
+}
+// a browser may pause what it let play only while it was muted
+audio.addEventListener("pause", () => link.live && void hear());
+document.addEventListener("visibilitychange", () => show());
 
 // --- the display ---------------------------------------------------------------------------------
 
 const show = () => {
+  known.sounds = !audio.paused;
   const display = sceneFor(known, unixNow());
   const { scene, watching, stopped } = display;
   const name = words.nameOf(display.name) || words.say("somebody");
@@ -327,7 +340,7 @@ const show = () => {
   face.dataset.scene = scene;
   face.toggleAttribute("data-live", link.live);
   write(element("title"), words.say(`${scene}.title`, { name, robot }));
-  write(element("text"), words.say(`${scene}.text`, { name }));
+  write(element("text"), words.say(`${display.text}.text`, { name }));
   const hasInitial = ["visiting", "speaking", "ringing", "waiting"].includes(scene);
   write(element("initial"), hasInitial ? Array.from(name)[0].toUpperCase() : "");
   element("answers").hidden = scene !== "ringing";
@@ -359,6 +372,23 @@ const show = () => {
   showRelease(display.release);
   announce(scene, name);
   showKnock(display.knock, name);
+  confirm(scene);
+};
+
+/** Reports to the robot, with the next heartbeat or at once, what the people here get. */
+const confirm = (/** @type {string} */ scene) => {
+  const now = unixNow();
+  const { totalVideoFrames } = video.getVideoPlaybackQuality();
+  frameAt = totalVideoFrames > frames ? now : frameAt; // a new connection counts from 0
+  frames = totalVideoFrames;
+  const isOnView = scene === "seen" && document.visibilityState === "visible";
+  const next = { shows: isOnView && now - frameAt < FRESH, plays: !audio.paused && loudness() > 0 };
+  const isNews = next.shows !== confirmed.shows || next.plays !== confirmed.plays;
+  confirmed = next;
+  if (isNews || now - beatAt > BEAT) {
+    beatAt = now;
+    link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now, ...next }));
+  }
 };
 
 /** @param {import("./scene.js").Display["release"]} releasing */
@@ -405,12 +435,8 @@ const tick = () => {
   repeatStop();
   receipts.tick(now);
   const silence = socket.watch(now);
-  if (known.release || known.askedAt || silence > SERVER_SILENCE) {
-    show(); // waits for an answer
-  }
-  if (now - beatAt > BEAT) {
-    beatAt = now;
-    link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now }));
+  const waits = known.release || known.askedAt || silence > SERVER_SILENCE; // for an answer
+  if (waits || now - beatAt > BEAT) {
     show();
   }
 };

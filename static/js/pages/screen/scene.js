@@ -22,6 +22,7 @@ const ALONE = new Set(["goto", "docking"]); // modes of a robot that returns to 
  * @property {{id: string, since: number} | null} stop that was pressed here and is not echoed
  * @property {import("../../protocol/estop_release.js").Release | null} [release] requested here
  * @property {number | null} [askedAt] since when a release waits for its confirmation
+ * @property {boolean} [sounds] whether the browser lets this page play sound
  * @property {"" | "refused" | "missing"} [trouble] with this display's camera or microphone
  * @property {boolean} [failing] whether a part of the server does not work
  * @property {boolean} [linked] whether the WebRTC link is live: a stop needs no server
@@ -33,6 +34,7 @@ const ALONE = new Set(["goto", "docking"]); // modes of a robot that returns to 
  * @typedef {object} Display
  * @property {"starting" | "no_key" | "offline" | "idle" | "returning" | "waiting" | "ringing"
  *   | "seen" | "speaking" | "visiting"} scene
+ * @property {string} text the scene whose text is shown
  * @property {string} name
  * @property {boolean} study
  * @property {number} sound
@@ -60,6 +62,7 @@ export const sceneFor = (known, now) => {
   const viewers = (state?.viewers ?? 0) - (state?.session ? 1 : 0);
   return {
     scene,
+    text: scene === "speaking" && !known.sounds ? "silent" : scene,
     name,
     study: visited && Boolean(screen?.study),
     sound: visited && through && call.audio ? call.volume : 0,

@@ -4,7 +4,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
+import { isAssistFixed, offersAssist, offersSound } from "../../protocol/capabilities.js";
 import { assistIn } from "../../autonomy/assistance.js";
 import { pressStop, write } from "../../lib/dom.js";
 
@@ -33,10 +33,15 @@ export const createControls = (element, words, act) => {
     const role = roleOf(state.visit);
     stop.disabled = role === "";
     stop.toggleAttribute("data-pending", state.stopping);
-    leave.hidden = role === "";
+    // the card has a way out of the queue
+    leave.hidden = role === "" || !["driving", "watching"].includes(state.visit.phase);
     sound.hidden = role === "" || state.slow; // pictures through the server have no sound
     sound.setAttribute("aria-pressed", String(state.sound));
-    write(element("sound-text"), words.say(state.sound ? "do.sound_off" : "do.sound_on"));
+    const { mic, camera } = state.own;
+    const isAsked = offersSound(state) && (!state.soundChosen || mic !== "off" || camera === "on");
+    sound.toggleAttribute("data-asked", isAsked);
+    const sounds = state.sound ? "do.sound_off" : isAsked ? "do.hear" : "do.sound_on";
+    write(element("sound-text"), words.say(sounds));
     const { robot } = state;
     const mayTurn = role === "driver" && state.playing && robot;
     turn.hidden = !mayTurn || robot.docked || robot.safety.estop;

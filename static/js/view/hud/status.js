@@ -5,7 +5,7 @@ import { isHeld } from "../../protocol/estop_release.js";
 import { betweenVisits } from "./pause.js";
 import { standstillOf } from "../../protocol/standstill.js";
 
-const PLAYING = /** @type {Record<string, string>} */ ({
+const PRESENT = /** @type {Record<string, string>} */ ({
   driving: "status.driving",
   watching: "status.watching",
 });
@@ -21,14 +21,18 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     if (robot?.safety.estop) {
       return { word: "status.estop", tone: "danger" };
     }
+    const word = PRESENT[visit.phase];
+    if (!word) {
+      return { word: "status.waiting", tone: playing ? "ok" : "busy" };
+    }
     if (slow && playing) {
-      return { word: "status.slow", tone: "slow" };
+      return { word, tone: "slow" };
     }
     if (visit.link === "lost") {
       return { word: "status.reconnecting", tone: "busy" };
     }
     if (visit.link === "live" && playing) {
-      return { word: PLAYING[visit.phase] ?? "status.waiting", tone: "ok" };
+      return { word, tone: "ok" };
     }
     return { word: "status.connecting", tone: "busy" };
   }

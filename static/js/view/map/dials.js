@@ -33,13 +33,16 @@ export const roomAt = (plan, pose) => {
 export const createDials = (element, language) => {
   const [one, two] = [decimalFormat(language, 1), decimalFormat(language, 2)];
   return (state) => {
-    const { robot, plan, visit, began, now } = state;
+    const { robot, plan, visit, began, trip, now } = state;
     const drives = visit.phase === "driving" && began !== null;
     write(element("dial-room"), roomAt(plan, robot?.pose) || "–");
     const known = knownNow(state);
-    write(element("dial-speed"), known ? two(Math.abs(known.velocity.linear)) : "–");
-    const driven = drives && robot ? one(Math.max(0, robot.distance - began.distance)) : "–";
-    write(element("dial-distance"), driven);
-    write(element("dial-time"), drives ? clockTime(Math.max(0, now - began.at)) : "–");
+    const unknown = visit.phase === "driving" ? "–" : "";
+    write(element("dial-speed"), known ? two(Math.abs(known.velocity.linear)) : unknown);
+    // of this drive, or of the one that has just ended
+    const metres = drives && robot ? Math.max(0, robot.distance - began.distance) : trip?.metres;
+    const seconds = drives ? Math.max(0, now - began.at) : trip && 60 * trip.minutes;
+    write(element("dial-distance"), metres === undefined ? "" : one(metres));
+    write(element("dial-time"), seconds === null ? "" : clockTime(seconds));
   };
 };

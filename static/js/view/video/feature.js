@@ -22,6 +22,8 @@ const newSlice = () => ({
   still: false,
   /** whether the visitor wants to hear the robot */
   sound: false,
+  /** whether the visitor has chosen so */
+  soundChosen: false,
 });
 
 /** @typedef {ReturnType<typeof newSlice>} Slice */
@@ -64,7 +66,7 @@ const setUp = (page) => {
       sound: () => {
         const sound = !store.get().sound;
         viewport.setSound(sound);
-        store.update({ sound });
+        store.update({ sound, soundChosen: true });
         page.connection.report("sound", { on: sound });
       },
     },

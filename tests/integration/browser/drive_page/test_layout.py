@@ -33,12 +33,16 @@ KINDS = {
 }
 VISITS = {
     "drives": scenes.drives,
+    "panels": scenes.opens_panels,
     "docked": scenes.leaves_the_station,
     "task": scenes.does_a_task,
     "waits": scenes.waits,
     "screen": scenes.is_a_screen,
 }
-ALWAYS = {("fingers", "drives"), ("fingers", "task"), ("mouse", "drives")}
+ALWAYS = {
+    *(("fingers", visit) for visit in ("drives", "panels", "task")),
+    *(("mouse", visit) for visit in ("drives", "panels")),
+}
 SCENES = [
     pytest.param(*pair, marks=() if pair in ALWAYS else pytest.mark.nightly, id="-".join(pair))
     for pair in itertools.product(KINDS, VISITS)

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import pytest_asyncio
 from axe_playwright_python.async_playwright import Axe
-from playwright.async_api import Page
+from playwright.async_api import Browser, Page
 
 from robots.api import messages as m
+from tests.support.browsers.chromium import CHROMIUM, FLAGS
 from tests.support.browsers.drive_page import driving, evaluated, hold, note_errors
 from tests.support.browsers.present_robot_page import PresentRobotPage
 from tests.support.media.photographs import kept
@@ -190,6 +191,43 @@ async def test_sound_video_and_messages_pass_between_page_and_robot(opened, site
     await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
     assert await page.evaluate("() => document.querySelector('#self').srcObject") is None
     await screen.wait_for_selector("#face[data-scene=visiting]")
+
+
+@pytest_asyncio.fixture(loop_scope="module")
+async def silent_browser(browser) -> AsyncIterator[Browser]:
+    """A browser that plays no sound before a touch, as everywhere but in tests."""
+    args = [*FLAGS, "--autoplay-policy=document-user-activation-required"]
+    started = await browser.browser_type.launch(executable_path=CHROMIUM, args=args)
+    yield started
+    await started.close()
+
+
+async def test_page_says_what_the_people_at_the_robot_get_of_the_visitor(
+    opened, silent_browser
+) -> None:
+    with PresentRobotPage(devices=False) as site:
+        page = await drives(opened, site, permissions=["microphone", "camera"])
+        await page.click("#presence-mic")
+        await page.wait_for_selector("text=The robot's screen is off: nobody can see or hear you.")
+
+        screen = await silent_browser.new_page(viewport={"width": 1280, "height": 800})
+        await screen.goto(site.screen_url)
+        await page.wait_for_selector("text=Their sound is off: they can't hear you.")
+        await screen.wait_for_selector("text=Tap the screen to hear them.")
+        await kept(page, "their-sound-is-off")
+        await kept(screen, "screen-silent")
+        await screen.click("#title")
+        await page.wait_for_selector("text=They can hear you.")
+        await screen.wait_for_selector("text=You can hear them.")
+        await page.click("#presence-camera")
+        await page.wait_for_selector("text=They can see and hear you.")
+        await screen.fill("#volume", "0")
+        await page.wait_for_selector("text=Their sound is off: they can't hear you.")
+
+        # Its page is closed during the call.
+        await screen.close()
+        await page.wait_for_selector("text=The robot's screen is off: nobody can see or hear you.")
+        assert not await page.is_visible("text=They can")
 
 
 async def write(page: Page, text: str, *, aloud: bool = False):

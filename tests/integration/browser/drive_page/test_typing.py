@@ -28,6 +28,7 @@ devices.getUserMedia = (...wanted) => { asked += 1; return get(...wanted); };"""
 OPENED = {
     "talk": "#presence-talk",
     "volumes": "#presence-volumes",
+    "help": "#help-open",
     "places": "#places-toggle",
     "card": "#leave",
 }

@@ -21,7 +21,7 @@ async def test_battery_is_unknown_until_and_after_the_robot_reports_it(browser, 
             await expect(level).to_be_hidden()
             await expect(battery).not_to_have_attribute("data-low", "")
             site.battery = Battery(charge=0.1)
-            await expect(page.locator("#battery-text")).to_have_text("10 %")
+            await expect(page.locator("#battery-text")).to_have_text("10%")
             await expect(level).to_be_visible()
             await expect(battery).to_have_attribute("data-low", "")
             site.battery = Battery(charging=None)

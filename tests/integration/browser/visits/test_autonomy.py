@@ -193,11 +193,11 @@ def test_lost_robot_is_placed_on_the_map(visitor, giraff, operator):
     fay = in_the_room(visitor("fay"), giraff)
     assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
     fay.hold("ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a lost robot")
-    press(fay, "Set it")  # at once, before it finds its pose by itself
+    press(fay, "Set position")  # at once, before it finds its pose by itself
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())
     keep_at_all_sizes(fay.page, "placing")
-    press(fay, "It is here")
+    press(fay, "Place robot here")
     offer(fay, "task.done.relocalize", within=20)
     expect(fay.page.locator("#alert")).to_be_hidden()
 
@@ -209,7 +209,7 @@ def test_robot_returns_to_its_station_before_the_next_visitor(site, visitor, gir
     press(gil, "Go to…")
     press(gil, "Set the robot's position")
     show_place(gil, giraff.truth())
-    press(gil, "It is here")
+    press(gil, "Place robot here")
     offer(gil, "task.done.relocalize", within=20)
     hans.wait_for("phase", "queued")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")

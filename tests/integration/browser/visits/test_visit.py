@@ -53,7 +53,7 @@ def marker_on_the_map(visitor) -> tuple[float, float, float]:
 def keeps_a_picture_of_the_drive(page) -> None:
     """The downloaded picture shows the driven path in the colour of the page's map."""
     with page.expect_download() as download:
-        page.get_by_role("button", name="Keep a picture of your drive").click()
+        page.get_by_role("button", name="Save a picture of your drive").click()
     assert download.value.suggested_filename == "giraff.png"
     with Image.open(download.value.path()) as picture:
         assert picture.width == 1200

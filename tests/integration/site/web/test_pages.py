@@ -358,6 +358,15 @@ def test_error_page_explains_what_to_do(address, code, words):
     assert faults(page) == []
 
 
+@pytest.mark.parametrize("address", ["/robots/nowhere/", "/nowhere/"])
+def test_error_page_keeps_the_menu_of_a_visitor_who_is_logged_in(address):
+    client = Client(raise_request_exception=False)
+    client.force_login(person("ada"))
+    page = read(client.get(address))
+    assert "Log out" in page.text
+    assert faults(page) == []
+
+
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", ["400", "403", "403_csrf", "404", "429", "500"])
 def test_error_page_needs_no_context_no_database_and_no_collected_files(

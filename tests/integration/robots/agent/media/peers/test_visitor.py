@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from robots.agent.media.rtp import JoinedTicks
+from robots.api.codec import encode_frame
+from robots.api.messages import CallState, CommandHeartbeat
 from robots.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from tests.support.browsers.visitor_tracks import SpeakingPage
 from tests.support.media.loopback_peer import LoopbackPage, MediaRig, is_near, until
@@ -66,6 +68,36 @@ async def test_visitor_is_sent_to_the_screen_while_the_loudspeaker_is_silent(rob
     assert robot.speaker.played == 0
     assert page.images, "the visitor lost the robot's video"
     assert robot.media.connected == 1, "the screen counts as a viewer"
+
+
+def confirmed(robot: Robot, status: str = "accepted") -> tuple[bool | None, bool | None]:
+    call = robot.media.confirm(CallState(status=status, audio=True, video=True))
+    return (call.shown, call.audible)
+
+
+async def test_visitor_is_seen_and_heard_by_the_robots_own_devices(robot) -> None:
+    assert confirmed(robot) == (True, True)
+    assert confirmed(robot, "ringing") == (False, False)
+    call = CallState(status="accepted", audio=True, video=False)
+    assert robot.media.confirm(call).shown is False
+    assert robot.media.confirm(None) is None
+
+
+async def test_visitor_is_seen_and_heard_at_a_screen_only_as_it_reports(robot) -> None:
+    screen = await robot.screen()
+    assert confirmed(robot) == (False, False), "its own devices are silent now"
+    for shows, plays in ((True, False), (True, True), (False, True)):
+        beat = CommandHeartbeat(n=1, stamp=1.0, shows=shows, plays=plays)
+        screen.channel.send(encode_frame("command/heartbeat", beat))
+        await until(lambda shows=shows, plays=plays: confirmed(robot) == (shows, plays))
+    await screen.close()
+    await until(lambda: robot.media.screens == 0)
+    assert confirmed(robot) == (True, True), "its own devices take over"
+
+
+async def test_nobody_sees_or_hears_the_visitor_at_a_robot_without_devices() -> None:
+    async with MediaRig(video=SyntheticCamera()) as bare:
+        assert confirmed(bare) == (False, False)
 
 
 async def test_visitor_media_pass_only_during_the_call(robot) -> None:
