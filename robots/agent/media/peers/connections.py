@@ -271,11 +271,13 @@ class Connections:
             if peer not in self._screens:
                 viewer.show(picture)
 
-    def sound(self, payload: bytes, ticks: int) -> None:
-        """Send the robot's sound to all pages except its own displays."""
+    def sound(self, payload: bytes, ticks: int, narrow: bool | None = None) -> None:
+        """Send the robot's sound to the pages for whose networks it is, None for all, but not to
+        its own displays.
+        """
         for peer, viewer in self._viewers.items():
             if peer not in self._screens:
-                viewer.sound(payload, ticks)
+                viewer.sound(payload, ticks, narrow)
 
     def show_at_robot(self, picture: Picture) -> None:
         """Send the visitor's picture to the robot's own displays."""
