@@ -38,6 +38,7 @@ class BitrateParams:
     same: float = 0.02  # s between the times of two packets that were sent together
     steady: float = 0.8  # share of the sent data that arrives, above which no queue grows
     full_queue: float = 0.5  # share that is assumed to arrive through a full queue
+    least_share: float = 0.05  # of the same; so few packets tell no less
     settling: float = 1.0  # s after a step down in which nothing new is learned
     drained: float = 3.0  # s, the same while the delay falls
     # s without a picture, so that the queue can drain; after 1 s the robot would stop
@@ -64,8 +65,7 @@ class BitrateAdapter:
         self._delays: deque[tuple[float, float]] = deque()  # the least of each second, at most
         # when reported, and how much slower than at its best
         self._late: deque[tuple[float, float]] = deque(maxlen=3)
-        # when a packet arrived by the viewer's clock, and when it was sent
-        self._arrived: deque[tuple[float, float]] = deque(maxlen=3)
+        self._reports: deque[Delivery] = deque(maxlen=3)
         self._counted_from, self._expected, self._lost = now, 0, 0
         self._unreported = 0  # frames since the last report
         self._lossy = 0
@@ -85,7 +85,7 @@ class BitrateAdapter:
         self._unreported = 0
         self._remember(now, delay)
         self._late.append((now, delay - min(delay for _, delay in self._delays)))
-        self._arrived.append((delivery.sent_at + delay, delivery.sent_at))
+        self._reports.append(delivery)
         falls = len(self._late) > 1 and self._late[-1][1] < self._late[-2][1]
         settles = now - self._down_at < params.settling or (
             falls and now - self._down_at < params.drained
@@ -99,13 +99,17 @@ class BitrateAdapter:
 
     def _share(self) -> float:
         """Return the share of the sent data that arrives: while a queue grows, what was sent in a
-        second takes longer than one to arrive. Half for a full queue, which hides it.
+        second takes longer than one to arrive. A full queue hides that, but loses packets.
         """
-        params = self._params
-        (then, first), *_, (now, last) = self._arrived
-        share = (last - first) / max(0.1, now - then)
-        if last - first > params.same and share < params.steady:
-            return share
+        params, first, last = self._params, self._reports[0], self._reports[-1]
+        sent_in = last.sent_at - first.sent_at
+        arrived_in = sent_in + last.delay - first.delay
+        kept = 1.0 - sum(one.lost for one in self._reports) / max(
+            1, sum(one.expected for one in self._reports)
+        )
+        share = min(kept, sent_in / max(0.1, arrived_in)) if sent_in > params.same else kept
+        if share < params.steady:
+            return max(share, params.least_share)
         return params.full_queue if self._late[-1][1] > params.very_late[0] else 1.0
 
     def _is_late(self, limit: float, often: int) -> bool:

@@ -118,6 +118,12 @@ class Viewer:
         self.takes_candidates = True
         return sdp
 
+    def resume(self, layer: int) -> None:
+        """Begin with the layer of the page's last connection; call before `answer`."""
+        if self._camera is not None and 0 < layer < len(self._camera.rates):
+            self._adapter.layer = self._layer = self._next_layer = layer
+            self._leave_room_for(self._camera.rates[layer])
+
     def route(self, detour: Detour | None) -> None:
         """Send video and sound through a detour from now on, or directly."""
         for frames in (self._pictures, self._sounds):
@@ -151,6 +157,10 @@ class Viewer:
         cadence = self._sparse.get(suffix)
         if cadence is None or cadence.due(time.monotonic()):
             self.page.send(frame)
+
+    @property
+    def layer(self) -> int:
+        return self._adapter.layer
 
     def statistics(self) -> dict[str, int | None]:
         """Return counts of frames, restarts, refused and dropped messages, and the layer."""

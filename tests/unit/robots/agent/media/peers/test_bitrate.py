@@ -32,6 +32,7 @@ class Network:
     fps: float = 30.0
     # s by which the page reads two reports in ten late for no fault of the network
     busy_computer: float = 0.0
+    beside: float = BESIDE
     delays: list[float] = field(default_factory=list)
     layers: list[int] = field(default_factory=list)
     rng: random.Random = field(default_factory=lambda: random.Random(5))
@@ -48,7 +49,7 @@ class Network:
         """`moving` is the share of its layer's rate that a frame needs: a still one little."""
         for _ in range(round(seconds / STEP)):
             self.now += STEP
-            self._put(BESIDE * STEP, None)
+            self._put(self.beside * STEP, None)
             more = self.adapter.look(self.now)
             if self.now >= self._frame_at:
                 layer = self.adapter.layer
@@ -141,6 +142,19 @@ def test_400_kbits_get_the_fitting_layer_within_two_seconds_and_short_delays(see
     late = sorted(network.delays)
     assert late[int(0.95 * len(late))] < 0.2
     assert network.layers.count(3) > 0.7 * len(network.layers), "no lower than it must"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sudden_drop_to_200_kbits_is_answered_within_a_second_and_a_half(seed):
+    network = Network(5e6, beside=8e4, rng=random.Random(seed)).run(5.0)
+    network.capacity = 2e5
+    network.run(1.5)
+    assert RATES[network.adapter.layer] + network.beside < 2e5
+    network.run(5.0)
+    network.delays = []
+    network.run(30.0)
+    late = sorted(network.delays)
+    assert late[int(0.95 * len(late))] < 0.25
 
 
 @pytest.mark.parametrize("seconds", [5.0, 60.0])

@@ -105,3 +105,12 @@ def test_listener_on_a_narrow_network_gets_the_sound_for_it_and_all_forwarded_so
             viewer.sound(f"{rate} {narrow}", 0, narrow)
     assert heard == ["inf False", "inf None", "80000 True", "80000 None"]
     assert listeners == {False: 0, True: 1}
+
+
+def test_new_connection_of_a_page_begins_with_the_layer_of_the_last_one(viewer):
+    viewer.resume(1)
+    show(viewer, 1, key=True)
+    show(viewer, 2, layer=1, key=True)
+    viewer.resume(2)
+    show(viewer, 3, layer=1)
+    assert viewer.sent == [(1, 2), (1, 3)], "a layer that the camera does not have is ignored"
