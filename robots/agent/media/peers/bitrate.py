@@ -31,6 +31,7 @@ class BitrateParams:
     picture_share: float = 0.8  # of the network's rate; sound and messages need the rest
     lossy: float = 0.2  # share of the packets lost, in two counts in a row
     very_lossy: float = 0.35  # the same, in one count
+    few_packets: int = 10  # in a report that is also very late
     count_for: float = 1.0  # s of packets at least that are counted together
     count_packets: int = 30  # the same, packets
     # (s, frames) without a report, as when all packets are lost; after it no trial begins
@@ -93,7 +94,8 @@ class BitrateAdapter:
         signs = (
             (params.late, params.very_late) if self._probe_at is None else (params.late_in_trial,)
         )
-        if not settles and any(self._is_late(limit, often) for limit, often in signs):
+        is_late = any(self._is_late(limit, often) for limit, often in signs)
+        if not settles and (is_late or self._is_queue_full()):
             self._step_down(now, self._share() * sent, waits=self._late[-1][1])
         self._count(now, delivery.expected, delivery.lost)
 
@@ -115,6 +117,17 @@ class BitrateAdapter:
     def _is_late(self, limit: float, often: int) -> bool:
         return len(self._late) >= often and all(
             late > limit for _, late in list(self._late)[-often:]
+        )
+
+    def _is_queue_full(self) -> bool:
+        """Tell whether one report shows both signs of it; a second one would come too late for the
+        messages that share the queue.
+        """
+        params, report = self._params, self._reports[-1]
+        return (
+            self._late[-1][1] > params.very_late[0]
+            and report.expected >= params.few_packets
+            and report.lost >= params.very_lossy * report.expected
         )
 
     def _count(self, now: float, expected: int, lost: int) -> None:
