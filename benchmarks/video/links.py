@@ -50,7 +50,7 @@ NOW = """() => {
 
 
 @dataclass(frozen=True)
-class Cell:
+class LinkResult:
     """A link in kbit/s, ms and %, and what was seen on it: frames a second, longest gap in s, ages
     in ms, load as programs that want a core, and kbit/s to the visitor by kind.
     """
@@ -102,7 +102,7 @@ def ages(states: list[dict[str, Any]], begin: float) -> list[float]:
 
 def measure(
     anna: Visitor, site: Site, link: EmulatedLink, cell: tuple[int, int, int], seconds: float
-) -> Cell:
+) -> LinkResult:
     rate, round_trip, loss = cell
     both = {"delay": round_trip / 2000.0, "loss": loss / 100.0}
     link.set(NetworkLab(bitrate=1000 * rate, **both), NetworkLab(**both))
@@ -115,7 +115,7 @@ def measure(
     sent = {kind: (bits - before[kind]) / took / 1000.0 for kind, bits in link.bits.most_common()}
     old = ages(site.states(site.sessions()[-1][0]), began) or [float("nan")]
     gaps = [after - first for first, after in itertools.pairwise(seen)] or [took]
-    return Cell(
+    return LinkResult(
         *cell,
         fps=len(seen) / took,
         gap=max(gaps),
@@ -128,7 +128,7 @@ def measure(
     )
 
 
-def measure_all(cells: list[tuple[int, int, int]], seconds: float) -> list[Cell]:
+def measure_all(cells: list[tuple[int, int, int]], seconds: float) -> list[LinkResult]:
     found = []
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-links-") as folder,

@@ -79,7 +79,7 @@ class SoundEncoder:
         return (payload, ticks) if payload else None
 
     def skip(self) -> None:
-        """Let 20 ms pass that nobody listens to."""
+        """Let 20 ms pass without a listener."""
         self._samples += BLOCK
         self._blocks.clear()
 

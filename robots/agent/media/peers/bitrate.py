@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robots.agent.media.webrtc.feedback import Delivery
+from robots.agent.media.webrtc.feedback import ArrivalReport
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class BitrateAdapter:
         self._delays: deque[tuple[float, float]] = deque()  # the least of each second, at most
         # when reported, and how much slower than at its best
         self._late: deque[tuple[float, float]] = deque(maxlen=3)
-        self._reports: deque[Delivery] = deque(maxlen=3)
+        self._reports: deque[ArrivalReport] = deque(maxlen=3)
         self._counted_from, self._expected, self._lost = now, 0, 0
         self._unreported = 0  # frames since the last report
         self._lossy = 0
@@ -80,7 +80,7 @@ class BitrateAdapter:
         """Tell whether to send no picture, because too many are queued in the network."""
         return now < self._silent_until
 
-    def delivered(self, now: float, delivery: Delivery, sent: float) -> None:
+    def delivered(self, now: float, delivery: ArrivalReport, sent: float) -> None:
         """Take a report of the viewer, and what it is sent (bit/s)."""
         params, delay = self._params, delivery.delay
         self._unreported = 0

@@ -13,7 +13,7 @@ from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.peers.bitrate import BitrateAdapter
 from robots.agent.media.rtp import Kind, MediaClockSender
 from robots.agent.media.webrtc.aiortc_hooks import Detour
-from robots.agent.media.webrtc.feedback import Delivery
+from robots.agent.media.webrtc.feedback import ArrivalReport
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
@@ -196,7 +196,7 @@ class Viewer:
         if self._camera is not None:
             self._camera.ask_key_frame(reason, self._layer)
 
-    def _delivered(self, delivery: Delivery) -> None:
+    def _delivered(self, delivery: ArrivalReport) -> None:
         assert self._pictures is not None
         self._adapter.delivered(time.monotonic(), delivery, self._pictures.rate)
         self._move()

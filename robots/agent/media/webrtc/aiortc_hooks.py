@@ -49,7 +49,7 @@ from robots.agent.media.rtp import (
     extension_block,
     ntp_time,
 )
-from robots.agent.media.webrtc.feedback import NUMBERS, Delivery, SentPackets
+from robots.agent.media.webrtc.feedback import NUMBERS, ArrivalReport, SentPackets
 from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
@@ -148,7 +148,7 @@ class FrameSource(Protocol):
     def on_report(self) -> None:
         """RTCP has arrived from the viewer."""
 
-    def on_delivery(self, delivery: Delivery) -> None:
+    def on_delivery(self, delivery: ArrivalReport) -> None:
         """The viewer has reported which packets arrived, and when."""
 
 

@@ -19,7 +19,7 @@ _PERIOD = (1 << 24) * _REFERENCE  # s after which the reference time wraps
 
 
 @dataclass(frozen=True)
-class Delivery:
+class ArrivalReport:
     """What one feedback message says.
 
     `sent_at` is when the quickest packet was sent (monotonic s), `delay` how long it took (s, from
@@ -46,7 +46,7 @@ class SentPackets:
         if len(self._packets) > MOST_UNREPORTED:
             self._packets.popitem(last=False)
 
-    def deliveries(self, rtcp: bytes) -> Iterator[Delivery]:
+    def deliveries(self, rtcp: bytes) -> Iterator[ArrivalReport]:
         """Return what an RTCP packet, which may consist of several, says about deliveries."""
         while len(rtcp) >= 4:
             kind, end = rtcp[1], 4 + 4 * int.from_bytes(rtcp[2:4], "big")
@@ -56,7 +56,7 @@ class SentPackets:
                     yield delivery
             rtcp = rtcp[end:]
 
-    def _delivery(self, reported: list[tuple[int, float | None]]) -> Delivery | None:
+    def _delivery(self, reported: list[tuple[int, float | None]]) -> ArrivalReport | None:
         expected = lost = 0
         quickest: tuple[float, float] | None = None
         for number, arrived in reported:
@@ -73,7 +73,7 @@ class SentPackets:
             delay = self._delay(arrived - sent_at)
             if quickest is None or delay < quickest[0]:
                 quickest = delay, sent_at
-        return None if quickest is None else Delivery(quickest[1], quickest[0], expected, lost)
+        return None if quickest is None else ArrivalReport(quickest[1], quickest[0], expected, lost)
 
     def _delay(self, difference: float) -> float:
         """Return a delay that does not jump where the viewer's reference time wraps."""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.webrtc.aiortc_hooks import Detour, OutgoingFrame
-from robots.agent.media.webrtc.feedback import Delivery
+from robots.agent.media.webrtc.feedback import ArrivalReport
 from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
 MAX_SOUNDS = 10  # packets: 0.2 s, on a narrow network 0.6 s
@@ -46,7 +46,7 @@ class FrameQueue:
         self,
         ask_key_frame: Callable[[Reason], None],
         before: Callable[[Picture], None],
-        delivered: Callable[[Delivery], None],
+        delivered: Callable[[ArrivalReport], None],
     ) -> None:
         self.queue = ViewerQueue()
         self.last_report = 0.0
@@ -134,5 +134,5 @@ class SoundQueue:
     def on_report(self) -> None:
         self.last_report = time.monotonic()
 
-    def on_delivery(self, delivery: Delivery) -> None:
+    def on_delivery(self, delivery: ArrivalReport) -> None:
         """Sound has one quality."""

@@ -10,7 +10,7 @@ import pytest
 
 from robots.agent.media.codecs.encoder import LAYERS
 from robots.agent.media.peers.bitrate import BitrateAdapter
-from robots.agent.media.webrtc.feedback import Delivery
+from robots.agent.media.webrtc.feedback import ArrivalReport
 
 RATES = tuple(tier.bitrate for tier in LAYERS)
 BESIDE = 150_000.0  # bit/s of sound and messages
@@ -91,7 +91,7 @@ class Network:
         if self.arrived:
             delay, sent_at = min(self.arrived)
             self.adapter.delivered(
-                self.now, Delivery(sent_at, delay - 17.0, self.expected, self.lost), sent
+                self.now, ArrivalReport(sent_at, delay - 17.0, self.expected, self.lost), sent
             )
             self.arrived, self.expected, self.lost = [], 0, 0
 
@@ -125,7 +125,7 @@ def test_ten_percent_of_loss_on_a_wide_network_keeps_the_best_layer(seed):
 def test_one_lost_packet_in_a_short_report_keeps_the_layer():
     network = Network(5e6).run(5.0)
     for n in range(100):
-        report = Delivery(network.now, -17.0, 2, 1 if n % 20 == 0 else 0)
+        report = ArrivalReport(network.now, -17.0, 2, 1 if n % 20 == 0 else 0)
         network.adapter.delivered(network.now + 0.1 * n, report, RATES[0])
     assert network.adapter.layer == 0
 
@@ -201,6 +201,6 @@ def test_the_layer_does_not_change_without_reports_of_the_page():
 def test_single_layer_never_changes():
     adapter = BitrateAdapter((0,), 0.0)
     for n in range(10):
-        adapter.delivered(0.2 * n, Delivery(0.1 * n, 0.1 * n, 20, 10), 1e6)
+        adapter.delivered(0.2 * n, ArrivalReport(0.1 * n, 0.1 * n, 20, 10), 1e6)
     assert adapter.layer == 0
     assert adapter.look(60.0) == 0.0
