@@ -9,7 +9,7 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 BENCHMARKS = (
     *("media", "audience", "control", "page_floods", "visits", "relay", "states", "load", "idle"),
-    *("crashes", "floods", "page", "narrow", "networks", "cockpit", "robot", "camera"),
+    *("crashes", "floods", "page", "narrow", "links", "networks", "cockpit", "robot", "camera"),
     *("localization", "navigation", "docking", "assist", "autonomy", "replay", "analysis"),
     *("export", "markers"),
 )

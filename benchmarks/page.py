@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from benchmarks.table import Figure, keep, quantiles
+from benchmarks.table import CAMERA_FPS, Figure, keep, quantiles
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.sessions.site import Site, running_site, wait_for
 
@@ -102,7 +102,7 @@ def main() -> int:
         tempfile.TemporaryDirectory(prefix="telepresence-page-") as folder,
         running_site(Path(folder)) as site,
     ):
-        site.start_robot("giraff", "--start", "lounge-centre")
+        site.start_robot("giraff", "--start", "lounge-centre", "--fps", str(CAMERA_FPS))
         with sync_playwright() as playwright, chromium(playwright) as browser:
             visitor = Visitor(browser, site, "anna")
             visitor.drive().leave()  # the first one fills the browser's cache
@@ -134,7 +134,7 @@ def main() -> int:
         Figure(f"agent and simulator, one viewer, {doing}", share, "%", BOUNDS.get(doing))
         for doing, share in shares.items()
     ]
-    return keep("page", figures, first_frames=frames)
+    return keep("page", figures, camera_fps=CAMERA_FPS, first_frames=frames)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """Figures as a table on the terminal and as JSON in benchmarks/results."""
 
 import json
+import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 RESULTS = Path(__file__).parent / "results"
+CAMERA_FPS = 30  # of the simulated robot where the video matters; the fixture of tests has fewer
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,18 @@ def quantiles(what: str, values: list[float], unit: str, **bounds: float | None)
     ]
 
 
-def keep(name: str, figures: list[Figure], **more: object) -> int:
-    print(f"\n{name}")
+def conditions(camera_fps: int | None = None) -> str:
+    """Return what figures depend on, for their heading."""
+    load = f"load {os.getloadavg()[0]:.1f}"
+    return load if camera_fps is None else f"camera of {camera_fps} frames a second, {load}"
+
+
+def keep(name: str, figures: list[Figure], *, camera_fps: int | None = None, **more: object) -> int:
+    heading = conditions(camera_fps)
+    print(f"\n{name} ({heading})")
     for figure in figures:
         print(figure)
     RESULTS.mkdir(exist_ok=True)
-    kept = {"figures": [asdict(figure) for figure in figures], **more}
+    kept = {"conditions": heading, "figures": [asdict(figure) for figure in figures], **more}
     (RESULTS / f"{name}.json").write_text(json.dumps(kept, indent=1))
     return sum(figure.missed for figure in figures)

@@ -25,13 +25,14 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from benchmarks.table import RESULTS
+from benchmarks.table import CAMERA_FPS, RESULTS, conditions
 from benchmarks.traffic.places import RunningSite, running_place
 from tests.support.agents.truth import Onlooker
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.patience import patient
 
-ROBOT, START = "giraff", "lab-centre"
+ROBOT = "giraff"
+SIMULATOR = ("--start", "lab-centre", "--fps", str(CAMERA_FPS))
 AWAY = 15.0  # s for which an engine is away: longer than a lease
 RECOVERY = 60.0
 PRESSED = 1.0  # s after which the key is pressed again, as people do
@@ -125,7 +126,7 @@ class ClusterDrive:
 def main() -> int:
     folder = RESULTS / "cluster"
     folder.mkdir(parents=True, exist_ok=True)
-    print("starting three machines, which takes a minute or two …", flush=True)
+    print(f"{conditions(CAMERA_FPS)}; starting three machines takes a minute or two …", flush=True)
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-cluster-") as made,
         running_place("machines", Path(made)) as place,
@@ -136,10 +137,10 @@ def main() -> int:
         place.site.write_users()
         place.site.cluster.reload()
         if os.environ.get("CLUSTER_KEEP"):
-            place.site.start_robot(ROBOT, "--start", START)
+            place.site.start_robot(ROBOT, *SIMULATOR)
             _keep(place)
             return 0
-        onlooker = place.site.start_robot(ROBOT, "--start", START)
+        onlooker = place.site.start_robot(ROBOT, *SIMULATOR)
         visitor = Visitor(browser, place.site, "ana", url=f"http://{place.webs['web-0']}")
         visitor.drive(ROBOT)
         drive = ClusterDrive(place, visitor, onlooker, folder)

@@ -17,7 +17,7 @@ from typing import Any
 
 from playwright.sync_api import Page, sync_playwright
 
-from benchmarks.table import Figure, keep, quantiles
+from benchmarks.table import CAMERA_FPS, Figure, keep, quantiles
 from tests.support.browsers.chromium import CHROMIUM
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.programs.namespace import HERE, Namespace, namespace
@@ -126,7 +126,7 @@ def measure() -> NarrowDrive:
         namespace() as network,
         chromium(playwright, str(network.wrapper(Path(folder), CHROMIUM))) as browser,
     ):
-        site.start_robot("giraff", "--start", "corridor-centre")
+        site.start_robot("giraff", "--start", "corridor-centre", "--fps", str(CAMERA_FPS))
         anna = Visitor(browser, site, "anna", host=HERE).drive()
         anna.wait_for("link", "live")
         result = drive(anna, site, network)
@@ -174,7 +174,7 @@ def figures_of(result: NarrowDrive) -> list[Figure]:
 
 def main() -> int:
     result = measure()
-    return keep("narrow", figures_of(result), layers=result.layers)
+    return keep("narrow", figures_of(result), camera_fps=CAMERA_FPS, layers=result.layers)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,10 @@ KEPT = frozenset({"event", "action", "route"})
 SKIPPED_IF_DIRECT = frozenset({"pose", "scan", "pointer"})
 # Not sent to pages that watch through the SFU: there may be a thousand of them.
 SKIPPED_WITH_SFU = SKIPPED_IF_DIRECT | {"heartbeat"}
-STATE_SECONDS = 1.9  # states come four times a second: every eighth
+# s between two messages: of a direct page, states come four times a second and heartbeats five;
+# of others, which would fill a narrow network at their own pace
+DIRECT_SECONDS = {"state": 1.9, "heartbeat": 0.9}
+RELAYED_SECONDS = {"scan": 0.95, "pose": 0.19}
 # The reason in `robot` for a robot that is offline to this process.
 BROKER_AWAY = "server"
 HARMLESS = frozenset({"disk_low", "disk_full"})  # leases are renewed and the record waits in memory
@@ -37,23 +40,24 @@ class Outgoing:
 
 
 class TelemetryFilter:
-    """Decides which telemetry one page receives: all, or little while `direct`, which is when the
-    page receives the robot's messages over the data channel.
+    """Decides which telemetry one page receives: all, with few scans and poses, or little while
+    `direct`, which is when the page receives the robot's messages over the data channel.
     """
 
     def __init__(self) -> None:
         self.direct = False
-        self._state_at = float("-inf")
+        self._passed_at: dict[str, float] = {}
 
     def passes(self, suffix: str, now: float, *, by_sfu: bool = False) -> bool:
         """Tell whether to send a message to the page; `now` is monotonic seconds."""
-        if suffix == "state":
-            if (self.direct or by_sfu) and now - self._state_at < STATE_SECONDS:
-                return False
-            self._state_at = now
-        if by_sfu:
-            return suffix not in SKIPPED_WITH_SFU
-        return not (self.direct and suffix in SKIPPED_IF_DIRECT)
+        skipped = SKIPPED_IF_DIRECT if self.direct else frozenset()
+        if suffix in (SKIPPED_WITH_SFU if by_sfu else skipped):
+            return False
+        periods = DIRECT_SECONDS if self.direct or by_sfu else RELAYED_SECONDS
+        if now - self._passed_at.get(suffix, float("-inf")) < periods.get(suffix, 0.0):
+            return False
+        self._passed_at[suffix] = now
+        return True
 
 
 def outgoing(suffix: str, message: Message) -> Outgoing:

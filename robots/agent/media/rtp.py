@@ -22,7 +22,7 @@ LARGEST_ID, LONGEST_ELEMENT = 14, 16  # of the one-byte form of header extension
 HISTORY = 256  # packets kept for retransmission: about 1.5 s of a 1.2 Mbit/s video
 ASKED_AGAIN = 0.08  # s in which a packet is not retransmitted twice
 # share of the sent octets, and octets, that are retransmitted at most in a second
-AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000
+AGAIN_SHARE, LEAST_AGAIN = 0.4, 4_000
 COPIED, MOST_COPIES = 16, 24  # the newest packets that are copied, and the copies of one frame
 
 _TWO_16, _TWO_32 = 1 << 16, 1 << 32
@@ -138,25 +138,27 @@ class ExtensionIds:
     mid: int | None = None
     abs_send_time: int | None = None
     playout_delay: int | None = None
+    transport_number: int | None = None
 
 
 def extension_block(ids: ExtensionIds, mid: str) -> bytes:
-    """Return a one-byte-header extension block (RFC 8285) whose last three bytes before the padding
-    are abs-send-time.
+    """Return a one-byte-header extension block (RFC 8285) that ends with abs-send-time and the
+    transport-wide number, as far as agreed (`RtpStream` fills them in).
 
     playout-delay is (0, 0): show each picture as it comes. A mid too long for the one-byte form is
     left out.
     """
-    elements = b""
+    fixed = varying = b""
     if ids.mid is not None and 1 <= len(mid) <= LONGEST_ELEMENT:
-        elements += bytes([ids.mid << 4 | len(mid) - 1]) + mid.encode("ascii")
+        fixed += bytes([ids.mid << 4 | len(mid) - 1]) + mid.encode("ascii")
     if ids.playout_delay is not None:
-        elements += bytes([ids.playout_delay << 4 | 2, 0, 0, 0])
+        fixed += bytes([ids.playout_delay << 4 | 2, 0, 0, 0])
     if ids.abs_send_time is not None:
-        # Padding may stand between elements (RFC 8285, section 4.1.2): with it in front, the time
-        # is always last.
-        elements += bytes(-(len(elements) + 4) % 4) + bytes([ids.abs_send_time << 4 | 2, 0, 0, 0])
-    elements += bytes(-len(elements) % 4)
+        varying += bytes([ids.abs_send_time << 4 | 2, 0, 0, 0])
+    if ids.transport_number is not None:
+        varying += bytes([ids.transport_number << 4 | 1, 0, 0])
+    # padding may stand between elements (RFC 8285, section 4.1.2)
+    elements = fixed + bytes(-len(fixed + varying) % 4) + varying
     return b"\xbe\xde" + struct.pack("!H", len(elements) // 4) + elements if elements else b""
 
 
@@ -165,7 +167,9 @@ class RtpStream:
     """The packets of one stream to one viewer: own sequence numbers, shared payloads, and a history
     for retransmission.
 
-    `rtx_payload_type` None means that a lost packet is sent again as it was.
+    `timed` and `numbered` tell whether `extension` has abs-send-time and a transport-wide number,
+    which grows by one with each packet, retransmissions included. `rtx_payload_type` None means
+    that a lost packet is sent again as it was.
     """
 
     ssrc: int
@@ -173,9 +177,11 @@ class RtpStream:
     sequence: int
     extension: bytes = b""
     timed: bool = False
+    numbered: bool = False
     rtx_ssrc: int = 0
     rtx_payload_type: int | None = None
     rtx_sequence: int = 0
+    transport_number: int = 0  # of the next packet
     packets_sent: int = 0
     octets_sent: int = 0
     # when the present second began, and what had been sent by then
@@ -201,12 +207,11 @@ class RtpStream:
         if not 0.0 <= now - self._second[0] < 1.0:
             self._octets_a_second = float(self.octets_sent - self._second[1])
             self._second = (now, self.octets_sent)
-        extension = self._timed_extension(now)
         packets = []
         for position, payload in enumerate(payloads, start=1):
             marker = position == len(payloads)
             header = self._header(self.payload_type, marker, self.sequence, timestamp, self.ssrc)
-            packets.append(header + extension + payload)
+            packets.append(header + self._next_extension(now) + payload)
             self._remember(payload, marker, timestamp)
             self.sequence = (self.sequence + 1) % _TWO_16
             self.octets_sent += len(payload)
@@ -235,7 +240,7 @@ class RtpStream:
 
     def _copy(self, sequence: int, now: float) -> bytes:
         payload, marker, timestamp = self._history[sequence]
-        extension = self._timed_extension(now)
+        extension = self._next_extension(now)
         if self.rtx_payload_type is None:
             header = self._header(self.payload_type, marker, sequence, timestamp, self.ssrc)
             return header + extension + payload
@@ -265,11 +270,19 @@ class RtpStream:
         first = 0x90 if self.extension else 0x80
         return struct.pack("!BBHLL", first, marker << 7 | payload_type, sequence, timestamp, ssrc)
 
-    def _timed_extension(self, now: float) -> bytes:
-        """Return the extensions with abs-send-time (6.18 fixed point seconds), if agreed."""
-        if not self.timed:
-            return self.extension
-        return self.extension[:-3] + (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")
+    def _next_extension(self, now: float) -> bytes:
+        """Return the extensions of the next packet, with abs-send-time (6.18 fixed point seconds)
+        and the transport-wide number, if agreed.
+        """
+        extension = self.extension
+        if self.timed:
+            end = len(extension) - 3 * self.numbered
+            time = (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")
+            extension = extension[: end - 3] + time + extension[end:]
+        if self.numbered:
+            extension = extension[:-2] + struct.pack("!H", self.transport_number)
+            self.transport_number = (self.transport_number + 1) % _TWO_16
+        return extension
 
     def _remember(self, payload: bytes, marker: bool, timestamp: int) -> None:
         self._history[self.sequence] = (payload, marker, timestamp)

@@ -5,14 +5,13 @@
 
 import { unixNow } from "../lib/clock.js";
 import { guarded } from "../lib/errors.js";
-import { AgeTrend, BEAT_SECONDS, HASTY_SECONDS } from "../protocol/clock_sync.js";
+import { BEAT_SECONDS, HASTY_SECONDS } from "../protocol/clock_sync.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 
 const HURRY = 1.5; // s after a grant in which heartbeats come twice as often
 
 /** @param {Page} page */
-export const createScheduler = ({ store, emit, connection, driving, video }) => {
-  const ageTrend = new AgeTrend();
+export const createScheduler = ({ store, emit, connection, driving }) => {
   let [polledAt, secondAt] = [0, 0];
 
   const tick = () => {
@@ -20,9 +19,8 @@ export const createScheduler = ({ store, emit, connection, driving, video }) => 
     guarded(driving.sendVelocity); // first: no feature can delay it
     emit("tick", now);
     // Heartbeats are more frequent at first, as the robot accepts no command before it has three
-    // echoes to judge its age by; and while frames queue at a bottleneck, as the robot lowers its
-    // bitrate by the heartbeats alone.
-    const isHasty = ageTrend.isRising(video.frameAge(now)) || now < connection.grantedAt() + HURRY;
+    // echoes to judge its age by.
+    const isHasty = now < connection.grantedAt() + HURRY;
     if (now - polledAt >= (isHasty ? HASTY_SECONDS : BEAT_SECONDS) - TICK_SECONDS / 2) {
       polledAt = now;
       emit("poll", now);

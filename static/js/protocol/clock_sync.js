@@ -15,8 +15,6 @@
 
 export const BEAT_SECONDS = 0.2;
 export const HASTY_SECONDS = BEAT_SECONDS / 2;
-const LATE_SECONDS = 0.1; // by which a frame is older than the best
-const FORGOTTEN = 0.0005; // s by which the best age grows with each call
 const FRESH_SECONDS = 0.5;
 const PAST_SECONDS = 3;
 const SAMPLES = 10;
@@ -25,19 +23,6 @@ const PARITY = { datachannel: 0, mqtt: 1 };
 
 /** @param {number} n @returns {Transport} */
 const transportOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
-
-/** Whether frames have recently become older; call it often. */
-export class AgeTrend {
-  constructor() {
-    this.best = Infinity;
-  }
-
-  /** @param {number | null} age seconds since the frame on the screen was taken */
-  isRising(age) {
-    this.best = age === null ? this.best : Math.min(this.best + FORGOTTEN, age);
-    return age !== null && age - this.best > LATE_SECONDS;
-  }
-}
 
 const newTransport = () => ({
   beats: 0,

@@ -131,7 +131,8 @@ class PageMicrophone(_PageSource):
         super().__init__("audio", MISSING_SOUND)
         self._deliver = deliver
 
-    listen = _PageSource.want
+    def listen(self, number: int, *, narrow: bool = False) -> None:
+        self.want(number)
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""

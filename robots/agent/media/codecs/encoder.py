@@ -29,14 +29,16 @@ class Tier:
 
 
 TIER_480P = Tier(width=640, height=480, fps=30, bitrate=1_200_000)
-# The best first. The fourth fits, with sound and messages (150 kbit/s), through 400 kbit/s.
+# The best first. With sound and messages, the fourth fits through 400 kbit/s, the last through 200.
 LAYERS = (
     TIER_480P,
     Tier(width=640, height=480, fps=30, bitrate=700_000),
     Tier(width=640, height=480, fps=15, bitrate=380_000),
     # larger pictures take twice as much where the whole image moves, however coarse they are
-    Tier(width=480, height=360, fps=15, bitrate=140_000),
-    Tier(width=320, height=240, fps=15, bitrate=100_000),
+    Tier(width=480, height=360, fps=15, bitrate=200_000),
+    Tier(width=320, height=240, fps=12, bitrate=110_000),
+    Tier(width=320, height=240, fps=10, bitrate=80_000),
+    Tier(width=320, height=240, fps=10, bitrate=50_000),
 )
 
 

@@ -35,6 +35,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 # s in which a page that flooded is refused: connecting costs more than its messages do
 FLOOD_PAUSE = 5.0
+LAYER_KNOWN = 60.0  # s for which the layer of an ended connection is known
 Side = Literal["driver", "screen"]
 MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
 
@@ -66,6 +67,8 @@ class Connections:
         # hidden operators: the server alone sends them states, and they do not count as viewers
         self._wizards: set[str] = set()
         self._passed_on: dict[str, int] = {}  # of an SFU: how many watch through it
+        # the layers of pages whose connection has ended, and when
+        self._last_layers: dict[str, tuple[int, float]] = {}
         self._flooded: dict[str, float] = {}  # until when pages are refused that have flooded
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
@@ -164,9 +167,7 @@ class Connections:
         viewer = self._make_viewer(
             peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason)
         )
-        if old is not None:
-            viewer.page.gate = old.page.gate  # or connecting again would reset its limits
-            self._keep(old.close())
+        self._continue(peer, old, viewer, now)
         self._viewers[peer] = viewer
         if is_screen:
             self.newest_screen = source
@@ -176,6 +177,17 @@ class Connections:
         self._keep(self._answer(peer, viewer, offer)).add_done_callback(
             lambda task: self._answered(task, peer, viewer)
         )
+
+    def _continue(self, peer: str, old: Viewer | None, viewer: Viewer, now: float) -> None:
+        """Give a connection the limits of the one that it replaces, and the layer of the last one:
+        a narrow network, on which that was lost, does not carry the best layer.
+        """
+        if old is not None:
+            viewer.page.gate = old.page.gate
+            self._note_layer(peer, old, now)
+            self._keep(old.close())
+        if peer in self._last_layers:
+            viewer.resume(self._last_layers.pop(peer)[0])
 
     async def _answer(self, peer: str, viewer: Viewer, offer: SdpOffer) -> None:
         began = time.monotonic()
@@ -232,6 +244,7 @@ class Connections:
     def _end(self, peer: str, reason: str | None) -> None:
         """Close a page's connection and send it the reason, None when the page left by itself."""
         viewer = self._viewers.pop(peer)
+        self._note_layer(peer, viewer, time.monotonic())
         self._screens.discard(peer)
         self._wizards.discard(peer)
         self._passed_on.pop(peer, None)
@@ -240,6 +253,12 @@ class Connections:
         if reason is not None:
             self._reply(peer, Bye(reason=reason))
         self._keep(viewer.close())
+
+    def _note_layer(self, peer: str, viewer: Viewer, now: float) -> None:
+        self._last_layers[peer] = viewer.layer, now
+        for other, (_, at) in list(self._last_layers.items()):
+            if now - at > LAYER_KNOWN:
+                del self._last_layers[other]
 
     def _keep(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
         task = asyncio.ensure_future(work)
@@ -284,11 +303,13 @@ class Connections:
             if peer not in self._screens:
                 viewer.show(picture)
 
-    def sound(self, payload: bytes, ticks: int) -> None:
-        """Send the robot's sound to all pages except its own displays."""
+    def sound(self, payload: bytes, ticks: int, narrow: bool | None = None) -> None:
+        """Send the robot's sound to the pages for whose networks it is, None for all, but not to
+        its own displays.
+        """
         for peer, viewer in self._viewers.items():
             if peer not in self._screens:
-                viewer.sound(payload, ticks)
+                viewer.sound(payload, ticks, narrow)
 
     def show_at_robot(self, picture: Picture) -> None:
         """Send the visitor's picture to the robot's own displays."""

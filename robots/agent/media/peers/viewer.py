@@ -1,5 +1,6 @@
 """One connected page: its video, sound and telemetry, and its commands."""
 
+import math
 import random
 import time
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.peers.bitrate import BitrateAdapter
 from robots.agent.media.rtp import Kind, MediaClockSender
 from robots.agent.media.webrtc.aiortc_hooks import Detour
+from robots.agent.media.webrtc.feedback import ArrivalReport
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
@@ -20,9 +22,13 @@ from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import CommandHeartbeat, SdpOffer
 
-NARROW = 2  # the first layer at which telemetry competes with the video
-# s between two messages there; at five and fifteen a second they need as much as the video
-SPARSE = {"scan": 0.95, "pose": 0.19}
+# Below the best layer, for at most so many bit/s: s between two messages, which at their
+# own pace need as much as the video.
+SPARSE = (
+    (90_000, {"scan": 1.9, "pose": 0.38, "state": 0.45}),
+    (380_000, {"scan": 0.95, "pose": 0.19}),
+)
+NARROW_SOUND = 110_000  # bit/s, likewise
 
 log = structlog.stdlib.get_logger(__name__)
 
@@ -44,8 +50,8 @@ class WatchedVideo(Protocol):
 class Sounds(Protocol):
     """The sound of a viewer: the microphone's, or the visitor's."""
 
-    def listen(self, number: int) -> None:
-        """Count `number` more (or fewer) listeners."""
+    def listen(self, number: int, *, narrow: bool = False) -> None:
+        """Count `number` more (or fewer) listeners, on a narrow network or not."""
 
 
 class Viewer:
@@ -82,12 +88,13 @@ class Viewer:
         self._pictures = None
         rates: tuple[int, ...] = (0,)
         if camera is not None:
-            self._pictures = FrameQueue(self._ask_camera, self._send_clock, self._lost)
+            self._pictures = FrameQueue(self._ask_camera, self._send_clock, self._delivered)
             rates = camera.rates
         self._adapter = BitrateAdapter(rates, time.monotonic())
         self._layer = 0  # that is shown
         self._next_layer = 0  # that is shown from its next key frame on
-        self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
+        self._sparse: dict[str, Cadence] = {}
+        self._narrow_sound = False
         self._sounds = SoundQueue(random.randrange(1 << 32)) if microphone is not None else None
         self.page = PageConnection(
             peer,
@@ -113,6 +120,12 @@ class Viewer:
         self.takes_candidates = True
         return sdp
 
+    def resume(self, layer: int) -> None:
+        """Begin with the layer of the page's last connection; call before `answer`."""
+        if self._camera is not None and 0 < layer < len(self._camera.rates):
+            self._adapter.layer = self._layer = self._next_layer = layer
+            self._leave_room_for(self._camera.rates[layer])
+
     def route(self, detour: Detour | None) -> None:
         """Send video and sound through a detour from now on, or directly."""
         for frames in (self._pictures, self._sounds):
@@ -136,15 +149,20 @@ class Viewer:
             self._pictures.put(picture)
             self._move()
 
-    def sound(self, payload: bytes, ticks: int) -> None:
-        if self._sounds is not None:
+    def sound(self, payload: bytes, ticks: int, narrow: bool | None = None) -> None:
+        """Queue sound for narrow networks, for others, or for all (None)."""
+        if self._sounds is not None and narrow in (None, self._narrow_sound):
             self._sounds.put(payload, ticks)
 
     def send(self, suffix: str, frame: str) -> None:
         """Send a frame on the data channel or drop it; a narrow network gets fewer."""
-        cadence = self._sparse.get(suffix) if self._layer >= NARROW else None
+        cadence = self._sparse.get(suffix)
         if cadence is None or cadence.due(time.monotonic()):
             self.page.send(frame)
+
+    @property
+    def layer(self) -> int:
+        return self._adapter.layer
 
     def statistics(self) -> dict[str, int | None]:
         """Return counts of frames, restarts, refused and dropped messages, and the layer."""
@@ -172,7 +190,7 @@ class Viewer:
             for layer in {self._layer, self._next_layer}:
                 self._camera.watch(number, layer)
         if self._microphone is not None:
-            self._microphone.listen(number)
+            self._microphone.listen(number, narrow=self._narrow_sound)
 
     # --- layers of quality ------------------------------------------------------------------------
 
@@ -183,17 +201,11 @@ class Viewer:
     def _take(self, packet: ReceivedPacket) -> None:
         if isinstance(packet, CommandHeartbeat):
             self.shows, self.plays = packet.shows, packet.plays
-            if self._pictures is not None:
-                self._take_age(packet.frame_age, self._pictures.rate)
         self._on_command(packet)
 
-    def _take_age(self, age: float | None, sent: float | None) -> None:
-        if age is not None and sent is not None:
-            self._adapter.aged(time.monotonic(), age, sent)
-            self._move()
-
-    def _lost(self, share: float) -> None:
-        self._adapter.lost(time.monotonic(), share)
+    def _delivered(self, delivery: ArrivalReport) -> None:
+        assert self._pictures is not None
+        self._adapter.delivered(time.monotonic(), delivery, self._pictures.rate)
         self._move()
 
     def _move(self) -> None:
@@ -225,7 +237,17 @@ class Viewer:
         if self._watching:
             self._camera.watch(-1, self._layer)
         self._layer = self._next_layer
+        self._leave_room_for(self._camera.rates[self._layer] if self._layer else math.inf)
         log.info("picture_quality", peer=self.peer, layer=self._layer)
+
+    def _leave_room_for(self, rate: float) -> None:
+        """Send less beside a video of `rate` bit/s."""
+        periods = next((periods for limit, periods in SPARSE if rate <= limit), {})
+        self._sparse = {suffix: Cadence(period) for suffix, period in periods.items()}
+        before, self._narrow_sound = self._narrow_sound, rate <= NARROW_SOUND
+        if self._microphone is not None and self._watching:
+            self._microphone.listen(1, narrow=self._narrow_sound)
+            self._microphone.listen(-1, narrow=before)
 
     def _send_clock(self, picture: Picture) -> None:
         clock = self._clock.before(picture.rtp, picture.stamp, time.monotonic())

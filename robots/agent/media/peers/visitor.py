@@ -80,7 +80,7 @@ class VisitorMedia:
     def watch(self, number: int, layer: int = 0) -> None:
         self._screens += number
 
-    def listen(self, number: int) -> None:
+    def listen(self, number: int, *, narrow: bool = False) -> None:
         """Nothing to start: the visitor's sound arrives anyway."""
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:

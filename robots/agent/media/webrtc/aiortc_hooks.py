@@ -1,5 +1,5 @@
-"""What aiortc 1.16 does not offer: shared packets, playout-delay, key-frame requests, an RTP clock,
-fewer FORWARD TSN, and a robot without network.
+"""What aiortc 1.16 does not offer: shared packets, playout-delay, transport-wide feedback, requests
+for key frames, an RTP clock, fewer FORWARD TSN, and a robot without network.
 
 `PacketSender` replaces aiortc's RTCRtpSender. The original asks a track for frames, encodes them
 for its one viewer and draws a random RTP origin that cannot be read; ours gets payloads that were
@@ -8,6 +8,7 @@ aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name 
 test runs all of it against a real connection.
 """
 
+import asyncio
 import functools
 import queue
 import random
@@ -33,12 +34,13 @@ from aiortc import (
     RTCSctpTransport,
 )
 from aiortc.rtcrtpparameters import (
+    RTCRtcpFeedback,
     RTCRtpCodecCapability,
     RTCRtpCodecParameters,
     RTCRtpHeaderExtensionParameters,
     RTCRtpSendParameters,
 )
-from aiortc.rtp import AnyRtcpPacket, RtcpRrPacket, RtcpSrPacket
+from aiortc.rtp import AnyRtcpPacket
 
 from robots.agent.media.rtp import (
     LARGEST_ID,
@@ -47,16 +49,21 @@ from robots.agent.media.rtp import (
     extension_block,
     ntp_time,
 )
+from robots.agent.media.webrtc.feedback import NUMBERS, ArrivalReport, SentPackets
 from robots.process.logs import reason_of
 
 log = structlog.stdlib.get_logger(__name__)
 
 PLAYOUT_DELAY = "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay"
 ABS_SEND_TIME = "http://www.webrtc.org/experiments/rtp-hdrext/abs-send-time"
+TRANSPORT_NUMBER = "http://www.ietf.org/id/draft-holmer-rmcat-transport-wide-cc-extensions-01"
 MID = "urn:ietf:params:rtp-hdrext:sdes:mid"
-_FREE_EXTENSION_ID = 4  # aiortc itself takes 1 to 3 in the offers it makes
+# aiortc itself takes 1 to 3 in the offers it makes
+_FREE_EXTENSION_IDS = {PLAYOUT_DELAY: 4, TRANSPORT_NUMBER: 5}
+_TRANSPORT_CC = RTCRtcpFeedback(type="transport-cc")
 LOOPBACK = "127.0.0.1"
 _NOTE_EVERY = 0.25  # s; a sender report is sent about once a second
+SACK_PERIOD = 0.1  # s
 FORWARD_TSN_PERIOD = 0.25  # s; unordered messages are delivered at once, so nothing waits for it
 
 # Every private name of aiortc and aioice that this folder uses, by its class: `check` looks for
@@ -77,7 +84,7 @@ PRIVATE_NAMES: dict[Any, tuple[str, ...]] = {
         "_send_keyframe",
         "_handle_rtcp_packet",
     ),
-    RTCRtpTransceiver: ("_RTCRtpTransceiver__sender",),
+    RTCRtpTransceiver: ("_RTCRtpTransceiver__sender", "_headerExtensions"),
     RTCRtpReceiver: (
         "_RTCRtpReceiver__decoder_queue",
         "_RTCRtpReceiver__remote_streams",
@@ -87,10 +94,15 @@ PRIVATE_NAMES: dict[Any, tuple[str, ...]] = {
         "receive",
     ),
     RTCPeerConnection: ("_RTCPeerConnection__iceTransports",),
-    RTCDtlsTransport: ("_tx_srtp", "_send_rtp"),
+    RTCDtlsTransport: ("_tx_srtp", "_handle_rtcp_data"),
     RTCIceTransport: ("_connection",),
     RTCIceGatherer: ("_connection",),
-    RTCSctpTransport: ("_forward_tsn_chunk", "_update_advanced_peer_ack_point"),
+    RTCSctpTransport: (
+        "_forward_tsn_chunk",
+        "_update_advanced_peer_ack_point",
+        "_sack_needed",
+        "_send_sack",
+    ),
     aioice.ice.Connection: ("_nominated", "turn_ssl"),
     aioice.turn.TurnTransport: ("_TurnTransport__inner_protocol",),
 }
@@ -133,8 +145,11 @@ class FrameSource(Protocol):
     def key_frame_wanted(self) -> None:
         """The viewer lost a frame (PLI, FIR)."""
 
-    def on_report(self, loss: float | None) -> None:
-        """RTCP has arrived from the viewer, with its share of lost packets if it reports one."""
+    def on_report(self) -> None:
+        """RTCP has arrived from the viewer."""
+
+    def on_delivery(self, delivery: ArrivalReport) -> None:
+        """The viewer has reported which packets arrived, and when."""
 
 
 class PacketSender(RTCRtpSender):
@@ -148,11 +163,14 @@ class PacketSender(RTCRtpSender):
         frames.backlog = self.backlog
         self._stream: RtpStream | None = None
         self._noted = 0.0
+        self._sent = SentPackets()
 
     async def send(self, parameters: RTCRtpSendParameters) -> None:
         """Begin to send with these parameters; aiortc calls this once the connection is up."""
         if self._stream is None:
             self._stream = _stream_for(parameters, self._ssrc, self._rtx_ssrc)
+            if self._stream.numbered:
+                _tap_rtcp(self.transport, self._take_rtcp)
         await super().send(parameters)
 
     def backlog(self) -> int:
@@ -198,6 +216,11 @@ class PacketSender(RTCRtpSender):
         pair = dtls.transport._connection._nominated.get(1)
         if pair is None or dtls.state != "connected":
             raise ConnectionError("not connected")
+        assert self._stream is not None
+        if self._stream.numbered:
+            now = time.monotonic()
+            for back in range(len(packets), 0, -1):
+                self._sent.add((self._stream.transport_number - back) % NUMBERS, now)
         protect = dtls._tx_srtp.protect
         send = pair.protocol.transport.sendto
         address = pair.remote_addr
@@ -226,17 +249,32 @@ class PacketSender(RTCRtpSender):
 
     async def _retransmit(self, sequence_number: int) -> None:
         packet = self._stream and self._stream.retransmission(sequence_number, time.time())
-        if packet and self._frames.detour is None:
-            await self.transport._send_rtp(packet)
-        elif packet:
+        if packet:
             self._send([packet])
 
     def _send_keyframe(self) -> None:
         self._frames.key_frame_wanted()
 
     async def _handle_rtcp_packet(self, packet: AnyRtcpPacket) -> None:
-        self._frames.on_report(_loss(packet, self._ssrc))
+        self._frames.on_report()
         await super()._handle_rtcp_packet(packet)
+
+    def _take_rtcp(self, data: bytes) -> None:
+        for delivery in self._sent.deliveries(data):
+            self._frames.on_delivery(delivery)
+
+
+def _tap_rtcp(transport: Any, take: Callable[[bytes], None]) -> None:
+    """Have `take` called with all RTCP of a transport: aiortc reads transport-wide feedback as a
+    list of lost packets.
+    """
+    handle = transport._handle_rtcp_data
+
+    async def handle_tapped(data: bytes) -> None:
+        take(data)
+        await handle(data)
+
+    transport._handle_rtcp_data = handle_tapped
 
 
 def add_sender(
@@ -263,6 +301,20 @@ def add_sender(
     transceiver.receiver._set_rtcp_ssrc(sender._ssrc)
     setattr(transceiver, "_RTCRtpTransceiver__sender", sender)
     return sender
+
+
+def number_own_packets(connection: RTCPeerConnection) -> None:
+    """Agree on transport-wide numbers only for what we send; call before the answer is made.
+
+    A page that sends with them expects feedback, which aiortc does not give.
+    """
+    for transceiver in connection.getTransceivers():
+        if not isinstance(transceiver.sender, PacketSender):
+            transceiver._headerExtensions = [
+                extension
+                for extension in transceiver._headerExtensions
+                if extension.uri != TRANSPORT_NUMBER
+            ]
 
 
 def discard(receiver: RTCRtpReceiver) -> None:
@@ -361,9 +413,38 @@ def limit_forward_tsn(transport: Any) -> None:
     transport._update_advanced_peer_ack_point = update_rarely
 
 
+def limit_sacks(transport: Any) -> None:
+    """Let an `RTCSctpTransport` acknowledge at most once every `SACK_PERIOD` s.
+
+    RFC 9260, section 6.2, has a receiver wait for up to 0.5 s. aiortc acknowledges each message at
+    once, and the acknowledgements of twenty-five messages a second take 20 kbit/s.
+    """
+    send = transport._send_sack
+    sent_at = float("-inf")
+    tasks: set[asyncio.Task[None]] = set()
+
+    async def send_later(pause: float) -> None:
+        await asyncio.sleep(pause)
+        if transport._sack_needed and transport.transport.state == "connected":
+            await send_rarely()
+
+    async def send_rarely() -> None:
+        nonlocal sent_at
+        pause = sent_at + SACK_PERIOD - time.monotonic()
+        if pause <= 0.0:
+            sent_at = time.monotonic()
+            await send()
+        elif not tasks:
+            task = asyncio.ensure_future(send_later(pause))
+            tasks.add(task)
+            task.add_done_callback(tasks.discard)
+
+    transport._send_sack = send_rarely
+
+
 def install() -> None:
-    """Add the playout-delay extension to aiortc, and the loopback address to aioice where there is
-    no other; idempotent.
+    """Add playout-delay and transport-wide feedback to aiortc, and the loopback address to aioice
+    where there is no other; idempotent.
 
     Raises:
         UnsupportedAiortcError: another aiortc than 1.16.x is installed, or one that lacks a name
@@ -371,8 +452,12 @@ def install() -> None:
     """
     check()
     offered = aiortc.codecs.HEADER_EXTENSIONS["video"]
-    if all(extension.uri != PLAYOUT_DELAY for extension in offered):
-        offered.append(RTCRtpHeaderExtensionParameters(id=_FREE_EXTENSION_ID, uri=PLAYOUT_DELAY))
+    for uri, number in _FREE_EXTENSION_IDS.items():
+        if all(extension.uri != uri for extension in offered):
+            offered.append(RTCRtpHeaderExtensionParameters(id=number, uri=uri))
+    for codec in aiortc.codecs.CODECS["video"]:
+        if codec.mimeType == "video/VP8" and _TRANSPORT_CC not in codec.rtcpFeedback:
+            codec.rtcpFeedback.append(_TRANSPORT_CC)
     if not hasattr(aioice.ice.get_host_addresses, "found_by"):
         aioice.ice.get_host_addresses = _WithLoopback(aioice.ice.get_host_addresses)
 
@@ -410,7 +495,10 @@ def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> R
         if 1 <= extension.id <= LARGEST_ID
     }
     agreed = ExtensionIds(
-        mid=ids.get(MID), abs_send_time=ids.get(ABS_SEND_TIME), playout_delay=ids.get(PLAYOUT_DELAY)
+        mid=ids.get(MID),
+        abs_send_time=ids.get(ABS_SEND_TIME),
+        playout_delay=ids.get(PLAYOUT_DELAY),
+        transport_number=ids.get(TRANSPORT_NUMBER),
     )
     payload_type = parameters.codecs[0].payloadType
     assert payload_type is not None
@@ -425,6 +513,7 @@ def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> R
         sequence=random.randrange(0x8000),
         extension=extension_block(agreed, parameters.muxId),
         timed=agreed.abs_send_time is not None,
+        numbered=agreed.transport_number is not None,
         rtx_ssrc=rtx_ssrc,
         rtx_payload_type=rtx[0].payloadType if rtx else None,
         rtx_sequence=random.randrange(0x8000),
@@ -434,11 +523,3 @@ def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> R
 def _with_retransmission(kind: str, codec: str) -> list[RTCRtpCodecCapability]:
     wanted = {codec.lower(), f"{kind}/rtx"}
     return [c for c in RTCRtpSender.getCapabilities(kind).codecs if c.mimeType.lower() in wanted]
-
-
-def _loss(packet: AnyRtcpPacket, ssrc: int) -> float | None:
-    if not isinstance(packet, RtcpRrPacket | RtcpSrPacket):
-        return None
-    return next(
-        (report.fraction_lost / 256 for report in packet.reports if report.ssrc == ssrc), None
-    )

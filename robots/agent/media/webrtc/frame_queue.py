@@ -8,10 +8,10 @@ from collections.abc import Callable
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.webrtc.aiortc_hooks import Detour, OutgoingFrame
+from robots.agent.media.webrtc.feedback import ArrivalReport
 from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
-MAX_SOUNDS = 10  # 200 ms
-PAUSE = 0.2  # s without a frame: an older one is then the camera's fault
+MAX_SOUNDS = 10  # packets: 0.2 s, on a narrow network 0.6 s
 LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
 # s; falling behind more rarely than this is a hold-up, not a narrow network
 ONCE = 5.0
@@ -29,9 +29,6 @@ class SentRate:
         self._sent.append((now, octets))
         return gap
 
-    def since(self, now: float) -> float:
-        return now - self._sent[-1][0] if self._sent else float("inf")
-
     def of(self, now: float) -> float:
         while self._sent and now - self._sent[0][0] > 1.0:
             self._sent.popleft()
@@ -42,14 +39,14 @@ class FrameQueue:
     """The frames for one viewer; belongs to the media loop.
 
     `before` is called with each frame before it is sent, so that its media clock arrives first,
-    `lost` with the share of packets that the viewer reports as lost.
+    `delivered` with what the viewer reports about the arrival of packets.
     """
 
     def __init__(
         self,
         ask_key_frame: Callable[[Reason], None],
         before: Callable[[Picture], None],
-        lost: Callable[[float], None],
+        delivered: Callable[[ArrivalReport], None],
     ) -> None:
         self.queue = ViewerQueue()
         self.last_report = 0.0
@@ -60,7 +57,7 @@ class FrameQueue:
         self.detour: Detour | None = None
         self._ask_key_frame = ask_key_frame
         self._before = before
-        self._lost = lost
+        self.on_delivery = delivered
         self._behind_at = float("-inf")
         self._open = False
         self._filled = asyncio.Event()
@@ -100,16 +97,13 @@ class FrameQueue:
     def key_frame_wanted(self) -> None:
         self._ask_key_frame("lost")
 
-    def on_report(self, loss: float | None) -> None:
+    def on_report(self) -> None:
         self.last_report = time.monotonic()
-        if loss is not None:
-            self._lost(loss)
 
     @property
-    def rate(self) -> float | None:
-        """Return bit/s of the last second; None when there was no frame just now."""
-        now = time.monotonic()
-        return self._rate.of(now) if self._rate.since(now) < PAUSE else None
+    def rate(self) -> float:
+        """Return bit/s of the last second."""
+        return self._rate.of(time.monotonic())
 
 
 class SoundQueue:
@@ -124,7 +118,7 @@ class SoundQueue:
         self._filled = asyncio.Event()
 
     def put(self, payload: bytes, ticks: int) -> None:
-        """Queue 20 ms of sound that began `ticks` of 1/48000 s after the microphone's first."""
+        """Queue a packet of sound that began `ticks` of 1/48000 s after the microphone's first."""
         self._sounds.append(OutgoingFrame((payload,), (self._origin + ticks) % (1 << 32)))
         self._filled.set()
 
@@ -137,5 +131,8 @@ class SoundQueue:
     def key_frame_wanted(self) -> None:
         """Sound has no key frames."""
 
-    def on_report(self, loss: float | None) -> None:
+    def on_report(self) -> None:
         self.last_report = time.monotonic()
+
+    def on_delivery(self, delivery: ArrivalReport) -> None:
+        """Sound has one quality."""

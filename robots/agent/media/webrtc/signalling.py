@@ -125,6 +125,7 @@ class PageConnection:
         visitor = self._add_lines(connection, lines)
         try:
             await connection.setRemoteDescription(RTCSessionDescription(plain, "offer"))
+            aiortc_hooks.number_own_packets(connection)
             await self._gather(connection)
         except UNUSABLE as error:
             raise sdp.BadOfferError(f"{type(error).__name__}: {error}") from error
@@ -254,6 +255,7 @@ class PageConnection:
         self.channels.append(channel)
         if len(self.channels) == 1:  # they share one transport
             aiortc_hooks.limit_forward_tsn(channel.transport)
+            aiortc_hooks.limit_sacks(channel.transport)
         channel.on("message", self._on_message)
         self.on_open()
 

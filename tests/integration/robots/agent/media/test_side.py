@@ -33,6 +33,7 @@ from robots.api.messages import (
 from tests.support import words
 from tests.support.media.loopback_peer import MediaRig, until
 from tests.support.media.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
+from tests.support.media.transport_feedback import arrival
 
 UNKNOWN = "candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
 
@@ -109,14 +110,18 @@ async def test_only_a_viewer_on_a_narrow_network_gets_smaller_pictures(media, co
     wide = await connected("wide", decode=True)
     await until(lambda: narrow.images and wide.images)
 
-    sent = [time.monotonic()]
+    began = reported = time.monotonic()
+    number = 0
 
     def crowd():
-        """Report five times a second, as a page does, a picture that becomes older and older."""
-        if time.monotonic() - sent[-1] > 0.2:
-            sent.append(time.monotonic())
-            beat = CommandHeartbeat(n=len(sent), stamp=1.0, frame_age=min(5.0, 0.3 * len(sent)))
-            narrow.channel.send(encode_frame("command/heartbeat", beat))
+        """Report ten times a second, as a browser does, a packet that took longer and longer."""
+        nonlocal reported, number
+        if (now := time.monotonic()) - reported > 0.1:
+            reported, number = now, number + 1
+            late = min(3.0, 0.15 * number)
+            dtls = narrow.connection.getTransceivers()[0].receiver.transport
+            report = arrival(number, min(7.9, now - began + late))
+            asyncio.ensure_future(dtls._send_rtp(report))  # noqa: RUF006
         return narrow.images[-1].shape[0] == 240
 
     await until(crowd, 20.0, "pictures of the lowest layer")
@@ -429,7 +434,7 @@ async def test_only_a_silent_page_is_removed(media, exchange, connected, monkeyp
     speaking = await connected("speaking")
     for page in (quiet, speaking):
         page.fall_silent()
-        media._pages._viewers[page.peer]._pictures.on_report(None)
+        media._pages._viewers[page.peer]._pictures.on_report()
     monkeypatch.setattr(signalling, "SILENCE", 1.5)
     await until(
         lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"),

@@ -16,7 +16,7 @@ class Viewer:
 
     def __init__(self) -> None:
         self.now, self.number, self.asked = 100.0, 0, []
-        self.box = FrameQueue(self.asked.append, before=lambda _: None, lost=lambda _: None)
+        self.box = FrameQueue(self.asked.append, before=lambda _: None, delivered=lambda _: None)
 
     def put(self, *, key: bool = False) -> None:
         self.number += 1

@@ -1,5 +1,7 @@
 """Which pictures a page is sent when its network changes."""
 
+import math
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -75,14 +77,40 @@ def test_pause_before_a_lower_layer_ends_with_that_layer(viewer):
     assert viewer.sent == [(0, 1), (1, 5), (1, 6)]
 
 
-def test_scans_and_poses_are_sent_seldom_on_a_narrow_network(viewer):
+@pytest.mark.parametrize(("rate", "states"), [(300_000, 5), (50_000, 1)])
+def test_a_narrow_network_gets_few_scans_and_poses_and_a_very_narrow_one_few_states(
+    viewer, rate, states
+):
     sent = []
     viewer.page = SimpleNamespace(send=sent.append)
-    viewer._layer = 3
+    viewer._leave_room_for(rate)
     for _ in range(5):
         for suffix in ("scan", "pose", "state", "event"):
-            viewer.send(suffix, f"{suffix}\n{{}}")
-    counts = {
-        suffix: sent.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")
-    }
-    assert counts == {"scan": 1, "pose": 1, "state": 5, "event": 5}
+            viewer.send(suffix, suffix)
+    counts = {suffix: sent.count(suffix) for suffix in ("scan", "pose", "state", "event")}
+    assert counts == {"scan": 1, "pose": 1, "state": states, "event": 5}
+
+
+def test_listener_on_a_narrow_network_gets_the_sound_for_it_and_all_forwarded_sound(viewer):
+    heard, listeners = [], Counter()
+    viewer._sounds = SimpleNamespace(put=lambda payload, ticks: heard.append(payload))
+    viewer._microphone = SimpleNamespace(
+        listen=lambda number, *, narrow: listeners.update({narrow: number})
+    )
+    viewer._watching = False
+    viewer._watch(watching=True)
+    for rate in (math.inf, 80_000):
+        viewer._leave_room_for(rate)
+        for narrow in (False, True, None):
+            viewer.sound(f"{rate} {narrow}", 0, narrow)
+    assert heard == ["inf False", "inf None", "80000 True", "80000 None"]
+    assert listeners == {False: 0, True: 1}
+
+
+def test_new_connection_of_a_page_begins_with_the_layer_of_the_last_one(viewer):
+    viewer.resume(1)
+    show(viewer, 1, key=True)
+    show(viewer, 2, layer=1, key=True)
+    viewer.resume(2)
+    show(viewer, 3, layer=1)
+    assert viewer.sent == [(1, 2), (1, 3)], "a layer that the camera does not have is ignored"

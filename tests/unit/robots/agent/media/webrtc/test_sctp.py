@@ -1,5 +1,6 @@
-"""How often FORWARD TSN is sent."""
+"""How often FORWARD TSN and acknowledgements are sent."""
 
+import asyncio
 from types import SimpleNamespace
 
 import pytest
@@ -49,3 +50,25 @@ def test_forward_tsn_after_a_pause_is_sent_at_once(transport):
     assert not is_sent(transport)
     transport.open = True
     assert is_sent(transport)
+
+
+async def test_many_messages_are_acknowledged_at_once_and_again_after_a_while(monkeypatch):
+    monkeypatch.setattr(aiortc_hooks, "SACK_PERIOD", 0.05)
+    sent = []
+
+    async def send():
+        sent.append(asyncio.get_running_loop().time())
+        association._sack_needed = False
+
+    association = SimpleNamespace(
+        _send_sack=send, _sack_needed=False, transport=SimpleNamespace(state="connected")
+    )
+    aiortc_hooks.limit_sacks(association)
+    for _ in range(100):
+        association._sack_needed = True
+        await association._send_sack()
+    assert len(sent) == 1
+    while len(sent) < 2:
+        await asyncio.sleep(0.01)
+    assert not association._sack_needed
+    assert sent[1] - sent[0] >= 0.04
