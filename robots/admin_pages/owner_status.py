@@ -91,7 +91,7 @@ def _standstill(report: Any) -> str:
         )
         return sentence % {"why": trouble_of(report)}
     if why == "fault":
-        fault = fault_of(report) or _("fault not specified")
+        fault = fault_of(report) or _("not specified")
         return _("Has a fault: %(why)s. Nobody can drive it until it is fixed.") % {"why": fault}
     if is_stopped_there(report):
         return _("Stopped by someone next to it. Release it at the robot or on its drive page.")

@@ -18,7 +18,7 @@ START = "telepresence run_robot"
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedOption:
     """An option of an adapter that most robots need; left blank, the adapter uses `default`."""
 
     name: str
@@ -28,31 +28,31 @@ class Asked:
 
 
 # By adapter: what the page asks. The adapters have more options, for a robot's profile.
-ASKED: Mapping[str, tuple[Asked, ...]] = {
+ASKED: Mapping[str, tuple[AskedOption, ...]] = {
     "ros1": (
-        Asked("master", _("Address of the ROS master"), "http://127.0.0.1:11311"),
-        Asked("ip", _("Address of the agent's computer in the robot's network"), "127.0.0.1"),
+        AskedOption("master", _("Address of the ROS master"), "http://127.0.0.1:11311"),
+        AskedOption("ip", _("Address of the agent's computer in the robot's network"), "127.0.0.1"),
     ),
     "ros2": (
-        Asked("namespace", _("Namespace"), "/robot1"),
-        Asked("domain", _("Domain (ROS_DOMAIN_ID)"), "0"),
-        Asked(
+        AskedOption("namespace", _("Namespace"), "/robot1"),
+        AskedOption("domain", _("Domain (ROS_DOMAIN_ID)"), "0"),
+        AskedOption(
             "on_robot",
             _("Does the agent run on the robot's own computer?"),
             choices=(("", _("Not known")), ("true", _("Yes")), ("false", _("No"))),
         ),
     ),
     "rosbridge": (
-        Asked("url", _("Address of rosbridge"), "ws://127.0.0.1:9090"),
-        Asked("version", _("Version of ROS"), choices=(("", "1"), ("2", "2"))),
+        AskedOption("url", _("Address of rosbridge"), "ws://127.0.0.1:9090"),
+        AskedOption("version", _("Version of ROS"), choices=(("", "1"), ("2", "2"))),
     ),
     "moos": (
-        Asked("host", _("Address of the MOOSDB"), "127.0.0.1"),
-        Asked("port", _("Port of the MOOSDB"), "9000"),
+        AskedOption("host", _("Address of the MOOSDB"), "127.0.0.1"),
+        AskedOption("port", _("Port of the MOOSDB"), "9000"),
     ),
     "openmora_mqtt": (
-        Asked("broker", _("Address of the robot's own broker"), "mqtt://127.0.0.1:1883"),
-        Asked("robot", _("The robot's name in its topics"), "Giraff"),
+        AskedOption("broker", _("Address of the robot's own broker"), "mqtt://127.0.0.1:1883"),
+        AskedOption("robot", _("The robot's name in its topics"), "Giraff"),
     ),
 }
 

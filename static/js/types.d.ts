@@ -39,23 +39,23 @@ type Received = ToPage & { picture: { stamp: number; jpeg: Uint8Array } };
 
 /** A part of the drive page: drive/registry.js. */
 interface Feature {
-  /** under which the others find its `api`: `page[name]` */
-  name: string;
-  /** its slice of the store; features.js has it for a feature that is loaded later */
-  state?: () => object;
-  setUp: (page: Page) => FeatureParts;
+    /** under which the others find its `api`: `page[name]` */
+    name: string;
+    /** its slice of the store; features.js has it for a feature that is loaded later */
+    state?: () => object;
+    setUp: (page: Page) => FeatureParts;
 }
 
 interface FeatureParts {
-  /** for other features */
-  api?: object;
-  handlers?: Handlers;
-  actions?: Actions;
-  /** by the command of input/keymap.js */
-  keys?: Record<string, Handler>;
-  /** writes the state into the page's elements, once a frame, and does nothing else */
-  render?: (state: State) => void;
-  on?: Listeners;
+    /** for other features */
+    api?: object;
+    handlers?: Handlers;
+    actions?: Actions;
+    /** by the command of input/keymap.js */
+    keys?: Record<string, Handler>;
+    /** writes the state into the page's elements, once a frame, and does nothing else */
+    render?: (state: State) => void;
+    on?: Listeners;
 }
 
 /** By the suffix of a message. */
@@ -66,91 +66,93 @@ type Listeners = { [Name in keyof PageEvents]?: (...values: PageEvents[Name]) =>
 
 /** Events of the drive page, and what comes with them. */
 interface PageEvents {
-  /** before the changed state is rendered */
-  changed: [state: State];
-  /** twenty times, five times and once a second; Unix time */
-  tick: [now: number];
-  poll: [now: number];
-  second: [now: number];
-  phase: [phase: string, before: string];
-  /** this page drives: the lease; `began` at the first one of a session, true after a reload */
-  granted: [lease: any];
-  began: [isContinued: boolean];
-  released: [];
-  /** the robot has no driver any more */
-  freed: [];
-  /** a controller asks for a velocity */
-  steered: [intent: Intent];
-  focusLost: [why: string];
-  factsheet: [factsheet: any];
-  newRobotState: [state: any];
-  socketOpen: [];
-  linkOpening: [peer: Peer];
-  linkDropping: [];
-  linkLost: [];
-  linkClosed: [];
-  frameShown: [];
+    /** before the changed state is rendered */
+    changed: [state: State];
+    /** twenty times, five times and once a second; Unix time */
+    tick: [now: number];
+    poll: [now: number];
+    second: [now: number];
+    phase: [phase: string, before: string];
+    /** this page drives: the lease; `began` at the first one of a session, true after a reload */
+    granted: [lease: any];
+    began: [isContinued: boolean];
+    released: [];
+    /** the robot has no driver any more */
+    freed: [];
+    /** a controller asks for a velocity */
+    steered: [intent: Intent];
+    focusLost: [why: string];
+    factsheet: [factsheet: any];
+    newRobotState: [state: any];
+    socketOpen: [];
+    linkOpening: [peer: Peer];
+    linkDropping: [];
+    linkLost: [];
+    linkClosed: [];
+    frameShown: [];
 }
 
 /** What every feature gets, with the `api` of the other features. */
 interface Page {
-  /** from the template */
-  config: any;
-  words: Words;
-  element: GetElement;
-  store: Store;
-  keys: KeyDispatcher;
-  useKeys: (own: Record<string, string[]>) => void;
-  handle: import("./drive/registry.js").Registry["handle"];
-  emit: <Name extends keyof PageEvents>(name: Name, ...values: PageEvents[Name]) => void;
-  act: (action: string) => void;
-  begin: () => void;
-  connection: {
-    socket: import("./protocol/socket.js").Socket;
-    link: import("./protocol/link.js").Link;
-    router: import("./protocol/transport_router.js").TransportRouter;
-    clockSync: import("./protocol/clock_sync.js").ClockSync;
-    commands: import("./protocol/command_stream.js").CommandStream;
-    send: (suffix: string, message: object, options?: { droppable?: boolean }) => boolean;
-    /** sends something for the record of the session; whether it was handed to the network */
-    report: (type: string, data?: PageEventData, stamp?: number) => boolean;
-    grantedAt: () => number;
-  };
-  session: {
-    dispatch: (happening: import("./protocol/session.js").Happening) => void;
-    begin: (loaded: { session: string | null; takeover: boolean; go: boolean }) => void;
-  };
-  video: {
-    viewport: import("./view/video/viewport.js").Viewport;
-    fallback: import("./view/video/jpeg_fallback.js").JpegFallback;
-    shown: import("./view/video/capture_stamp.js").ShownFrame;
-    frameStamp: () => number | null;
-    frameAge: (now: number) => number | null;
-  };
-  driving: {
-    steering: import("./input/steering.js").Steering;
-    brake: () => void;
-    sendVelocity: () => void;
-    standStill: () => void;
-    sendAction: (action: RobotAction) => void;
-    sendPointer: (pointer: { stamp: number; at: Point | null }) => unknown;
-    askRoute: (request: { requestId: string; x: number; y: number }) => unknown;
-  };
-  waiting: {
-    lazyPanels: (
-      use: (panels: ReturnType<typeof import("./waiting/lazy_panels.js").createLazyPanels>) => void,
-      missing?: () => void,
-    ) => void;
-  };
-  hud: {
-    alertFor: typeof import("./view/hud/alert.js").alertFor;
-    cardFor: typeof import("./view/hud/card.js").cardFor;
-  };
-  map: import("./view/map/robot_map.js").RobotMap;
-  autonomy: {
-    assist: (level: string) => void;
-    mayAim: () => boolean;
-    goTo: (point: Point) => void;
-    forgetAim: () => void;
-  };
+    /** from the template */
+    config: any;
+    words: Words;
+    element: GetElement;
+    store: Store;
+    keys: KeyDispatcher;
+    useKeys: (own: Record<string, string[]>) => void;
+    handle: import("./drive/registry.js").Registry["handle"];
+    emit: <Name extends keyof PageEvents>(name: Name, ...values: PageEvents[Name]) => void;
+    act: (action: string) => void;
+    begin: () => void;
+    connection: {
+        socket: import("./protocol/socket.js").Socket;
+        link: import("./protocol/link.js").Link;
+        router: import("./protocol/transport_router.js").TransportRouter;
+        clockSync: import("./protocol/clock_sync.js").ClockSync;
+        commands: import("./protocol/command_stream.js").CommandStream;
+        send: (suffix: string, message: object, options?: { droppable?: boolean }) => boolean;
+        /** sends something for the record of the session; whether it was handed to the network */
+        report: (type: string, data?: PageEventData, stamp?: number) => boolean;
+        grantedAt: () => number;
+    };
+    session: {
+        dispatch: (happening: import("./protocol/session.js").Happening) => void;
+        begin: (loaded: { session: string | null; takeover: boolean; go: boolean }) => void;
+    };
+    video: {
+        viewport: import("./view/video/viewport.js").Viewport;
+        fallback: import("./view/video/jpeg_fallback.js").JpegFallback;
+        shown: import("./view/video/capture_stamp.js").ShownFrame;
+        frameStamp: () => number | null;
+        frameAge: (now: number) => number | null;
+    };
+    driving: {
+        steering: import("./input/steering.js").Steering;
+        brake: () => void;
+        sendVelocity: () => void;
+        standStill: () => void;
+        sendAction: (action: RobotAction) => void;
+        sendPointer: (pointer: { stamp: number; at: Point | null }) => unknown;
+        askRoute: (request: { requestId: string; x: number; y: number }) => unknown;
+    };
+    waiting: {
+        lazyPanels: (
+            use: (
+                panels: ReturnType<typeof import("./waiting/lazy_panels.js").createLazyPanels>,
+            ) => void,
+            missing?: () => void,
+        ) => void;
+    };
+    hud: {
+        alertFor: typeof import("./view/hud/alert.js").alertFor;
+        cardFor: typeof import("./view/hud/card.js").cardFor;
+    };
+    map: import("./view/map/robot_map.js").RobotMap;
+    autonomy: {
+        assist: (level: string) => void;
+        mayAim: () => boolean;
+        goTo: (point: Point) => void;
+        forgetAim: () => void;
+    };
 }

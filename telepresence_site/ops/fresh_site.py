@@ -8,7 +8,7 @@ from robots.models import Robot
 CODE_LENGTH, GROUP = 20, 5
 
 
-class _Process:
+class _SetUp:
     """What this process knows: a site that is set up stays so."""
 
     is_set_up = False
@@ -16,10 +16,10 @@ class _Process:
 
 def is_fresh() -> bool:
     """Tell whether the site has no account of a person and no robot yet."""
-    if not _Process.is_set_up:
+    if not _SetUp.is_set_up:
         has_robot = Robot.objects.filter(practice=False).exists()
-        _Process.is_set_up = has_robot or User.objects.filter(kind=User.Kind.FULL).exists()
-    return not _Process.is_set_up
+        _SetUp.is_set_up = has_robot or User.objects.filter(kind=User.Kind.FULL).exists()
+    return not _SetUp.is_set_up
 
 
 def setup_code() -> str:

@@ -29,7 +29,7 @@ ELSEWHERE = {"REMOTE_ADDR": "192.0.2.7"}
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch, settings):
-    monkeypatch.setattr(fresh_site._Process, "is_set_up", False)
+    monkeypatch.setattr(fresh_site._SetUp, "is_set_up", False)
     first_run.log_code.cache_clear()
     settings.TRUSTED_PROXIES = []
     settings.SECURE_PROXY_SSL_HEADER = None

@@ -49,7 +49,7 @@ def shown(*, in_use: bool = False, **changes):
             {"report": {"safety": FAULT["safety"]}},
             "bad",
             "Not available",
-            "Has a fault: it does not say which.",
+            "Has a fault: not specified.",
         ),
         (
             {"report": RUNS_ON},

@@ -228,16 +228,6 @@ def test_the_error_of_a_missing_profile_lists_the_existing_ones():
         load_profile("./r2d2.toml")
 
 
-def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
-        "optional-dependencies"
-    ]
-    monkeypatch.delitem(sys.modules, "robots.agent.adapters.ros.rosbridge", raising=False)
-    monkeypatch.setitem(sys.modules, "websockets.exceptions", None)
-    with pytest.raises(AdapterError, match=re.escape(f"pip install '{extras['rosbridge'][0]}'")):
-        registry.create("rosbridge", "rhodon")
-
-
 @pytest.mark.parametrize(
     ("adapter", "option", "value", "sentence"),
     [
