@@ -12,7 +12,7 @@ from django.utils.text import format_lazy
 from django.utils.translation import gettext, gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names, profile_names
-from robots.enrol.connect_command import ASKED, Asked
+from robots.enrol.connect_command import ASKED, AskedOption
 from robots.models import TITLE_LENGTH, FloorPlan, Robot, RobotElsewhere
 from robots.plans.floorplans import (
     MAX_IMAGE,
@@ -101,7 +101,7 @@ class KindForm(forms.ModelForm):
         return self.instance
 
 
-def _field_of(adapter: str, option: Asked, robot: Robot) -> forms.Field:
+def _field_of(adapter: str, option: AskedOption, robot: Robot) -> forms.Field:
     """Return an input for an option; static/js/pages/admin/kind.js shows those of the adapter."""
     given = robot.options.get(option.name, "") if robot.adapter == adapter else ""
     what: dict[str, Any] = {"label": option.label, "required": False, "initial": given}
