@@ -29,6 +29,7 @@ class BitrateParams:
     late_in_trial: tuple[float, int] = (0.07, 2)
     best_delay_for: float = 60.0  # s for which the best delay counts
     picture_share: float = 0.8  # of the network's rate; sound and messages need the rest
+    beside: float = 60_000.0  # bit/s, what these need at least
     lossy: float = 0.2  # share of the packets lost, in two counts in a row
     very_lossy: float = 0.35  # the same, in one count
     few_packets: int = 10  # in a report that is also very late
@@ -198,7 +199,7 @@ class BitrateAdapter:
         self._hold = params.first_hold
         if now - self._up_at < params.regret:
             self._hold = min(2.0 * max(self._patience, params.first_hold), params.longest_hold)
-        most = math.inf if capacity is None else params.picture_share * capacity
+        most = math.inf if capacity is None else params.picture_share * capacity - params.beside
         lowest = len(self._rates) - 1
         fits = next((n for n, rate in enumerate(self._rates) if rate <= most), lowest)
         self._silent_until = now + min(waits, params.longest_pause)

@@ -216,6 +216,7 @@ class Viewer:
         if self._next_layer != self._layer:
             self._camera.watch(-1, self._next_layer)
         self._next_layer = wanted
+        self._leave_room_for(self._camera.rates[wanted] if wanted else math.inf)
         if wanted != self._layer:
             self._camera.ask_key_frame("joined", wanted)
             self._camera.watch(1, wanted)
@@ -237,7 +238,6 @@ class Viewer:
         if self._watching:
             self._camera.watch(-1, self._layer)
         self._layer = self._next_layer
-        self._leave_room_for(self._camera.rates[self._layer] if self._layer else math.inf)
         log.info("picture_quality", peer=self.peer, layer=self._layer)
 
     def _leave_room_for(self, rate: float) -> None:
