@@ -144,7 +144,7 @@ async def test_browser_inside_an_app_names_another_browser_and_copies_the_link(b
     await page.wait_for_selector("#card[data-card='closed.in_app']")
     assert await page.text_content("#card-title") == "Open this page in Safari"
     await page.click("#card-main")
-    await page.wait_for_selector("#card-main:text('Copied: paste it there')")
+    await page.wait_for_selector("#card-main:text('Link copied')")
 
 
 @pytest.mark.nightly

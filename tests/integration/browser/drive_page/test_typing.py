@@ -35,9 +35,18 @@ OPENED = {
 # Parts beside which one drives on; they never take the focus.
 BESIDE = {
     *("viewport", "audience", "audience-panel", "offer", "photo", "kept", "aim", "task"),
-    *("task-more", "map", "map-panel", "map-tools", "technical", "practice", "load-failed"),
+    *(
+        "point-note",
+        "task-more",
+        "map",
+        "map-panel",
+        "map-tools",
+        "technical",
+        "practice",
+        "load-failed",
+    ),
     *("speed", "assist", "profiles", "own-keys", "stick", "presence", "presence-note", "tilt"),
-    *("shared", "announcer"),
+    *("shared", "announcer", "point-note"),
 }
 # All parts that can be hidden and have something to press or to fill in, or a role.
 PARTS = """() => [...document.querySelectorAll("body [id]")].filter((one) =>

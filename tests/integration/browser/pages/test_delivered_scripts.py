@@ -107,7 +107,7 @@ def test_every_script_that_a_page_names_runs_there(open_page, browser, settings)
         f"js/pages/{name}.js"
         for name in (
             *("site", "robots", "try", "check/page", "live/page", "wizard/page", "replay/page"),
-            *("copy", "admin/course", "admin/plan", "admin/rehearsal", "admin/robot"),
+            *("copy", "admin/course", "admin/kind", "admin/plan", "admin/rehearsal", "admin/robot"),
             "survey/look",
         )
     }

@@ -176,7 +176,7 @@ def test_the_number_of_queries_does_not_grow_with_the_participants(
 ):
     for number in range(20):
         replays.participant(drive.participant.study, person(f"p{number}"))
-    with django_assert_max_num_queries(14):
+    with django_assert_max_num_queries(15):
         seen()
 
 
