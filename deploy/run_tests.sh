@@ -72,14 +72,21 @@ unit() {
 scripts() {
     node --test --test-reporter=dot $(find tests/js -name '*.test.js')
 }
-# Nodes of ROS 1 and ROS 2 compute as well, so that there are no more of these than cores.
 servers() {
-    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser \
+    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore "$adapters" \
         --ignore tests/integration/accounts --ignore tests/integration/experiments --ignore tests/integration/surveys
+}
+# These wait for robots that move in real time for five sixths of their time.
+adapters=tests/integration/robots/agent/adapters
+architectures() {
+    side_by_side "$cores" -m "$1" "$adapters"
 }
 # A browser that shows live video and the robot that sends it take a core of their own.
 browsers() {
-    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser/drive_page tests/integration/browser/visits
+}
+pages() {
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser/pages tests/integration/browser/studies
 }
 studies() {
     side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys
@@ -168,7 +175,7 @@ end_if_failed() {
 }
 
 integration() {
-    together "integration" servers "$1" browsers "$1" studies "$1"
+    together "integration" architectures "$1" browsers "$1" pages "$1" servers "$1" studies "$1"
     together "timing: beside no other lane" timing_of_robots "$1" timing_of_browsers "$1"
 }
 
@@ -201,7 +208,9 @@ case "${1:-test}" in
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         alone unit thorough
         alone servers soak
+        alone architectures soak
         alone browsers soak
+        alone pages soak
         alone studies soak
         alone timing_of_robots soak
         alone timing_of_browsers soak

@@ -35,16 +35,7 @@ OPENED = {
 # Parts beside which one drives on; they never take the focus.
 BESIDE = {
     *("viewport", "audience", "audience-panel", "offer", "photo", "kept", "aim", "task"),
-    *(
-        "point-note",
-        "task-more",
-        "map",
-        "map-panel",
-        "map-tools",
-        "technical",
-        "practice",
-        "load-failed",
-    ),
+    *("task-more", "map", "map-panel", "map-tools", "technical", "practice", "load-failed"),
     *("speed", "assist", "profiles", "own-keys", "stick", "presence", "presence-note", "tilt"),
     *("shared", "announcer", "point-note"),
 }

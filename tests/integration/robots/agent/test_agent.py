@@ -71,7 +71,7 @@ class RunningAgent:
 def test_agent_publishes_online_factsheet_state_and_offline(broker, ear, tmp_path):
     with RunningAgent(config(broker, tmp_path)):
         sheet = ear.wait("factsheet")
-        own = ("call", "point", "network_lab")
+        own = ("call", "point", "network_lab", "safety_test")
         assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, *own)
         assert sheet.limits.deadman == 0.3
         assert ear.wait("state", lambda s: s.pose.x == 1.0).boot == sheet.boot

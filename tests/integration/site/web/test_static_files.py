@@ -18,7 +18,7 @@ IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
 HASH = re.compile(r"\.[0-9a-f]{12}(?=\.js)")
 STATIC_IMPORT = re.compile(r"^(?:import|export)[^()]*?\bfrom \"([^\"]+)\";$", re.MULTILINE)
 LISTED_SHEET = re.compile(r'^@import "(.+)";$', re.MULTILINE)
-LARGEST = 180_500  # bytes of script that the drive page is sent
+LARGEST = 181_500  # bytes of script that the drive page is sent
 FIRST = 103_800  # and of it what it needs to connect
 VIEWS = {f"view/{name}" for name in ("map", "overlay", "display", "technical")}
 LATER = {*VIEWS, "autonomy", "study", "presence"}
