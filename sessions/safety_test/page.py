@@ -49,6 +49,7 @@ ENDINGS = {
     "page_gone": _("The robot's agent did not start the test."),
     "turn_over": _("The test took too long. The robot has stopped."),
     "by an operator": _("A person ended the test. The robot has stopped."),
+    "maintenance": _("The site's maintenance ended the test. The robot has stopped."),
     "robot_disabled": _("The robot was disabled during the test. It has stopped."),
 }
 
