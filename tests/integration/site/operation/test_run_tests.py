@@ -14,7 +14,14 @@ import pytest
 from tests.support.paths import ROOT
 from tests.support.sessions.site import wait_for
 
-PARTS = ["tests/integration", "tests/integration/browser", "tests/timing/robots"]
+# the last folder of each
+PARTS = ["tests/integration", "tests/integration/browser/visits", "tests/timing/robots"]
+OTHERS = [
+    "tests/integration/robots/agent/adapters",
+    "tests/integration/browser/studies",
+    "tests/integration/surveys",
+    "tests/timing/browser",
+]
 ANSWER = """#!/bin/sh
 last=""
 for word in "$@"; do
@@ -86,21 +93,21 @@ def test_failed_part_does_not_stop_the_others_and_is_named_at_the_end(runner, wo
     code, output = runner.run(word, ENDS="tests/integration=1 tests/timing/robots=2")
     assert code == 1
     assert output.strip().endswith("failed: servers timing_of_robots")
-    assert {*PARTS, "tests/timing/browser"} <= set(runner.parts())
+    assert {*PARTS, *OTHERS} <= set(runner.parts())
 
 
 def test_one_part_may_have_no_marked_test_but_not_the_whole_run(runner):
     code, _ = runner.run("nightly", ENDS="tests/timing/robots=5")
     assert code == 0
-    folders = [*PARTS, "tests/integration/surveys", "tests/timing/browser"]
-    code, output = runner.run("nightly", ENDS=" ".join(f"{name}=5" for name in folders))
+    all_empty = " ".join(f"{name}=5" for name in (*PARTS, *OTHERS))
+    code, output = runner.run("nightly", ENDS=all_empty)
     assert code == 1
     assert "No test was chosen" in output
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupted_run_ends_its_parts_and_shows_their_output(runner, end: signal.Signals):
-    process = runner.begin("nightly", HANGS="tests/integration/browser")
+    process = runner.begin("nightly", HANGS=PARTS[1])
     wait_for(lambda: PARTS[1] in runner.parts(), 30, "the browsers' part")
     process.send_signal(end)
     output, _ = process.communicate(timeout=60)
