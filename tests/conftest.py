@@ -18,6 +18,7 @@ from django.test import TransactionTestCase
 from django.utils import translation
 from hypothesis import HealthCheck, settings
 
+from telepresence_site.ops import fresh_site
 from tests.support.collected import collected_files
 from tests.support.sessions.site import empty_database
 
@@ -75,6 +76,14 @@ def django_db_keepdb(django_db_modify_db_settings: None) -> bool:
         leftover.unlink()
     shutil.copyfile(empty_database(), path)
     return True
+
+
+@pytest.fixture(scope="session", autouse=True)
+def site_that_is_set_up() -> None:
+    """The first page does not ask for an administrator, whatever accounts a test creates, or an
+    earlier test of the same process created. The tests of the first run undo this.
+    """
+    fresh_site._SetUp.is_set_up = True
 
 
 @pytest.fixture(scope="session", autouse=True)

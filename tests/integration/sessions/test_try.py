@@ -44,7 +44,6 @@ def go_online(robot: Robot) -> None:
 
 
 def test_first_page_offers_a_trial_if_there_are_practice_robots(client, settings):
-    person("owner")  # a site without accounts would ask for its administrator
     assert reverse("try_now") in client.get(reverse("home")).content.decode()
     settings.PRACTICE_ROBOTS = 0
     assert reverse("try_now") not in client.get(reverse("home")).content.decode()
@@ -54,7 +53,6 @@ def test_first_page_offers_a_trial_if_there_are_practice_robots(client, settings
 
 
 def test_length_of_a_trial_is_shown_beside_its_button(client, settings):
-    person("owner")  # a site without accounts would ask for its administrator
     assert "1 minute, without an account" in client.get(reverse("home")).content.decode()
     settings.TRIAL_SECONDS = 90.0
     assert "90 seconds, without an account" in client.get(reverse("home")).content.decode()

@@ -137,7 +137,6 @@ def test_researchers_see_a_marked_draft_and_take_part_as_pilots(client):
 
 
 def test_the_home_page_leads_to_open_studies_and_to_no_others(client, study):
-    person("owner")  # a site without accounts would ask for its administrator
     p.publishing.store(p.of("assistance"), timezone.now())
     page = read(client.get("/"))
     assert faults(page) == []
