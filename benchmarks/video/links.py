@@ -22,6 +22,7 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.table import CAMERA_FPS, Figure, keep
+from benchmarks.video.narrow import WATCH
 from robots.api.messages import NetworkLab
 from tests.support.browsers.chromium import CHROMIUM
 from tests.support.browsers.visitor import Visitor, chromium
@@ -31,15 +32,6 @@ from tests.support.sessions.site import LOOPBACK, Site, running_site
 
 RATES, ROUND_TRIPS, LOSSES = (100, 200, 400, 800, 5000), (20, 100), (0, 2, 10)
 DRIVABLE = 8.0  # frames a second, from 200 kbit/s on
-WATCH = """() => {
-  const video = document.getElementById('video');
-  window.seen = [];
-  const each = (now) => {
-    window.seen.push(now / 1000);
-    video.requestVideoFrameCallback(each);
-  };
-  video.requestVideoFrameCallback(each);
-}"""
 NOW = """() => {
   const video = document.getElementById('video'), page = document.getElementById('drive-page');
   return {
